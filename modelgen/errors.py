@@ -1,0 +1,68 @@
+"""All errors of modelgen, in one tree.
+
+    ModelgenError                 anything modelgen can explain; exit code 2
+    +-- SpecError                 the chain's TOML file is wrong
+    +-- ModelError                the chain is well written, but no model can be derived from it
+    +-- RenderError               a module cannot be generated or written
+    +-- DataError                 a record, a mapping or an option of the estimation is wrong
+    +-- IdentifiabilityError      the data cannot answer the question; exit code 1
+
+Every error carries one `Problem` per mistake: where it is, what is wrong and what to do about it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake: where (file, key, channel, sample), what is wrong, and the remedy."""
+
+    where: str
+    what: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.what}; {self.remedy}"
+
+
+class ModelgenError(Exception):
+    """Base of all errors that modelgen explains; `problems` holds one entry per mistake."""
+
+    exit_code: ClassVar[int] = 2
+
+    def __init__(self, *problems: Problem) -> None:
+        super().__init__(*problems)
+        self.problems = problems
+
+    def __str__(self) -> str:
+        return "\n".join(str(problem) for problem in self.problems)
+
+    @classmethod
+    def at(cls, where: str, what: str, remedy: str) -> Self:
+        """Return the error for a single mistake."""
+        return cls(Problem(where, what, remedy))
+
+
+class SpecError(ModelgenError):
+    """The chain's TOML file is wrong."""
+
+
+class ModelError(ModelgenError):
+    """The chain is well written, but no model can be derived from it."""
+
+
+class RenderError(ModelgenError):
+    """A module cannot be generated or written."""
+
+
+class DataError(ModelgenError):
+    """A record, a channel mapping or an option of the estimation is wrong."""
+
+
+class IdentifiabilityError(ModelgenError):
+    """The data cannot answer the question."""
+
+    exit_code: ClassVar[int] = 1

@@ -1,0 +1,33 @@
+"""The Jinja2 environment: undefined names are errors, and one function finds the templates."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+import jinja2
+
+
+def template_folder() -> Path:
+    """Return the folder of templates: packaged with the wheel, or beside the package in a checkout."""
+    packaged = Path(str(resources.files("modelgen"))) / "_templates"
+    return packaged if packaged.is_dir() else packaged.parent.parent / "templates"
+
+
+def environment() -> jinja2.Environment:
+    """Return an environment for source code: no HTML escaping, values come from the printer as source."""
+    env = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(template_folder()),
+        undefined=jinja2.StrictUndefined,
+        autoescape=False,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    env.filters["indented"] = _indented
+    return env
+
+
+def _indented(source: str, name: str) -> str:
+    """Shift the later lines of a wrapped literal to stand below its first, behind ``name = ``."""
+    return source.replace("\n", "\n" + " " * (len(name) + 3))

@@ -1,0 +1,206 @@
+"""Base parameters: the smallest set of combinations that the rows can tell apart.
+
+As Gautier (1991): draw a random regressor, decompose it by QR, and regroup the dependent columns on the
+independent ones, beta = x_1 + R_1^-1 R_2 x_2. The regrouping is restored to exact rationals and checked by
+exact arithmetic on the rows themselves, and the numerical rank must agree with the exact one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import ModelError
+from modelgen.symbolic.row import IdentificationRows
+
+SEED = 2002
+#: |R_ii| below this fraction of |R_11| counts as zero; the random columns have unit scale.
+RANK_TOLERANCE = 1e-9
+LARGEST_DENOMINATOR = 10**6
+#: The dense QR costs (number of parameters)^3; longer chains rely on the exact elimination alone.
+LARGEST_QR = 600
+
+#: one column of the regressor: (row, signal) -> exact coefficient
+Column = Mapping[tuple[int, str], Fraction]
+
+
+@dataclass(frozen=True)
+class BaseParameter:
+    """A column of the reduced regressor: the sum of factor * physical parameter that multiplies it."""
+
+    combination: tuple[tuple[str, Fraction], ...]
+
+    @property
+    def name(self) -> str:
+        """Return the combination as text, for example ``O_m + 1/2*O_c``."""
+        parts: list[str] = []
+        for parameter, factor in self.combination:
+            size = "" if abs(factor) == 1 else f"{abs(factor)}*"
+            sign = ("-" if factor < 0 else "") if not parts else (" - " if factor < 0 else " + ")
+            parts.append(f"{sign}{size}{parameter}")
+        return "".join(parts)
+
+
+@dataclass(frozen=True)
+class BaseModel:
+    """Rows with their base parameters: what a module is generated from.
+
+    `absent` maps every parameter that no row contains to the reason.
+    """
+
+    rows: IdentificationRows
+    base: tuple[BaseParameter, ...]
+    absent: Mapping[str, str]
+
+    @property
+    def identifiable(self) -> tuple[str, ...]:
+        """Physical parameters that stand alone in a column."""
+        return tuple(b.combination[0][0] for b in self.base if len(b.combination) == 1)
+
+
+def base_model(rows: IdentificationRows) -> BaseModel:
+    """Find the base parameters of the rows.
+
+    Raises
+    ------
+    ModelError
+        If nothing is left to estimate.
+    """
+    wanted = [p.name for p in rows.spec.parameters if p.name not in rows.spec.known]
+    columns = _columns(rows)
+    present = [name for name in wanted if name in columns]
+    if not present:
+        raise ModelError.at(
+            f"{rows.spec.source}: sensors.{rows.sensor_set}",
+            "no parameter is left to be estimated",
+            "take at least one parameter out of [known]",
+        )
+    groups = regroup(rows, present)
+    return BaseModel(rows, groups, {name: _why_absent(rows) for name in wanted if name not in columns})
+
+
+def regroup(rows: IdentificationRows, names: Sequence[str]) -> tuple[BaseParameter, ...]:
+    """Return the base parameters of the named columns, the first independent columns in their order."""
+    columns = _columns(rows)
+    exact = exact_dependencies([columns[name] for name in names])
+    independent = [i for i in range(len(names)) if i not in exact]
+    if len(names) <= LARGEST_QR:
+        numerical = _numerical_dependencies(rows, names)
+        if numerical != exact:
+            raise ModelError.at(
+                f"{rows.spec.source}: sensors.{rows.sensor_set}",
+                f"the numerical rank of the random regressor ({len(names) - len(numerical)}) and the exact "
+                f"rank ({len(independent)}) of its {len(names)} columns disagree",
+                "check for gear ratios that are extremely large or small",
+            )
+    combinations = {i: [(names[i], Fraction(1))] for i in independent}
+    for dependent, recipe in exact.items():
+        for i, factor in recipe.items():
+            combinations[i].append((names[dependent], factor))
+    return tuple(BaseParameter(tuple(combinations[i])) for i in independent)
+
+
+def exact_dependencies(columns: Sequence[Column]) -> dict[int, dict[int, Fraction]]:
+    """Write every column that depends on earlier ones as their exact combination (sparse elimination)."""
+    pivots: dict[tuple[int, str], tuple[dict[tuple[int, str], Fraction], dict[int, Fraction]]] = {}
+    dependent: dict[int, dict[int, Fraction]] = {}
+    for index, column in enumerate(columns):
+        vector, recipe = dict(column), {index: Fraction(1)}
+        for place in sorted(column):  # fill-in can only meet pivots whose own entries are still in `vector`
+            _eliminate(vector, recipe, place, pivots)
+        pending = [place for place in vector if place in pivots]
+        while pending:
+            _eliminate(vector, recipe, min(pending), pivots)
+            pending = [place for place in vector if place in pivots]
+        if vector:
+            pivots[min(vector)] = (vector, recipe)
+        else:
+            dependent[index] = {i: -factor for i, factor in sorted(recipe.items()) if i != index}
+    return dependent
+
+
+def _eliminate(
+    vector: dict[tuple[int, str], Fraction],
+    recipe: dict[int, Fraction],
+    place: tuple[int, str],
+    pivots: Mapping[tuple[int, str], tuple[dict[tuple[int, str], Fraction], dict[int, Fraction]]],
+) -> None:
+    if place not in pivots or place not in vector:
+        return
+    pivot, made_of = pivots[place]
+    factor = -vector[place] / pivot[place]
+    for key, value in pivot.items():
+        vector[key] = vector.get(key, Fraction(0)) + factor * value
+        if not vector[key]:
+            del vector[key]
+    for index, value in made_of.items():
+        recipe[index] = recipe.get(index, Fraction(0)) + factor * value
+        if not recipe[index]:
+            del recipe[index]
+
+
+def _numerical_dependencies(rows: IdentificationRows, names: Sequence[str]) -> dict[int, dict[int, Fraction]]:
+    """Return the dependent columns of a random regressor and their regrouping, restored to rationals."""
+    from scipy.linalg import qr, solve_triangular
+
+    regressor = random_regressor(rows, names)
+    pivoted = np.abs(np.diag(qr(regressor, mode="r", pivoting=True)[0]))
+    rank = int(np.sum(pivoted > RANK_TOLERANCE * pivoted[0]))
+    if rank == len(names):
+        return {}
+    # A second QR in the order of the spec keeps the first of every group of dependent columns as its base.
+    diagonal = np.abs(np.diag(qr(regressor, mode="r")[0]))
+    independent = [int(i) for i in np.flatnonzero(diagonal > RANK_TOLERANCE * pivoted[0])]
+    dependent = [i for i in range(len(names)) if i not in independent]
+    upper = qr(regressor[:, independent + dependent], mode="r")[0]
+    size = len(independent)
+    recipes = solve_triangular(upper[:size, :size], upper[:size, size:])
+    return {
+        column: {
+            independent[k]: Fraction(float(value)).limit_denominator(LARGEST_DENOMINATOR)
+            for k, value in enumerate(recipes[:, n])
+            if abs(value) > RANK_TOLERANCE
+        }
+        for n, column in enumerate(dependent)
+    }
+
+
+def random_regressor(
+    rows: IdentificationRows, names: Sequence[str], seed: int = SEED
+) -> npt.NDArray[np.float64]:
+    """Return a regressor at random values of every signal and feature, shape (samples * rows, names)."""
+    keys = sorted({term.key for row in rows.rows for term in row.terms})
+    place, column = {key: i for i, key in enumerate(keys)}, {name: i for i, name in enumerate(names)}
+    samples = 2 * len(names) // len(rows.rows) + 8
+    values = np.random.default_rng(seed).standard_normal((samples, len(keys)))
+    if "1" in place:
+        values[:, place["1"]] = 1.0
+    regressor = np.zeros((samples, len(rows.rows), len(names)))
+    for index, row in enumerate(rows.rows):
+        for term in row.terms:
+            if term.parameter in column:
+                regressor[:, index, column[term.parameter]] += (
+                    float(term.coefficient) * values[:, place[term.key]]
+                )
+    return regressor.reshape(-1, len(names))
+
+
+def _columns(rows: IdentificationRows) -> dict[str, dict[tuple[int, str], Fraction]]:
+    columns: dict[str, dict[tuple[int, str], Fraction]] = {}
+    for index, row in enumerate(rows.rows):
+        for term in row.terms:
+            if term.parameter is not None:
+                columns.setdefault(term.parameter, {})[index, term.key] = term.coefficient
+    return columns
+
+
+def _why_absent(rows: IdentificationRows) -> str:
+    highest = min(row.differentiated for row in rows.rows)
+    return (
+        f"it is constant between reversals and every row that holds it is differentiated (at least {highest} "
+        "times) for these sensors; add a position or velocity sensor"
+    )

@@ -1,0 +1,63 @@
+"""What a row is: parameter times coefficient times signal, with signals that a sensor set can give."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal, NamedTuple
+
+from modelgen.spec import ChainSpec, Sensor
+
+
+class KeyTerm(NamedTuple):
+    """parameter * coefficient * signals[key]; a parameter of None belongs to the left-hand side."""
+
+    parameter: str | None
+    key: str
+    coefficient: Fraction
+
+
+@dataclass(frozen=True)
+class NeededSignal:
+    """A signal the module asks for: a sensor's or an actuator's reading, differentiated."""
+
+    key: str
+    sensor: str | None
+    actuator: str | None
+    derivative: int
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A nonlinear function of signals, see FEATURES in a generated module."""
+
+    key: str
+    function: Literal["sign", "forward", "backward", "cube"]
+    of: str | tuple[tuple[Fraction, str], ...]
+    times: str | None = None
+
+
+@dataclass(frozen=True)
+class Row:
+    """One scalar equation, linear in its parameters, in signals that the sensor set gives."""
+
+    name: str
+    origin: str
+    bodies: tuple[str, ...]
+    differentiated: int
+    order: int
+    terms: tuple[KeyTerm, ...]
+    reversals: tuple[str, ...]
+    unit: str
+
+
+@dataclass(frozen=True)
+class IdentificationRows:
+    """All rows of one sensor set, with the signals and features their terms name."""
+
+    spec: ChainSpec
+    sensor_set: str
+    sensors: tuple[Sensor, ...]
+    rows: tuple[Row, ...]
+    signals: tuple[NeededSignal, ...]
+    features: tuple[Feature, ...]

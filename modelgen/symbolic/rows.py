@@ -1,0 +1,110 @@
+"""Rows for a sensor set: equations differentiated until every coordinate in them can be read.
+
+A row is differentiated the smallest number of times r for which every coordinate appears at or above the
+order its sensor gives. Differentiation drops what is constant between reversals (Coulomb friction, offsets),
+so the sums of lower r (see sums.py) stand beside the rows of the bodies and carry those.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fractions import Fraction
+
+from modelgen.errors import ModelError
+from modelgen.spec import ChainSpec
+from modelgen.symbolic.newton import MotionEquations, deflection
+from modelgen.symbolic.reading import Candidate, Reader
+from modelgen.symbolic.row import IdentificationRows
+from modelgen.symbolic.sensing import Sensing
+from modelgen.symbolic.signals import DIRECTIONS, Term
+from modelgen.symbolic.sums import NEVER, groups, sum_terms
+
+
+def identification_rows(motion: MotionEquations, sensor_set: str) -> IdentificationRows:
+    """Choose, differentiate and read the rows of a sensor set.
+
+    Raises
+    ------
+    ModelError
+        If a body has no sensor, no force acts anywhere, or a cubic stiffness would have to be differentiated.
+    """
+    spec = motion.spec
+    sensors = spec.sensor_sets[sensor_set]
+    _refuse_forceless(spec)
+    sensing = Sensing.of(spec, sensors)
+    reader = Reader(spec, sensing, f"{spec.source}: sensors.{sensor_set}")
+    rows = tuple(reader.row(candidate, times) for candidate, times in _choose(motion, sensing, reader.where))
+    return IdentificationRows(
+        spec, sensor_set, sensors, rows, reader.signals_in_order(), tuple(reader.features.values())
+    )
+
+
+def differentiations(terms: Iterable[Term], sensing: Sensing) -> int | None:
+    """Return the smallest r after which every coordinate term can be read; None if there is none."""
+    highest = 0
+    for order, combination in coordinate_combinations(terms):
+        level = sensing.level(combination, order)
+        if level is None:
+            return None
+        highest = max(highest, level)
+    return highest
+
+
+def coordinate_combinations(terms: Iterable[Term]) -> list[tuple[int, dict[str, Fraction]]]:
+    """Group coordinate terms by parameter and order: what one column reads together."""
+    table: dict[tuple[str | None, str, int], dict[str, Fraction]] = {}
+    for parameter, signal, coefficient in terms:
+        if signal.kind == "coordinate" or (signal.kind in DIRECTIONS and signal.order):
+            table.setdefault((parameter, signal.kind, signal.order), {})[signal.name] = coefficient
+    return [(order, combination) for (_, _, order), combination in table.items()]
+
+
+def _refuse_forceless(spec: ChainSpec) -> None:
+    if not any(body.actuator for body in spec.bodies):
+        raise ModelError.at(
+            f"{spec.source}: bodies",
+            "no force is measured or known anywhere, so only ratios of parameters can be identified",
+            'give the body that is driven an actuator, for example actuator = "Gamma_m"',
+        )
+
+
+def _choose(motion: MotionEquations, sensing: Sensing, where: str) -> list[tuple[Candidate, int]]:
+    """Return the bodies' rows and the sums that need fewer differentiations, each with its r."""
+    chosen: list[tuple[Candidate, int]] = []
+    level_of_body: dict[str, int] = {}
+    for equation in motion.equations:
+        times = differentiations(equation.terms, sensing)
+        if times is None:
+            raise _unsensed(motion.spec, sensing, where)
+        level_of_body[equation.body] = times
+        chosen.append((Candidate((equation.body,), equation.terms), times))
+    known = {candidate.bodies for candidate, _ in chosen}
+    for level, group in groups(motion.spec, link_levels(motion.spec, sensing)):
+        terms = sum_terms(motion, group)
+        times = differentiations(terms, sensing)
+        gains = times is not None and times <= level and times < max(level_of_body[b] for b in group.bodies)
+        if times is not None and gains and group.bodies not in known:
+            known.add(group.bodies)
+            chosen.append((Candidate(group.bodies, terms), times))
+    return chosen
+
+
+def link_levels(spec: ChainSpec, sensing: Sensing) -> list[int | None]:
+    """Return how often each link's force must be differentiated before the sensors give it."""
+    levels: list[int | None] = []
+    for link in spec.links:
+        stretch = dict(deflection(link))
+        needed = [sensing.level(stretch, order) for order in ((0, 1) if link.damping else (0,))]
+        known = [level for level in needed if level is not None]
+        levels.append(max(known) if len(known) == len(needed) else NEVER)
+    return levels
+
+
+def _unsensed(spec: ChainSpec, sensing: Sensing, where: str) -> ModelError:
+    unread = [b.name for b in spec.bodies if sensing.level({b.name: Fraction(1)}, 2) is None]
+    names = ", ".join(unread)
+    return ModelError.at(
+        where,
+        f"no sensor gives the motion of {names}",
+        f"add a sensor for {names}: rows that eliminate a coordinate are not derived yet",
+    )

@@ -1,0 +1,214 @@
+"""Rows of sensor sets: the paper's matrices symbol by symbol, and the worked cases of the theory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pytest
+
+from modelgen.errors import ModelError, SpecError
+from modelgen.spec import catalog_path, load_spec, parse_spec
+from modelgen.symbolic.base_parameters import BaseModel
+from modelgen.symbolic.pipeline import build
+from modelgen.symbolic.row import Row
+
+EMPS300 = """
+[chain]
+name = "emps300"
+title = "two bodies"
+motion = "rotation"
+[[bodies]]
+name = "m"
+inertia = "J_m"
+viscous = "F_vm"
+coulomb = "F_sm"
+actuator = "Gamma_m"
+[[bodies]]
+name = "c"
+inertia = "J_c"
+[[links]]
+bodies = ["m", "c"]
+stiffness = "K"
+damping = "F_vmc"
+[sensors.set]
+"""
+
+
+def with_sensors(sensors: str, chain: str = EMPS300) -> BaseModel:
+    return build(parse_spec(chain + sensors, "emps300.toml"), "set")
+
+
+def equation(row: Row) -> dict[str | None, dict[str, float]]:
+    """Return a row as parameter -> signal -> coefficient (the left-hand side under None)."""
+    table: dict[str | None, dict[str, float]] = {}
+    for term in row.terms:
+        table.setdefault(term.parameter, {})[term.key] = float(term.coefficient)
+    return table
+
+
+Expected = Mapping[str | None, Mapping[str, float]]
+
+
+def test_qm_qc_is_5_and_6_of_the_paper() -> None:
+    model = build(load_spec(catalog_path("emps300")), "qm_qc")
+    assert [b.name for b in model.base] == ["J_m", "F_vm", "F_sm", "J_c", "F_vmc", "K"]
+    motor, load = model.rows.rows
+    assert equation(motor) == {
+        None: {"Gamma_m": 1},
+        "J_m": {"d2_q_m": 1},
+        "F_vm": {"d1_q_m": 1},
+        "F_sm": {"sign(d1_q_m)": 1},
+        "F_vmc": {"d1_q_m": 1, "d1_q_c": -1},
+        "K": {"q_m": 1, "q_c": -1},
+    }
+    assert equation(load) == {
+        "J_c": {"d2_q_c": 1},
+        "F_vmc": {"d1_q_m": -1, "d1_q_c": 1},
+        "K": {"q_m": -1, "q_c": 1},
+    }
+    assert [row.order for row in model.rows.rows] == [2, 2]
+
+
+def test_qm_ac_is_14_to_16_of_the_paper_corrected() -> None:
+    model = build(load_spec(catalog_path("emps300")), "qm_ac")
+    assert [b.name for b in model.base] == ["J_m", "F_vm", "F_sm", "J_c", "F_vmc", "K"]
+    motor, load, total = model.rows.rows
+    assert equation(motor) == {
+        None: {"d2_Gamma_m": 1},
+        "J_m": {"d4_q_m": 1},
+        "F_vm": {"d3_q_m": 1},
+        "F_vmc": {"d3_q_m": 1, "d1_a_c": -1},
+        "K": {"d2_q_m": 1, "a_c": -1},
+    }
+    assert equation(load) == {
+        "J_c": {"d2_a_c": 1},
+        "F_vmc": {"d3_q_m": -1, "d1_a_c": 1},
+        "K": {"d2_q_m": -1, "a_c": 1},
+    }
+    assert equation(total) == {
+        None: {"Gamma_m": 1},
+        "J_m": {"d2_q_m": 1},
+        "F_vm": {"d1_q_m": 1},
+        "F_sm": {"sign(d1_q_m)": 1},
+        "J_c": {"a_c": 1},
+    }
+    assert [(row.differentiated, row.order, row.reversals) for row in model.rows.rows] == [
+        (2, 4, ("d1_q_m",)),
+        (2, 4, ()),
+        (0, 2, ()),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("sensors", "rows"),
+    [
+        # (name, differentiated, order): the worked answers of the theory for two bodies
+        ("position position", [("m", 0, 2), ("c", 0, 2)]),
+        ("position acceleration", [("m", 2, 4), ("c", 2, 4), ("m+c", 0, 2)]),
+        ("velocity velocity", [("m", 1, 3), ("c", 1, 3), ("m+c", 0, 2)]),
+        ("acceleration acceleration", [("m", 2, 4), ("c", 2, 4), ("m+c", 1, 3)]),
+    ],
+)
+def test_rows_of_the_worked_sensor_sets(sensors: str, rows: list[tuple[str, int, int]]) -> None:
+    first, second = sensors.split()
+    text = f'z_m = {{ body = "m", measures = "{first}" }}\nz_c = {{ body = "c", measures = "{second}" }}\n'
+    model = with_sensors(text)
+    assert [(r.name, r.differentiated, r.order) for r in model.rows.rows] == rows
+
+
+def test_an_accelerometer_beside_an_encoder_saves_two_differentiations() -> None:
+    model = with_sensors(
+        'q_m = { body = "m", measures = "position" }\n'
+        'q_c = { body = "c", measures = "position" }\n'
+        'a_c = { body = "c", measures = "acceleration" }\n'
+    )
+    assert [(r.name, r.differentiated) for r in model.rows.rows] == [("m", 0), ("c", 0)]
+    assert equation(model.rows.rows[1])["J_c"] == {"a_c": 1}
+
+
+def test_a_deflection_sensor_serves_the_whole_link() -> None:
+    model = with_sensors(
+        'q_m = { body = "m", measures = "position" }\n'
+        'd = { deflection = ["m", "c"], measures = "position" }\n'
+    )
+    motor, load = model.rows.rows
+    assert equation(motor)["K"] == {"d": 1}
+    assert equation(load)["J_c"] == {"d2_q_m": 1, "d2_d": -1}
+    assert motor.differentiated == load.differentiated == 0
+
+
+def test_a_deflection_sensor_follows_the_gear_ratio_of_its_link() -> None:
+    chain = EMPS300.replace('damping = "F_vmc"', 'damping = "F_vmc"\nratio = 10.0')
+    model = with_sensors(
+        'q_m = { body = "m", measures = "position" }\n'
+        'd = { deflection = ["m", "c"], measures = "position" }\n',
+        chain,
+    )
+    motor, load = model.rows.rows
+    assert equation(motor)["K"] == {"d": 0.1}
+    assert equation(load)["K"] == {"d": -1}
+    assert equation(load)["J_c"] == {"d2_q_m": 0.1, "d2_d": -1}
+
+
+def test_gear_ratio_weights_the_sum() -> None:
+    chain = EMPS300.replace('damping = "F_vmc"', 'damping = "F_vmc"\nratio = 10.0')
+    model = with_sensors(
+        'q_m = { body = "m", measures = "position" }\na_c = { body = "c", measures = "acceleration" }\n',
+        chain,
+    )
+    total = model.rows.rows[-1]
+    # q_m / 10 - q_c: one turn of c costs ten of m, so the load's balance enters with a tenth.
+    assert total.name == "m+c"
+    assert equation(total)["J_c"] == {"a_c": 0.1}
+    assert equation(total)[None] == {"Gamma_m": 1}
+
+
+def test_a_body_without_velocity_asks_for_its_direction() -> None:
+    chain = EMPS300.replace('inertia = "J_c"', 'inertia = "J_c"\ncoulomb = "F_sc"')
+    model = with_sensors(
+        'q_m = { body = "m", measures = "position" }\na_c = { body = "c", measures = "acceleration" }\n',
+        chain,
+    )
+    assert [s.key for s in model.rows.signals if s.sensor is None and s.actuator is None] == ["sign_c"]
+    assert model.rows.rows[1].reversals == ("sign_c",)
+    assert equation(model.rows.rows[2])["F_sc"] == {"sign(sign_c)": 1}
+
+
+def test_asymmetric_friction_has_four_columns_and_no_sign() -> None:
+    model = build(load_spec(catalog_path("emps_rigid_asymmetric")), "qm")
+    (row,) = model.rows.rows
+    assert equation(row) == {
+        None: {"F": 1},
+        "M": {"d2_q_m": 1},
+        "Fv_plus": {"forward(d1_q_m)*d1_q_m": 1},
+        "Fc_plus": {"forward(d1_q_m)": 1},
+        "Fv_minus": {"backward(d1_q_m)*d1_q_m": 1},
+        "Fc_minus": {"backward(d1_q_m)": -1},
+    }
+
+
+def test_known_parameters_move_to_the_left_hand_side() -> None:
+    model = with_sensors(
+        'q_m = { body = "m", measures = "position" }\nq_c = { body = "c", measures = "position" }\n',
+        EMPS300.replace("[sensors.set]", "[known]\nJ_c = 7.08e-7\n[sensors.set]"),
+    )
+    assert "J_c" not in [b.name for b in model.base]
+    assert equation(model.rows.rows[1])[None] == {"d2_q_c": -7.08e-7}
+
+
+def test_cubic_stiffness_needs_undifferentiated_deflection() -> None:
+    chain = EMPS300.replace('damping = "F_vmc"', 'damping = "F_vmc"\nstiffness3 = "K3"')
+    both = 'q_m = { body = "m", measures = "position" }\nq_c = { body = "c", measures = "position" }\n'
+    model = with_sensors(both, chain)
+    assert equation(model.rows.rows[0])["K3"] == {"cube(m-c)": 1}
+    with pytest.raises(ModelError, match=r"K3 .*add a position sensor on c"):
+        with_sensors(both.replace('"c", measures = "position"', '"c", measures = "acceleration"'), chain)
+
+
+def test_messages_for_sets_that_cannot_be_built() -> None:
+    with pytest.raises(ModelError, match="no force is measured or known"):
+        with_sensors(
+            'q_m = { body = "m", measures = "position" }\n', EMPS300.replace('actuator = "Gamma_m"', "")
+        )
+    with pytest.raises(SpecError, match="no such sensor set; choose one of qm_qc, qm_ac"):
+        build(load_spec(catalog_path("emps300")), "nothing")
