@@ -38,6 +38,7 @@ KNOWN = {}
 BASE_PARAMETERS = ('J_m', 'F_vm', 'F_sm', 'J_c', 'F_vmc', 'K')
 IDENTIFIABLE = ('J_m', 'F_vm', 'F_sm', 'J_c', 'F_vmc', 'K')
 ABSENT = {}
+COMPOSITES = {}
 UNITS = {'J_m': 'kg m^2',
          'F_vm': 'N m s/rad',
          'F_sm': 'N m',
@@ -164,7 +165,7 @@ def columns():
 def base_from_physical(parameters):
     """Return the base parameters, shape (6,), from a mapping of parameter names to values (SI)."""
     p = {**KNOWN, **parameters}
-    return np.array(
+    return 1.0 * np.array(
         [
             p["J_m"],
             p["F_vm"],
@@ -172,9 +173,18 @@ def base_from_physical(parameters):
             p["J_c"],
             p["F_vmc"],
             p["K"],
-        ],
-        dtype=float,
+        ]
     )
+
+
+def base_jacobian(parameters):
+    """Return d base / d PARAMETERS, shape (6, number of PARAMETERS), by complex steps: exact to rounding."""
+    columns_of = []
+    for name in PARAMETERS:
+        step = 1e-20 * max(abs(parameters[name]), 1e-200)
+        moved = base_from_physical({**parameters, name: parameters[name] + 1j * step})
+        columns_of.append(moved.imag / step)
+    return np.array(columns_of).T
 
 
 def physical_from_base(base):

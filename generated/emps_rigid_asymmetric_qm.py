@@ -35,6 +35,7 @@ KNOWN = {}
 BASE_PARAMETERS = ('M', 'Fv_plus', 'Fc_plus', 'Fv_minus', 'Fc_minus')
 IDENTIFIABLE = ('M', 'Fv_plus', 'Fc_plus', 'Fv_minus', 'Fc_minus')
 ABSENT = {}
+COMPOSITES = {}
 UNITS = {'M': 'kg', 'Fv_plus': 'N s/m', 'Fc_plus': 'N', 'Fv_minus': 'N s/m', 'Fc_minus': 'N'}
 ROLES = {'M': {'role': 'inertia', 'bodies': ('m',)},
          'Fv_plus': {'role': 'viscous', 'bodies': ('m',)},
@@ -133,16 +134,25 @@ def columns():
 def base_from_physical(parameters):
     """Return the base parameters, shape (5,), from a mapping of parameter names to values (SI)."""
     p = {**KNOWN, **parameters}
-    return np.array(
+    return 1.0 * np.array(
         [
             p["M"],
             p["Fv_plus"],
             p["Fc_plus"],
             p["Fv_minus"],
             p["Fc_minus"],
-        ],
-        dtype=float,
+        ]
     )
+
+
+def base_jacobian(parameters):
+    """Return d base / d PARAMETERS, shape (5, number of PARAMETERS), by complex steps: exact to rounding."""
+    columns_of = []
+    for name in PARAMETERS:
+        step = 1e-20 * max(abs(parameters[name]), 1e-200)
+        moved = base_from_physical({**parameters, name: parameters[name] + 1j * step})
+        columns_of.append(moved.imag / step)
+    return np.array(columns_of).T
 
 
 def physical_from_base(base):

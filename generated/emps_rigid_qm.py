@@ -34,6 +34,7 @@ KNOWN = {}
 BASE_PARAMETERS = ('M', 'Fv', 'Fc', 'offset')
 IDENTIFIABLE = ('M', 'Fv', 'Fc', 'offset')
 ABSENT = {}
+COMPOSITES = {}
 UNITS = {'M': 'kg', 'Fv': 'N s/m', 'Fc': 'N', 'offset': 'N'}
 ROLES = {'M': {'role': 'inertia', 'bodies': ('m',)},
          'Fv': {'role': 'viscous', 'bodies': ('m',)},
@@ -116,15 +117,24 @@ def columns():
 def base_from_physical(parameters):
     """Return the base parameters, shape (4,), from a mapping of parameter names to values (SI)."""
     p = {**KNOWN, **parameters}
-    return np.array(
+    return 1.0 * np.array(
         [
             p["M"],
             p["Fv"],
             p["Fc"],
             p["offset"],
-        ],
-        dtype=float,
+        ]
     )
+
+
+def base_jacobian(parameters):
+    """Return d base / d PARAMETERS, shape (4, number of PARAMETERS), by complex steps: exact to rounding."""
+    columns_of = []
+    for name in PARAMETERS:
+        step = 1e-20 * max(abs(parameters[name]), 1e-200)
+        moved = base_from_physical({**parameters, name: parameters[name] + 1j * step})
+        columns_of.append(moved.imag / step)
+    return np.array(columns_of).T
 
 
 def physical_from_base(base):

@@ -103,6 +103,7 @@ IDENTIFIABLE = ('J_m',
                 'K_gb',
                 'K_b')
 ABSENT = {}
+COMPOSITES = {}
 UNITS = {'J_m': 'kg m^2',
          'F_vm': 'N m s/rad',
          'F_sm': 'N m',
@@ -359,7 +360,7 @@ def columns():
 def base_from_physical(parameters):
     """Return the base parameters, shape (17,), from a mapping of parameter names to values (SI)."""
     p = {**KNOWN, **parameters}
-    return np.array(
+    return 1.0 * np.array(
         [
             p["J_m"],
             p["F_vm"],
@@ -378,9 +379,18 @@ def base_from_physical(parameters):
             p["F_dgb"],
             p["K_gb"],
             p["K_b"],
-        ],
-        dtype=float,
+        ]
     )
+
+
+def base_jacobian(parameters):
+    """Return d base / d PARAMETERS, shape (17, number of PARAMETERS), by complex steps: exact to rounding."""
+    columns_of = []
+    for name in PARAMETERS:
+        step = 1e-20 * max(abs(parameters[name]), 1e-200)
+        moved = base_from_physical({**parameters, name: parameters[name] + 1j * step})
+        columns_of.append(moved.imag / step)
+    return np.array(columns_of).T
 
 
 def physical_from_base(base):

@@ -42,6 +42,7 @@ KNOWN = {}
 BASE_PARAMETERS = ('Jm', 'Fvm', 'Fsm', 'Om', 'Jc', 'Fvc', 'Fsc', 'Oc', 'Fd', 'K')
 IDENTIFIABLE = ('Jm', 'Fvm', 'Fsm', 'Om', 'Jc', 'Fvc', 'Fsc', 'Oc', 'Fd', 'K')
 ABSENT = {}
+COMPOSITES = {}
 UNITS = {'Jm': 'kg m^2',
          'Fvm': 'N m s/rad',
          'Fsm': 'N m',
@@ -186,7 +187,7 @@ def columns():
 def base_from_physical(parameters):
     """Return the base parameters, shape (10,), from a mapping of parameter names to values (SI)."""
     p = {**KNOWN, **parameters}
-    return np.array(
+    return 1.0 * np.array(
         [
             p["Jm"],
             p["Fvm"],
@@ -198,9 +199,18 @@ def base_from_physical(parameters):
             p["Oc"],
             p["Fd"],
             p["K"],
-        ],
-        dtype=float,
+        ]
     )
+
+
+def base_jacobian(parameters):
+    """Return d base / d PARAMETERS, shape (10, number of PARAMETERS), by complex steps: exact to rounding."""
+    columns_of = []
+    for name in PARAMETERS:
+        step = 1e-20 * max(abs(parameters[name]), 1e-200)
+        moved = base_from_physical({**parameters, name: parameters[name] + 1j * step})
+        columns_of.append(moved.imag / step)
+    return np.array(columns_of).T
 
 
 def physical_from_base(base):

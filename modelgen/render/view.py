@@ -7,9 +7,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
+from sympy.polys.rings import PolyElement
+
 from modelgen.render.printer import literal, weighted_sum
 from modelgen.spec import ChainSpec, Sensor
-from modelgen.symbolic.base_parameters import BaseModel
+from modelgen.symbolic.base_parameters import BaseModel, BaseParameter
 from modelgen.symbolic.newton import motion_equations
 from modelgen.symbolic.row import Feature, IdentificationRows, NeededSignal, Row
 from modelgen.symbolic.state_space import Entry, Output, StateSpace, state_space
@@ -46,6 +48,8 @@ class ModelView:
     columns_regressor: str
     base_lines: tuple[str, ...]
     physical_lines: tuple[tuple[str, str], ...]
+    composite_summaries: tuple[str, ...]
+    nonlinear: bool
     directions: str
     state_space_lines: tuple[str, ...]
     has_cubic: bool
@@ -56,7 +60,8 @@ def model_view(model: BaseModel) -> ModelView:
     rows, spec = model.rows, model.rows.spec
     space = state_space(motion_equations(spec), rows.sensors)
     column = {base.combination[0][0]: index for index, base in enumerate(model.base)}
-    units = {parameter.name: parameter.unit for parameter in spec.parameters}
+    units = _units(rows)
+    nonlinear = bool(rows.composites)
     measurement, regressor = _column_tables(rows, column)
     feature_keys = {feature.key for feature in rows.features}
     return ModelView(
@@ -89,14 +94,57 @@ def model_view(model: BaseModel) -> ModelView:
         ),
         columns_measurement=literal(tuple(measurement)),
         columns_regressor=literal(tuple(regressor)),
-        base_lines=tuple(
-            weighted_sum((factor, f'p["{name}"]') for name, factor in base.combination) for base in model.base
+        base_lines=tuple(_base_source(rows, base) for base in model.base),
+        physical_lines=tuple(
+            (name, f"float(base[{column[name]}])") for name in model.identifiable if not nonlinear
         ),
-        physical_lines=tuple((name, f"float(base[{column[name]}])") for name in model.identifiable),
+        composite_summaries=tuple(f"{n} = {c.formula}" for n, c in rows.composites.items() if n != c.formula),
+        nonlinear=nonlinear,
         directions=literal({r.body: 1.0 for r in space.resistances if r.asymmetric}),
         state_space_lines=tuple(_state_space_lines(space)),
         has_cubic=space.has_cubic,
     )
+
+
+def _units(rows: IdentificationRows) -> dict[str, str]:
+    """Return the unit of every physical parameter and composite; a composite's is row over signal."""
+    units = {parameter.name: parameter.unit for parameter in rows.spec.parameters}
+    by_key = {signal.key: _signal_unit(signal, rows) for signal in rows.signals}
+    for row in rows.rows:
+        for term in row.terms:
+            if term.parameter in rows.composites:
+                signal = by_key.get(term.key, "1")
+                units.setdefault(
+                    term.parameter or "", row.unit if signal == "1" else f"({row.unit})/({signal})"
+                )
+    return units
+
+
+def _base_source(rows: IdentificationRows, base: BaseParameter) -> str:
+    parts = []
+    for name, factor in base.combination:
+        composite = rows.composites.get(name)
+        if composite is None:
+            parts.append((factor, f'p["{name}"]'))
+            continue
+        top, bottom = polynomial(composite.numerator), polynomial(composite.denominator)
+        parts.append((factor, top if bottom == "1.0" else f"({top}) / ({bottom})"))
+    return weighted_sum(parts)
+
+
+def polynomial(poly: PolyElement) -> str:
+    """Return a polynomial in the physical parameters as source."""
+    names = [symbol.name for symbol in poly.ring.symbols]
+    terms = []
+    for exponents, coefficient in poly.terms():
+        factors = [
+            f'p["{name}"]' if exponent == 1 else f'p["{name}"] ** {exponent}'
+            for name, exponent in zip(names, exponents, strict=True)
+            if exponent
+        ]
+        value = Fraction(int(coefficient.numerator), int(coefficient.denominator))
+        terms.append((value, " * ".join(factors) or "1.0"))
+    return weighted_sum(terms)
 
 
 Parts = tuple[tuple[Fraction, str], ...]
@@ -141,10 +189,11 @@ def _constants(model: BaseModel, space: StateSpace, units: Mapping[str, str]) ->
         "BASE_PARAMETERS": tuple(base.name for base in model.base),
         "IDENTIFIABLE": model.identifiable,
         "ABSENT": dict(model.absent),
+        "COMPOSITES": {name: composite.formula for name, composite in rows.composites.items()},
         "UNITS": {**{p.name: p.unit for p in spec.parameters}, **base_units},
         "ROLES": {p.name: {"role": p.role, "bodies": p.bodies} for p in spec.parameters},
         "PARAMETER_SETS": {name: dict(table) for name, table in spec.parameter_sets.items()},
-        "SIGNALS": tuple(_signal(signal, rows, spec) for signal in rows.signals),
+        "SIGNALS": tuple(_signal(signal, rows) for signal in rows.signals),
         "FEATURES": tuple(
             {"key": f.key, "function": f.function, "of": f.of, "times": f.times} for f in rows.features
         ),
@@ -175,22 +224,25 @@ def _sensor(output: Output, spec: ChainSpec) -> dict[str, object]:
     }
 
 
-def _signal(signal: NeededSignal, rows: IdentificationRows, spec: ChainSpec) -> dict[str, object]:
-    if signal.sensor is not None:
-        measures = next(s.measures for s in rows.sensors if s.key == signal.sensor)
-        unit = signal_unit(_motion(signal.sensor, spec, rows.sensors), measures, signal.derivative)
-    elif signal.actuator is not None:
-        motion = next(body.motion for body in spec.bodies if body.actuator == signal.actuator)
-        unit = force_unit(motion, signal.derivative)
-    else:
-        unit = "1"
+def _signal(signal: NeededSignal, rows: IdentificationRows) -> dict[str, object]:
     return {
         "key": signal.key,
         "sensor": signal.sensor,
         "actuator": signal.actuator,
         "derivative": signal.derivative,
-        "unit": unit,
+        "unit": _signal_unit(signal, rows),
     }
+
+
+def _signal_unit(signal: NeededSignal, rows: IdentificationRows) -> str:
+    spec = rows.spec
+    if signal.sensor is not None:
+        measures = next(s.measures for s in rows.sensors if s.key == signal.sensor)
+        return signal_unit(_motion(signal.sensor, spec, rows.sensors), measures, signal.derivative)
+    if signal.actuator is not None:
+        motion = next(body.motion for body in spec.bodies if body.actuator == signal.actuator)
+        return force_unit(motion, signal.derivative)
+    return "1"
 
 
 def _motion(key: str, spec: ChainSpec, sensors: Iterable[Sensor]) -> Motion:

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import ModelError
-from modelgen.symbolic.row import IdentificationRows
+from modelgen.symbolic.identifiability import identifiable_parameters
+from modelgen.symbolic.row import Composite, IdentificationRows
 
 SEED = 2002
 #: |R_ii| below this fraction of |R_11| counts as zero; the random columns have unit scale.
@@ -49,21 +50,17 @@ class BaseParameter:
 class BaseModel:
     """Rows with their base parameters: what a module is generated from.
 
-    `absent` maps every parameter that no row contains to the reason.
+    `absent` maps every physical parameter that cannot be identified to the reason.
     """
 
     rows: IdentificationRows
     base: tuple[BaseParameter, ...]
+    identifiable: tuple[str, ...]
     absent: Mapping[str, str]
-
-    @property
-    def identifiable(self) -> tuple[str, ...]:
-        """Physical parameters that stand alone in a column."""
-        return tuple(b.combination[0][0] for b in self.base if len(b.combination) == 1)
 
 
 def base_model(rows: IdentificationRows) -> BaseModel:
-    """Find the base parameters of the rows.
+    """Find the base parameters of the rows, and the physical parameters that they determine.
 
     Raises
     ------
@@ -72,15 +69,71 @@ def base_model(rows: IdentificationRows) -> BaseModel:
     """
     wanted = [p.name for p in rows.spec.parameters if p.name not in rows.spec.known]
     columns = _columns(rows)
-    present = [name for name in wanted if name in columns]
+    present = [name for name in (*wanted, *rows.composites) if name in columns]
     if not present:
         raise ModelError.at(
             f"{rows.spec.source}: sensors.{rows.sensor_set}",
             "no parameter is left to be estimated",
             "take at least one parameter out of [known]",
         )
-    groups = regroup(rows, present)
-    return BaseModel(rows, groups, {name: _why_absent(rows) for name in wanted if name not in columns})
+    base = regroup(rows, present)
+    identifiable = _identifiable(rows, wanted, base)
+    return BaseModel(rows, base, identifiable, _reasons(rows, wanted, base, identifiable))
+
+
+def _identifiable(
+    rows: IdentificationRows, wanted: Sequence[str], base: Sequence[BaseParameter]
+) -> tuple[str, ...]:
+    alone = {b.combination[0][0] for b in base if len(b.combination) == 1}
+    if not rows.composites:
+        return tuple(name for name in wanted if name in alone)
+    ring = next(iter(rows.composites.values())).numerator.ring
+    return identifiable_parameters(ring, wanted, [composite_of(rows, b) for b in base])
+
+
+def composite_of(rows: IdentificationRows, base: BaseParameter) -> Composite:
+    """Return a base parameter as one quotient of polynomials in the physical parameters."""
+    ring = next(iter(rows.composites.values())).numerator.ring
+    by_name = {symbol.name: generator for symbol, generator in zip(ring.symbols, ring.gens, strict=True)}
+    top, bottom = ring.zero, ring.one
+    for name, factor in base.combination:
+        column = rows.composites.get(name)
+        numerator = by_name[name] if column is None else column.numerator
+        denominator = ring.one if column is None else column.denominator
+        weight = ring.ground_new(ring.domain(factor.numerator, factor.denominator))
+        top, bottom = top * denominator + weight * numerator * bottom, bottom * denominator
+    return Composite(top, bottom, base.name)
+
+
+def _reasons(
+    rows: IdentificationRows,
+    wanted: Sequence[str],
+    base: Sequence[BaseParameter],
+    identifiable: Sequence[str],
+) -> dict[str, str]:
+    """Say for every parameter that is not identifiable why, and which combination is."""
+    inside: dict[str, list[str]] = {name: [] for name in wanted}
+    for parameter in base:
+        for column, _ in parameter.combination:
+            held = _physical_in(rows, column)
+            for name in held:
+                inside[name].append(parameter.name)
+    return {
+        name: f"only in combination: {', '.join(inside[name])}" if inside[name] else _why_absent(rows)
+        for name in wanted
+        if name not in identifiable
+    }
+
+
+def _physical_in(rows: IdentificationRows, column: str) -> tuple[str, ...]:
+    composite = rows.composites.get(column)
+    if composite is None:
+        return (column,)
+    used: dict[str, None] = {}
+    for poly in (composite.numerator, composite.denominator):
+        for exponents in poly:
+            used.update((s.name, None) for s, e in zip(poly.ring.symbols, exponents, strict=True) if e)
+    return tuple(used)
 
 
 def regroup(rows: IdentificationRows, names: Sequence[str]) -> tuple[BaseParameter, ...]:

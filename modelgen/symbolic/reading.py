@@ -18,10 +18,15 @@ TIMES = {0: "", 1: ", differentiated once", 2: ", differentiated twice"}
 
 
 class Candidate(NamedTuple):
-    """An equation that may become a row, with the bodies it balances."""
+    """An equation that may become a row: whose balances it holds, and where it comes from.
+
+    `masked` names bodies whose reversals spoil the row even before it is differentiated.
+    """
 
     bodies: tuple[str, ...]
     terms: tuple[Term, ...]
+    origin: str
+    masked: tuple[str, ...] = ()
 
 
 class Reader:
@@ -47,16 +52,14 @@ class Reader:
             place = (parameter, key) if known is None else (None, key)
             value = coefficient if known is None else -known * coefficient
             total[place] = total.get(place, Fraction(0)) + value
-        names = ", ".join(bodies)
-        kind = f"equation of motion of {names}" if len(bodies) == 1 else f"sum of the equations of {names}"
         return Row(
             name="+".join(bodies),
-            origin=kind + TIMES[times],
+            origin=candidate.origin + TIMES[times],
             bodies=bodies,
             differentiated=times,
             order=max(t.signal.order for t in terms if t.signal.kind not in ("force", "one")),
             terms=tuple(KeyTerm(p, key, c) for (p, key), c in total.items() if c),
-            reversals=self._reversals(candidate.terms) if times else (),
+            reversals=self._reversals(candidate, times),
             unit=force_unit(self._motion[bodies[0]], times),
         )
 
@@ -141,9 +144,12 @@ class Reader:
         self.signals[key] = NeededSignal(key, None, None, 0)
         return key
 
-    def _reversals(self, terms: Sequence[Term]) -> tuple[str, ...]:
-        directed = dict.fromkeys(term.signal.name for term in terms if term.signal.kind in DIRECTIONS)
-        return tuple(self._direction(body) for body in directed)
+    def _reversals(self, candidate: Candidate, times: int) -> tuple[str, ...]:
+        """Return the directions of motion whose change spoils the row: those it has differentiated."""
+        bodies = list(candidate.masked)
+        if times:
+            bodies += [term.signal.name for term in candidate.terms if term.signal.kind in DIRECTIONS]
+        return tuple(self._direction(body) for body in dict.fromkeys(bodies))
 
     def _refuse_cubes(self, candidate: Candidate, times: int) -> None:
         for term in candidate.terms:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal, NamedTuple
+
+from sympy.polys.rings import PolyElement
 
 from modelgen.spec import ChainSpec, Sensor
 
@@ -52,8 +55,20 @@ class Row:
 
 
 @dataclass(frozen=True)
+class Composite:
+    """A quotient of two polynomials in the physical parameters, without common factors."""
+
+    numerator: PolyElement
+    denominator: PolyElement
+    formula: str
+
+
+@dataclass(frozen=True)
 class IdentificationRows:
-    """All rows of one sensor set, with the signals and features their terms name."""
+    """All rows of one sensor set, with the signals and features their terms name.
+
+    `composites` are the parameters of eliminated rows that are no physical parameters themselves.
+    """
 
     spec: ChainSpec
     sensor_set: str
@@ -61,3 +76,4 @@ class IdentificationRows:
     rows: tuple[Row, ...]
     signals: tuple[NeededSignal, ...]
     features: tuple[Feature, ...]
+    composites: Mapping[str, Composite]

@@ -7,12 +7,15 @@ so the sums of lower r (see sums.py) stand beside the rows of the bodies and car
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 
 from modelgen.errors import ModelError
 from modelgen.spec import ChainSpec
+from modelgen.symbolic.composites import Composites
+from modelgen.symbolic.elimination import eliminated_rows
 from modelgen.symbolic.newton import MotionEquations, deflection
+from modelgen.symbolic.polynomials import polynomial_system
 from modelgen.symbolic.reading import Candidate, Reader
 from modelgen.symbolic.row import IdentificationRows
 from modelgen.symbolic.sensing import Sensing
@@ -33,10 +36,11 @@ def identification_rows(motion: MotionEquations, sensor_set: str) -> Identificat
     _refuse_forceless(spec)
     sensing = Sensing.of(spec, sensors)
     reader = Reader(spec, sensing, f"{spec.source}: sensors.{sensor_set}")
-    rows = tuple(reader.row(candidate, times) for candidate, times in _choose(motion, sensing, reader.where))
-    return IdentificationRows(
-        spec, sensor_set, sensors, rows, reader.signals_in_order(), tuple(reader.features.values())
-    )
+    composites = None if _sees_everything(spec, sensing) else Composites(polynomial_system(motion, sensing))
+    chosen = _choose(motion, sensing, composites, reader.where)
+    rows = tuple(reader.row(candidate, times) for candidate, times in chosen)
+    features, named = tuple(reader.features.values()), {} if composites is None else composites.named
+    return IdentificationRows(spec, sensor_set, sensors, rows, reader.signals_in_order(), features, named)
 
 
 def differentiations(terms: Iterable[Term], sensing: Sensing) -> int | None:
@@ -59,6 +63,10 @@ def coordinate_combinations(terms: Iterable[Term]) -> list[tuple[int, dict[str, 
     return [(order, combination) for (_, _, order), combination in table.items()]
 
 
+def _sees_everything(spec: ChainSpec, sensing: Sensing) -> bool:
+    return all(sensing.level({body.name: Fraction(1)}, 0) is not None for body in spec.bodies)
+
+
 def _refuse_forceless(spec: ChainSpec) -> None:
     if not any(body.actuator for body in spec.bodies):
         raise ModelError.at(
@@ -68,25 +76,41 @@ def _refuse_forceless(spec: ChainSpec) -> None:
         )
 
 
-def _choose(motion: MotionEquations, sensing: Sensing, where: str) -> list[tuple[Candidate, int]]:
-    """Return the bodies' rows and the sums that need fewer differentiations, each with its r."""
+def _choose(
+    motion: MotionEquations, sensing: Sensing, composites: Composites | None, where: str
+) -> list[tuple[Candidate, int]]:
+    """Return the rows of bodies, the sums that need fewer differentiations, eliminations; each with its r."""
     chosen: list[tuple[Candidate, int]] = []
     level_of_body: dict[str, int] = {}
     for equation in motion.equations:
         times = differentiations(equation.terms, sensing)
-        if times is None:
-            raise _unsensed(motion.spec, sensing, where)
-        level_of_body[equation.body] = times
-        chosen.append((Candidate((equation.body,), equation.terms), times))
-    known = {candidate.bodies for candidate, _ in chosen}
+        if times is not None:
+            level_of_body[equation.body] = times
+            origin = f"equation of motion of {equation.body}"
+            chosen.append((Candidate((equation.body,), equation.terms, origin), times))
+    chosen += _sums(motion, sensing, level_of_body)
+    if composites is not None:
+        for row in eliminated_rows(composites.system, where):
+            candidate = composites.candidate(row)
+            times = differentiations(candidate.terms, sensing)
+            assert times is not None, "an eliminated row holds measured coordinates only"
+            chosen.append((candidate, times))
+    return chosen
+
+
+def _sums(
+    motion: MotionEquations, sensing: Sensing, level_of_body: Mapping[str, int]
+) -> Iterator[tuple[Candidate, int]]:
+    seen = set()
     for level, group in groups(motion.spec, link_levels(motion.spec, sensing)):
+        if group.bodies in seen or not all(body in level_of_body for body in group.bodies):
+            continue
         terms = sum_terms(motion, group)
         times = differentiations(terms, sensing)
-        gains = times is not None and times <= level and times < max(level_of_body[b] for b in group.bodies)
-        if times is not None and gains and group.bodies not in known:
-            known.add(group.bodies)
-            chosen.append((Candidate(group.bodies, terms), times))
-    return chosen
+        if times is not None and times <= level and times < max(level_of_body[b] for b in group.bodies):
+            seen.add(group.bodies)
+            origin = f"sum of the equations of {', '.join(group.bodies)}"
+            yield Candidate(group.bodies, terms, origin), times
 
 
 def link_levels(spec: ChainSpec, sensing: Sensing) -> list[int | None]:
@@ -98,13 +122,3 @@ def link_levels(spec: ChainSpec, sensing: Sensing) -> list[int | None]:
         known = [level for level in needed if level is not None]
         levels.append(max(known) if len(known) == len(needed) else NEVER)
     return levels
-
-
-def _unsensed(spec: ChainSpec, sensing: Sensing, where: str) -> ModelError:
-    unread = [b.name for b in spec.bodies if sensing.level({b.name: Fraction(1)}, 2) is None]
-    names = ", ".join(unread)
-    return ModelError.at(
-        where,
-        f"no sensor gives the motion of {names}",
-        f"add a sensor for {names}: rows that eliminate a coordinate are not derived yet",
-    )

@@ -112,7 +112,7 @@ class Sensing:
         """Combine whatever sensors can be used, preferring those that need fewer differentiations."""
         usable = [i for i, sensor in enumerate(self.sensors) if ORDER[sensor.measures] <= order]
         usable.sort(key=lambda i: -ORDER[self.sensors[i].measures])
-        weights = _express(combination, [self.combinations[i] for i in usable])
+        weights = express(combination, [self.combinations[i] for i in usable])
         if weights is None:
             return None
         chosen = [(usable[n], weight) for n, weight in sorted(weights.items())]
@@ -134,7 +134,7 @@ def _combination(sensor: Sensor, links: Mapping[tuple[str, str], dict[str, Fract
     return {first: Fraction(1), second: Fraction(-1)}
 
 
-def _express(target: Combination, basis: Iterable[Combination]) -> dict[int, Fraction] | None:
+def express(target: Combination, basis: Iterable[Combination]) -> dict[int, Fraction] | None:
     """Write `target` as a weighted sum of `basis` (exact elimination); None if it is not in their span."""
     pivots: list[tuple[str, dict[str, Fraction], dict[int, Fraction]]] = []
 
@@ -144,8 +144,8 @@ def _express(target: Combination, basis: Iterable[Combination]) -> dict[int, Fra
         for body, pivot, made_of in pivots:
             factor = vector.get(body, Fraction(0))
             if factor:
-                vector = _add(vector, pivot, -factor)
-                recipe = _add(recipe, made_of, -factor)
+                vector = add_scaled(vector, pivot, -factor)
+                recipe = add_scaled(recipe, made_of, -factor)
         return vector, recipe
 
     for index, candidate in enumerate(basis):
@@ -160,7 +160,10 @@ def _express(target: Combination, basis: Iterable[Combination]) -> dict[int, Fra
     return None if rest else {index: -weight for index, weight in recipe.items()}
 
 
-def _add(left: dict[Key, Fraction], right: Mapping[Key, Fraction], factor: Fraction) -> dict[Key, Fraction]:
+def add_scaled(
+    left: dict[Key, Fraction], right: Mapping[Key, Fraction], factor: Fraction
+) -> dict[Key, Fraction]:
+    """Return left + factor * right without zero entries."""
     total = dict(left)
     for key, value in right.items():
         total[key] = total.get(key, Fraction(0)) + factor * value

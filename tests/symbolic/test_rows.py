@@ -107,11 +107,17 @@ def test_qm_ac_is_14_to_16_of_the_paper_corrected() -> None:
         ("position acceleration", [("m", 2, 4), ("c", 2, 4), ("m+c", 0, 2)]),
         ("velocity velocity", [("m", 1, 3), ("c", 1, 3), ("m+c", 0, 2)]),
         ("acceleration acceleration", [("m", 2, 4), ("c", 2, 4), ("m+c", 1, 3)]),
+        ("position -", [("m+c", 0, 4)]),
+        ("acceleration -", [("m+c", 1, 5)]),
+        ("- position", [("m+c", 0, 4)]),
     ],
 )
 def test_rows_of_the_worked_sensor_sets(sensors: str, rows: list[tuple[str, int, int]]) -> None:
-    first, second = sensors.split()
-    text = f'z_m = {{ body = "m", measures = "{first}" }}\nz_c = {{ body = "c", measures = "{second}" }}\n'
+    text = "".join(
+        f'z_{body} = {{ body = "{body}", measures = "{measures}" }}\n'
+        for body, measures in zip("mc", sensors.split(), strict=True)
+        if measures != "-"
+    )
     model = with_sensors(text)
     assert [(r.name, r.differentiated, r.order) for r in model.rows.rows] == rows
 
@@ -203,6 +209,54 @@ def test_cubic_stiffness_needs_undifferentiated_deflection() -> None:
     assert equation(model.rows.rows[0])["K3"] == {"cube(m-c)": 1}
     with pytest.raises(ModelError, match=r"K3 .*add a position sensor on c"):
         with_sensors(both.replace('"c", measures = "position"', '"c", measures = "acceleration"'), chain)
+
+
+def test_motor_position_alone_is_the_worked_elimination_row() -> None:
+    model = with_sensors('q_m = { body = "m", measures = "position" }\n')
+    (row,) = model.rows.rows
+    assert row.origin == "elimination of c from the equations of m, c"
+    assert row.reversals == ("d1_q_m",)  # sign() is differentiated inside the row, so reversals spoil it
+    assert equation(row) == {
+        None: {"Gamma_m": 1},
+        "J_m*J_c/K": {"d4_q_m": 1},
+        "(J_m*F_vmc + F_vm*J_c + J_c*F_vmc)/K": {"d3_q_m": 1},
+        "(J_m*K + F_vm*F_vmc + J_c*K)/K": {"d2_q_m": 1},
+        "F_vm": {"d1_q_m": 1},
+        "F_sm": {"sign(d1_q_m)": 1},
+        "F_vmc/K": {"d1_Gamma_m": -1},
+        "J_c/K": {"d2_Gamma_m": -1},
+    }
+    assert model.identifiable == ("J_m", "F_vm", "F_sm", "J_c", "F_vmc", "K")
+
+
+def test_what_a_deflection_alone_leaves_open() -> None:
+    model = with_sensors('d = { deflection = ["m", "c"], measures = "position" }\n')
+    assert model.identifiable == ("J_m",)
+    assert "only in combination: F_vm*K/J_c" in model.absent["F_vm"]
+    assert "constant between reversals" in model.absent["F_sm"]
+
+
+def test_equal_composites_share_their_column() -> None:
+    chain = EMPS300 + 'q_m = { body = "m", measures = "position" }\n'
+    third = '[[bodies]]\nname = "d"\ninertia = "J_d"\n[[links]]\nbodies = ["m", "d"]\nstiffness = "K"\n'
+    model = build(parse_spec(chain.replace("[sensors.set]", third + "[sensors.set]"), "x.toml"), "set")
+    names = [b.name for b in model.base]
+    assert len(names) == len(set(names))
+
+
+def test_what_cannot_be_eliminated_is_refused_by_name() -> None:
+    cubic = EMPS300.replace('damping = "F_vmc"', 'damping = "F_vmc"\nstiffness3 = "K3"')
+    with pytest.raises(ModelError, match=r"cubic stiffness at m would .* add a position sensor on c"):
+        with_sensors('q_m = { body = "m", measures = "position" }\n', cubic)
+    asymmetric = EMPS300.replace('coulomb = "F_sm"', 'coulomb = "F_sm"\nfriction = "asymmetric"')
+    with pytest.raises(ModelError, match="asymmetric viscous friction of m would have to be eliminated"):
+        with_sensors('q_c = { body = "c", measures = "position" }\n', asymmetric)
+    lines = [f'[[bodies]]\nname = "b{i}"\ninertia = "J{i}"\n' for i in range(6)]
+    links = [f'[[links]]\nbodies = ["b{i}", "b{i + 1}"]\nstiffness = "K{i}"\n' for i in range(5)]
+    long = EMPS300[: EMPS300.index("[[bodies]]")] + "".join(lines) + "".join(links) + "[sensors.set]\n"
+    long = long.replace('inertia = "J0"', 'inertia = "J0"\nactuator = "G"')
+    with pytest.raises(ModelError, match=r"5 bodies .* \(b1, b2, b3, b4, b5\); at most 4 can be eliminated"):
+        with_sensors('q = { body = "b0", measures = "position" }\n', long)
 
 
 def test_messages_for_sets_that_cannot_be_built() -> None:

@@ -1,0 +1,99 @@
+"""What a user typed on the command line -> the values the commands work with; every mistake is explained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from modelgen.errors import DataError, Problem, SpecError
+
+if TYPE_CHECKING:
+    from modelgen.runtime.contract import Model
+    from modelgen.runtime.data import Record
+    from modelgen.runtime.excitation import Excitation
+    from modelgen.spec import ChainSpec
+
+
+def read_records(
+    paths: Sequence[Path],
+    model: Model,
+    mapping: Sequence[str],
+    scales: Sequence[str],
+    fs: float | None,
+    time: str | None,
+) -> list[Record]:
+    """Read one record a file, and report the mistakes of all of them at once."""
+    from modelgen.runtime.data import missing_name
+    from modelgen.runtime.read import parse_mapping, parse_scales, read_record
+
+    columns, factors = parse_mapping(mapping), parse_scales(scales)
+    # a misspelt key would leave the channel to a column that happens to have its name
+    known = [sensor.key for sensor in model.sensors] + [actuator.key for actuator in model.actuators]
+    channels = dict.fromkeys((*known, *model.channels))
+    problems = [missing_name("--map", "channel", key, channels) for key in columns if key not in channels]
+    records = []
+    for path in paths:
+        try:
+            records.append(read_record(path, columns, factors, fs, time, needed=model.channels))
+        except DataError as error:
+            problems += error.problems
+    if problems:
+        raise DataError(*problems)
+    return records
+
+
+def load_chain(spec: str) -> ChainSpec:
+    """Read a spec from a path, or from the catalogue if it looks like no path."""
+    from modelgen.spec import catalog_path, load_spec
+
+    looks_like_path = Path(spec).is_file() or Path(spec).suffix or Path(spec).name != spec
+    return load_spec(spec if looks_like_path else catalog_path(spec))
+
+
+def sensor_sets(chain: ChainSpec, chosen: str | None) -> list[str]:
+    """Return the chosen sensor set, or all of the chain's; `build` refuses a name that is none of them."""
+    if chosen is None and not chain.sensor_sets:
+        raise SpecError.at(f"{chain.source}: sensors", "is missing", "write a table [sensors.NAME]")
+    return list(chain.sensor_sets) if chosen is None else [chosen]
+
+
+def parameter_values(chain: ChainSpec, chosen: str | None) -> Mapping[str, float]:
+    """Return the values of the chosen parameter set, or of the only one."""
+    names = list(chain.parameter_sets)
+    chosen = names[0] if chosen is None and len(names) == 1 else chosen
+    if chosen in names:
+        return chain.parameter_sets[str(chosen)]
+    what = "is not given" if chosen is None else f"{chosen!r} is no parameter set of {chain.source}"
+    remedy = f"choose one of {', '.join(names)}" if names else "write a table [parameters.NAME] into the spec"
+    raise SpecError.at("--parameters", what, remedy)
+
+
+def excitation_from(text: str) -> tuple[str | Excitation, float | None]:
+    """Return the kind of excitation, or that of a data file with the file's sampling frequency in Hz."""
+    if text in ("chirp", "trapezoid"):
+        return text, None
+    if not Path(text).suffix:
+        raise DataError.at("--excitation", f"{text!r} is unknown", "give chirp, trapezoid or a data file")
+    from modelgen.runtime.excitation import excitation_from_record
+    from modelgen.runtime.read import read_record
+
+    record = read_record(text)
+    return excitation_from_record(record), record.fs
+
+
+def amounts(option: str, items: Iterable[str]) -> dict[str, float]:
+    """Return what options such as q_m=2e-5 spell: a size in SI units for each channel."""
+    amounts: dict[str, float] = {}
+    problems = []
+    for item in items:
+        key, _, text = item.partition("=")
+        try:
+            amounts[key] = float(text)
+        except ValueError:
+            problems.append(
+                Problem(f"{option} {item}", "cannot be read", "write KEY=NUMBER, such as q_m=2e-5")
+            )
+    if problems:
+        raise DataError(*problems)
+    return amounts

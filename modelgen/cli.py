@@ -1,0 +1,319 @@
+"""The command line: the only place where the derivation and the estimation meet.
+
+Every command imports what it needs when it runs, so that `modelgen --help` needs no NumPy.
+Exit codes: 0 done, 1 the data cannot answer (or a check failed), 2 wrong input.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from typer.core import TyperGroup
+
+from modelgen.arguments import (
+    amounts,
+    excitation_from,
+    load_chain,
+    parameter_values,
+    read_records,
+    sensor_sets,
+)
+from modelgen.errors import ModelgenError, SpecError
+
+
+class _Explained(TyperGroup):
+    """The group of all commands: turns what modelgen can explain into one line per mistake, no traceback."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except ModelgenError as error:
+            for problem in error.problems:
+                typer.echo(f"error: {problem}", err=True)
+            raise typer.Exit(error.exit_code) from error
+        except BrokenPipeError:
+            raise  # the reader of a pipe has gone: typer ends quietly
+        except OSError as error:
+            remedy = "check the path and its permissions"
+            typer.echo(f"error: {error.filename or 'file'}: {error.strerror or error}; {remedy}", err=True)
+            raise typer.Exit(2) from error
+        except KeyboardInterrupt as error:
+            typer.echo("interrupted", err=True)
+            raise typer.Exit(130) from error
+
+
+app = typer.Typer(
+    cls=_Explained,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Identification models of spring-coupled chains: derive, generate, simulate, identify.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of tables.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the output file if it exists.")]
+Spec = Annotated[str, typer.Argument(metavar="SPEC", help="A chain's TOML file, or a name of the catalogue.")]
+SensorSet = Annotated[
+    str | None, typer.Option("--sensors", metavar="S", help="One sensor set; all of them if left out.")
+]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line on the given arguments (those of the process if None) and exit."""
+    app(args=arguments, prog_name="modelgen")
+
+
+@app.command()
+def demo(as_json: Json = False) -> None:
+    """Show the paper end to end: derive, simulate, identify.
+
+    Modules, two records and a picture go to the folder modelgen_demo.
+    """
+    from modelgen.demo import run_demo
+    from modelgen.tables import console, demo_tables
+
+    found = run_demo(Path("modelgen_demo"), _say)
+    if as_json:
+        _print_json(found)
+    else:
+        console().print(demo_tables(found))
+
+
+@app.command()
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the chain: letters, digits and _.")],
+    as_json: Json = False,
+) -> None:
+    """Write NAME.toml, a commented starter spec."""
+    from modelgen.atomic_write import write_whole
+    from modelgen.render.environment import environment
+    from modelgen.spec import parse_spec
+
+    text = environment().get_template("starter.toml.j2").render(name=name)
+    # the spec's own checks say what a name may be; the comparison keeps a name from being read as more TOML
+    if parse_spec(text, f"{name}.toml").name != name:
+        raise SpecError.at("NAME", f"{name!r} is not a name", "use a letter, then letters, digits or _")
+    path = Path(f"{name}.toml")
+    write_whole(path, text.encode(), overwrite=False)
+    _report({"written": [str(path)]}, [f"wrote {path}; next: modelgen show {path}"], as_json)
+
+
+@app.command()
+def show(spec: Spec, sensors: SensorSet = None, as_json: Json = False) -> None:
+    """Show equations, rows, orders, and base parameters of a chain."""
+    from modelgen.symbolic.newton import motion_equations
+    from modelgen.symbolic.pipeline import build
+    from modelgen.tables import chain_tables, console, describe_chain
+
+    chain = load_chain(spec)
+    models = [build(chain, name) for name in sensor_sets(chain, sensors)]
+    described = describe_chain(motion_equations(chain), models)
+    if as_json:
+        _print_json(described)
+    else:
+        console().print(chain_tables(described))
+
+
+@app.command()
+def generate(
+    specs: Annotated[list[str], typer.Argument(metavar="SPEC", help="TOML files or names of the catalogue.")],
+    sensors: SensorSet = None,
+    folder: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the modules.")
+    ] = Path("generated"),
+    check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; exit 1 if a module is not up to date.")
+    ] = False,
+    target: Annotated[Literal["numpy"], typer.Option(help="What the modules compute with.")] = "numpy",
+    as_json: Json = False,
+) -> None:
+    """Generate one module for each sensor set of each SPEC.
+
+    With --check nothing is written: what is missing, different or left over is named, with exit code 1.
+    """
+    from modelgen.render.writer import check_modules, write_modules
+
+    chains = [(chain, sensor_sets(chain, sensors)) for chain in map(load_chain, specs)]
+    if not check:
+        paths = [str(path) for chain, names in chains for path in write_modules(chain, names, folder)]
+        _report({"target": target, "written": paths}, [f"wrote {path}" for path in paths], as_json)
+        return
+    drifts = [drift for chain, names in chains for drift in check_modules(chain, names, folder)]
+    lines = [f"{drift.path}: {drift.state}" for drift in drifts]
+    summary = (
+        f"{len(drifts)} modules are not what their specs generate" if drifts else "all modules are up to date"
+    )
+    found = [{"path": str(drift.path), "state": drift.state} for drift in drifts]
+    _report({"target": target, "drift": found}, [*lines, summary], as_json)
+    if drifts:
+        raise typer.Exit(1)
+
+
+@app.command()
+def identify(
+    data: Annotated[list[Path], typer.Argument(metavar="DATA", help="One .csv, .npz or .mat file a record.")],
+    module: Annotated[Path, typer.Option("--model", metavar="MODULE.py", help="A generated module.")],
+    method: Annotated[
+        Literal["wls", "pham2002"], typer.Option(help="Matched filters, or the paper to the letter.")
+    ] = "wls",
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="KEY=COLUMN", help="Column of a channel; -COLUMN negates; repeatable."),
+    ] = None,
+    scale: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=FACTOR", help="Factor (or scalar of the file) to SI units; repeatable."),
+    ] = None,
+    fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of times in s.")] = None,
+    cutoff_hz: Annotated[float | None, typer.Option(help="Cut-off in Hz of the low-pass; chosen.")] = None,
+    filter_order: Annotated[int | None, typer.Option(help="Order of the low-pass; chosen.")] = None,
+    decimation: Annotated[int | None, typer.Option(help="Keep every N-th sample; chosen.")] = None,
+    direction_cutoff_hz: Annotated[
+        float | None, typer.Option(help="Cut-off in Hz of directions of motion; chosen.")
+    ] = None,
+    drop: Annotated[int | None, typer.Option(help="Samples left out at the beginning of a record.")] = None,
+    prune_percent: Annotated[
+        float, typer.Option(help="Relative std. deviation in % from which parameters are pruned.")
+    ] = 10.0,
+    residual_dof: Annotated[
+        Literal["r-c", "r-1"], typer.Option(help="Degrees of freedom of the residual in eq. (11).")
+    ] = "r-c",
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE.json", help="Save the estimate.")
+    ] = None,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
+) -> None:
+    """Identify a generated module's parameters from measured records.
+
+    What is "chosen" is chosen from the records and explained in the output, unless it is given.
+    """
+    from modelgen.atomic_write import write_whole
+    from modelgen.runtime.contract import load_model
+    from modelgen.runtime.identify import identify as run
+
+    model = load_model(module)
+    records = read_records(data, model, mapping or (), scale or (), fs, time)
+    estimate = run(
+        model,
+        records,
+        method=method,
+        cutoff_hz=cutoff_hz,
+        filter_order=filter_order,
+        decimation=decimation,
+        direction_cutoff_hz=direction_cutoff_hz,
+        drop=drop,
+        prune_percent=prune_percent,
+        residual_dof=residual_dof,
+        progress=_say,
+    )
+    if output is not None:
+        write_whole(output, estimate.to_json().encode(), overwrite=overwrite)
+    if as_json:
+        _print_json(estimate.to_dict())
+    else:
+        typer.echo(estimate.summary(), nl=False)
+
+
+@app.command()
+def simulate(
+    spec: Spec,
+    sensors: Annotated[str, typer.Option("--sensors", metavar="S", help="The sensor set that records.")],
+    excitation: Annotated[
+        str,
+        typer.Option(
+            metavar="KIND",
+            help="chirp, trapezoid, or a data file with columns reference, reference_rate or feedforward.",
+        ),
+    ],
+    data: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DATA", help="A .csv or .npz file to write.")
+    ],
+    parameters: Annotated[
+        str | None, typer.Option(metavar="SET", help="A parameter set of the spec; the only one if left out.")
+    ] = None,
+    fs_hz: Annotated[
+        float | None, typer.Option(help="Sampling frequency in Hz; 5000, or that of the excitation's file.")
+    ] = None,
+    duration_s: Annotated[
+        float | None, typer.Option(help="Duration in s of chirp or trapezoid; 2 s.")
+    ] = None,
+    noise: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=STD", help="White noise on a channel, SI; repeatable.")
+    ] = None,
+    resolution: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=STEP", help="Step a channel is rounded to, SI; repeatable."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
+) -> None:
+    """Simulate a chain in closed loop and write what its sensors read.
+
+    Friction is true stick and slip; the levels of chirp and trapezoid follow from the parameters.
+    """
+    from modelgen.render.writer import generate as module_text
+    from modelgen.render.writer import module_name
+    from modelgen.runtime.contract import model_from_text
+    from modelgen.runtime.simulate import simulate as run
+    from modelgen.runtime.write import write_record
+
+    chain = load_chain(spec)
+    model = model_from_text(module_text(chain, sensors), module_name(chain, sensors))
+    signal, file_fs = excitation_from(excitation)
+    result = run(
+        model,
+        parameter_values(chain, parameters),
+        signal,
+        fs=fs_hz or file_fs or 5000.0,
+        duration_s=duration_s,
+        noise=amounts("--noise", noise or ()),
+        resolution=amounts("--resolution", resolution or ()),
+        seed=seed,
+    )
+    record = result.record
+    write_record(data, record, overwrite=overwrite)
+    facts = {
+        "written": [str(data)],
+        "fs_hz": record.fs,
+        "samples": record.n,
+        "channels": list(record.signals),
+    }
+    line = f"wrote {data}: {', '.join(record.signals)}; {record.n} samples at {record.fs:g} Hz"
+    _report(facts, [line], as_json)
+
+
+def _say(step: str) -> None:
+    """Show progress, unless stderr goes to a file or another program."""
+    if sys.stderr.isatty():
+        typer.echo(f"{step} ...", err=True)
+
+
+def _report(facts: dict[str, Any], lines: Sequence[str], as_json: bool) -> None:
+    """Print what was done, for a program or for the eye."""
+    if as_json:
+        _print_json(facts)
+    else:
+        typer.echo("\n".join(lines))
+
+
+def _print_json(value: Any) -> None:
+    """Print strict JSON: what is not finite becomes null."""
+    typer.echo(json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,55 @@
+"""One picture of measured and rebuilt forces; needs matplotlib (the extra `plot`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+MEASURED, REBUILT, DIFFERENCE = "#9aa5b1", "#0b5cad", "#c2410c"
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Measured and rebuilt force, shape (n,) each, at `time_s`; `unit` is that of the force."""
+
+    title: str
+    unit: str
+    time_s: FloatArray
+    measured: FloatArray
+    rebuilt: FloatArray
+
+
+def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2) -> None:
+    """Draw measured force, rebuilt force and their difference in a grid of panels, and write a picture.
+
+    Raises
+    ------
+    ImportError
+        Without matplotlib.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    rows = -(-len(panels) // columns)
+    figure = Figure(figsize=(6.0 * columns, 3.4 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False)
+    for axis, panel in zip(axes.flat, panels, strict=False):
+        axis.plot(panel.time_s, panel.measured, color=MEASURED, linewidth=3.0, label="measured, filtered")
+        axis.plot(panel.time_s, panel.rebuilt, color=REBUILT, linewidth=1.0, label="rebuilt")
+        difference = panel.measured - panel.rebuilt
+        axis.plot(panel.time_s, difference, color=DIFFERENCE, linewidth=0.8, label="difference")
+        axis.set_title(panel.title, loc="left", fontsize=10)
+        axis.set_xlabel("time in s")
+        axis.set_ylabel(f"{'torque' if panel.unit.startswith('N m') else 'force'} in {panel.unit}")
+        axis.margins(x=0.0)
+    for axis in list(axes.flat)[len(panels) :]:
+        axis.set_visible(False)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False)
+    FigureCanvasAgg(figure).print_figure(path, dpi=120)

@@ -1,0 +1,187 @@
+"""Record: what the sensors and actuators of one experiment read, checked once and then immutable."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from numbers import Real
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, Problem
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One experiment: the sensors' own readings, sampled together and uniformly.
+
+    Parameters
+    ----------
+    signals : mapping of str to array_like, shape (n,)
+        Channel key (``"q_m"``, ``"Gamma_m"``) to readings in the unit of that sensor or actuator (SI). The
+        arrays are copied: the record never changes with what it was made from, nor can it be changed.
+    fs : float
+        Sampling frequency in Hz.
+    name : str
+        Names the record in messages and reports.
+    tag : str, optional
+        What kind of experiment this is ("chirp", "trapezoid"); chooses among rows where a user asks for it.
+
+    Raises
+    ------
+    DataError
+        With one problem per mistake: a channel that is not real, one-dimensional, finite and as long as the
+        others, fewer than two samples, or a sampling frequency that is not finite and positive.
+
+    Examples
+    --------
+    >>> record = Record(signals={"q_m": [0.0, 1.0, 2.0]}, fs=1000.0, name="chirp")
+    >>> record.n, record.dt
+    (3, 0.001)
+    """
+
+    signals: Mapping[str, FloatArray]
+    fs: float
+    name: str = "record"
+    tag: str | None = None
+
+    def __post_init__(self) -> None:
+        problems = _label_problems(self.name, self.tag)
+        where = self.name if isinstance(self.name, str) and self.name else "record"
+        problems += _fs_problems(where, self.fs)
+        channels: dict[str, FloatArray] = {}
+        if not isinstance(self.signals, Mapping) or not self.signals:
+            problems.append(Problem(where, "has no channels", "give signals as a mapping of key to samples"))
+        else:
+            for key, values in self.signals.items():
+                array, found = _channel(f"{where}: channel {key}", key, values)
+                problems += found
+                if array is not None:
+                    channels[key] = array
+        problems += _length_problems(where, channels)
+        if problems:
+            raise DataError(*problems)
+        object.__setattr__(self, "signals", MappingProxyType(channels))
+        object.__setattr__(self, "fs", float(self.fs))
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return len(next(iter(self.signals.values())))
+
+    @property
+    def dt(self) -> float:
+        """Sampling period in s."""
+        return 1.0 / self.fs
+
+    @property
+    def duration_s(self) -> float:
+        """Time covered in s: n samples of 1/fs each."""
+        return self.n / self.fs
+
+    def select(self, keys: Iterable[str]) -> Record:
+        """Return the record with these channels only, in this order.
+
+        Raises
+        ------
+        DataError
+            With one problem per channel that is absent.
+        """
+        wanted = tuple(keys)
+        problems = [
+            missing_name(self.name, "channel", key, self.signals) for key in wanted if key not in self.signals
+        ]
+        if problems:
+            raise DataError(*problems)
+        return Record({key: self.signals[key] for key in wanted}, self.fs, self.name, self.tag)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Record):
+            return NotImplemented
+        return (
+            (self.fs, self.name, self.tag) == (other.fs, other.name, other.tag)
+            and tuple(self.signals) == tuple(other.signals)
+            and all(np.array_equal(self.signals[key], other.signals[key]) for key in self.signals)
+        )
+
+    def __repr__(self) -> str:
+        label = f"name={self.name!r}" + (f", tag={self.tag!r}" if self.tag is not None else "")
+        return f"Record({label}, fs={self.fs!r}, n={self.n}, channels={list(self.signals)})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # a mapping proxy cannot be sent to another process, a dict can
+        return Record, (dict(self.signals), self.fs, self.name, self.tag)
+
+
+def missing_name(where: str, kind: str, name: str, available: Iterable[str]) -> Problem:
+    """Return the problem "has no <kind> <name>", with the closest name and all that there are."""
+    names = list(available)
+    close = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {close[0]}? " if close else ""
+    return Problem(where, f"has no {kind} {name}", f"{hint}available: {', '.join(names) or 'none'}")
+
+
+def _label_problems(name: Any, tag: Any) -> list[Problem]:
+    problems = []
+    if not isinstance(name, str) or not name:
+        problems.append(Problem("record", f"name is {name!r}", "give a non-empty string"))
+    if tag is not None and not isinstance(tag, str):
+        problems.append(Problem("record", f"tag is {tag!r}", "give a string or None"))
+    return problems
+
+
+def _fs_problems(where: str, fs: Any) -> list[Problem]:
+    if isinstance(fs, Real) and not isinstance(fs, bool) and 0.0 < float(fs) < np.inf:
+        return []
+    return [Problem(f"{where}: fs", f"is {fs!r}", "give the sampling frequency in Hz, finite and positive")]
+
+
+def _channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list[Problem]]:
+    """Return a read-only float64 copy of one channel, or what is wrong with it."""
+    if not isinstance(key, str) or not key:
+        return None, [Problem(where, f"key is {key!r}", "name the channel with a non-empty string")]
+    try:
+        given = np.asanyarray(values)
+    except ValueError:
+        return None, [Problem(where, "is no rectangular array", "give one number per sample")]
+    if given.dtype.kind not in "iuf":
+        remedy = "give real numbers (integers or floats)"
+        return None, [Problem(where, f"has data type {given.dtype}", remedy)]
+    if given.ndim != 1:
+        remedy = "give one dimension; a single row or column can be flattened with numpy.ravel"
+        return None, [Problem(where, f"has shape {given.shape}", remedy)]
+    # the mask of a masked array would be lost in the copy: a masked sample is a missing one
+    missing = (
+        np.ma.getmaskarray(given) if isinstance(given, np.ma.MaskedArray) else np.zeros(given.shape, bool)
+    )
+    array = np.array(given, dtype=np.float64, order="C", copy=True, subok=False)
+    bad = np.flatnonzero(missing | ~np.isfinite(array))
+    if bad.size:
+        first = int(bad[0])
+        value = "masked" if missing[first] else array[first]
+        what = f"is {value} ({bad.size} of {array.size} samples are not finite)"
+        remedy = "cut the record there, or interpolate the missing samples"
+        return array, [Problem(f"{where}, sample {first}", what, remedy)]
+    array.flags.writeable = False
+    return array, []
+
+
+def _length_problems(where: str, channels: Mapping[str, FloatArray]) -> list[Problem]:
+    lengths = {key: array.size for key, array in channels.items()}
+    if not lengths:
+        return []
+    if len(dict.fromkeys(lengths.values())) > 1:
+        listed = ", ".join(f"{key} {length}" for key, length in lengths.items())
+        return [
+            Problem(where, f"channels differ in length: {listed}", "cut all channels to the same samples")
+        ]
+    shortest = min(lengths.values())
+    if shortest < 2:
+        return [Problem(where, f"has {shortest} sample(s)", "give at least two samples")]
+    return []

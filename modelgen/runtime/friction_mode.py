@@ -1,0 +1,181 @@
+"""Linear motion while no body with Coulomb friction changes between slip and stick.
+
+Such a *mode* gives every body +1 (slips forward), -1 (slips backward) or 0 (sticks). In one mode the system
+is linear; with a piecewise linear input a step is one product with a matrix exponential (first-order hold).
+A *guard* is a linear function of the state that turns negative when the mode ends: the velocity of a slipping
+body, the friction force that a sticking one has in reserve.
+
+Time counts in steps here and velocities are per step, so that all matrices are dimensionless.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.crossing import when_negative
+
+FloatArray = npt.NDArray[np.float64]
+Mode = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class CoulombBody:
+    """A body with Coulomb friction: row of its velocity in x, inertia, and friction force each way (SI)."""
+
+    velocity: int
+    inertia: float
+    plus: float
+    minus: float
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionSystem:
+    """x' = A(mode) x + B w + drift - Coulomb friction / inertia; x is n positions, then their n velocities.
+
+    Parameters
+    ----------
+    matrix : callable
+        Mode to A, shape (2n, 2n). It may depend on a body's direction only in the coefficient of that body's
+        velocity in its own row (viscous friction to ground).
+    B : ndarray, shape (2n, m)
+        Input matrix; its rows of positions are zero.
+    drift : ndarray, shape (2n,)
+        Constant part of x': constant forces over inertias.
+    bodies : tuple of CoulombBody
+        May be empty.
+    """
+
+    matrix: Callable[[Mode], FloatArray]
+    B: FloatArray
+    drift: FloatArray
+    bodies: tuple[CoulombBody, ...]
+
+
+class ModeMotion:
+    """z' = M z in one mode, z = (x, w, slope of w, 1), with the guards of that mode.
+
+    A sticking body is held exactly: its velocity stays 0.0 and its position does not drift.
+
+    Parameters
+    ----------
+    system : FrictionSystem
+        The system in time units of steps.
+    mode : tuple of int
+        +1, -1 or 0 for every body.
+    """
+
+    def __init__(self, system: FrictionSystem, mode: Mode) -> None:
+        self.mode = mode
+        self._bodies = system.bodies
+        nx, m = system.B.shape
+        self._nx, self._m = nx, m
+        A, drift = system.matrix(mode), system.drift.copy()
+        #: accelerations without Coulomb friction, whatever the mode
+        free = np.c_[A, system.B, np.zeros((nx, m)), drift]
+        self._free = free[[body.velocity for body in system.bodies]]
+        for body, sign in zip(system.bodies, mode, strict=True):
+            drift[body.velocity] -= max(sign, 0) * body.plus / body.inertia
+            drift[body.velocity] -= min(sign, 0) * body.minus / body.inertia
+        self._held = [body.velocity for body, sign in zip(system.bodies, mode, strict=True) if sign == 0]
+        self.M = np.zeros((nx + 2 * m + 1,) * 2)
+        self.M[:nx] = np.c_[A, system.B, np.zeros((nx, m)), drift]
+        self.M[self._held], self.M[:, self._held] = 0.0, 0.0
+        self.M[nx : nx + m, nx + m : nx + 2 * m] = np.eye(m)
+        self._guards, self._owners = self._make_guards()
+        self._rates = self._guards @ self.M
+        self._discretise()
+
+    def _make_guards(self) -> tuple[FloatArray, list[tuple[int, int]]]:
+        """Return the guards, shape (guards, len(z)), and of each the body and direction that it watches."""
+        guards, owners = [np.empty((0, len(self.M)))], []
+        unit = np.eye(len(self.M))
+        for j, (body, sign) in enumerate(zip(self._bodies, self.mode, strict=True)):
+            if sign:
+                guards.append(sign * unit[[body.velocity]])
+                owners.append((j, sign))
+            else:
+                guards.append(unit[[-1]] * body.plus / body.inertia - self._free[j])
+                guards.append(unit[[-1]] * body.minus / body.inertia + self._free[j])
+                owners += [(j, 1), (j, -1)]
+        return np.vstack(guards), owners
+
+    def _discretise(self) -> None:
+        """First-order hold: x[k+1] = Phi x[k] + G0 w[k] + G1 w[k+1] + constant."""
+        from scipy.linalg import expm
+
+        nx, m = self._nx, self._m
+        step = expm(self.M)[:nx]
+        positions = [row - nx // 2 for row in self._held]
+        # exact by construction; the exponential would leave rounding errors that add up
+        step[self._held], step[positions], step[positions, positions] = 0.0, 0.0, 1.0
+        self._powers = [np.ascontiguousarray(step[:, :nx].T)]
+        self._G1 = step[:, nx + m : nx + 2 * m].T
+        self._G0 = step[:, nx : nx + m].T - self._G1
+        self._constant = step[:, -1]
+
+    def advance(self, x: FloatArray, w: FloatArray) -> tuple[FloatArray, int]:
+        """Return the states after each step, shape (steps, 2n), and how many steps come before an event.
+
+        The recursion runs as a scan: pass s adds what happened 2^s steps earlier, so that log2(steps) matrix
+        products replace a loop over the steps. `w` has shape (steps + 1, m).
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            path = w[:-1] @ self._G0 + w[1:] @ self._G1 + self._constant
+            path[0] += x @ self._powers[0]
+            shift, s = 1, 0
+            while shift < len(path):
+                if s == len(self._powers):
+                    self._powers.append(self._powers[-1] @ self._powers[-1])
+                path[shift:] += path[:-shift] @ self._powers[s]
+                shift, s = 2 * shift, s + 1
+            return path, self._calm_steps(np.vstack((x, path)), w)
+
+    def _calm_steps(self, x: FloatArray, w: FloatArray) -> int:
+        """Count the steps before the first one within which a guard may turn negative.
+
+        It is negative at the step's end, or may dip below zero inside: it falls first, rises at the end,
+        and one of the two tangents gets below zero.
+        """
+        nx, m = self._nx, self._m
+        nodes = np.c_[x, w]
+        by_slope = np.diff(w, axis=0) @ self._rates[:, nx + m : -1].T
+        values = nodes @ self._guards[:, : nx + m].T + self._guards[:, -1]
+        rates = nodes @ self._rates[:, : nx + m].T + self._rates[:, -1]
+        falling, rising = rates[:-1] + by_slope, rates[1:] + by_slope
+        low = np.minimum(values[:-1] + falling, values[1:] - rising) < 0.0
+        dips = (falling < 0.0) & (rising > 0.0) & low
+        suspect = ((values[1:] < 0.0) | dips).any(axis=1)
+        return int(suspect.argmax()) if suspect.any() else len(suspect)
+
+    def first_event(self, series: FloatArray, released: tuple[int, ...]) -> tuple[float, int | None]:
+        """Return the first moment u in [0, 1] at which a guard turns negative, and the guard's index.
+
+        `series` is the power series of z; without an event the answer is (1.0, None). A body that has just
+        been released still has no acceleration, whatever rounding says.
+        """
+        first: tuple[float, int | None] = (1.0, None)
+        for i, polynomial in enumerate((series @ self._guards.T).T):
+            if self._owners[i][0] in released:
+                polynomial[1] = 0.0
+            u = when_negative(polynomial)
+            if u is not None and (u < first[0] or first[1] is None):
+                first = (u, i)
+        return first
+
+    def after(self, guard: int, z: FloatArray) -> tuple[int, int]:
+        """Return the body whose mode ends with this guard, and its next mode."""
+        body, sign = self._owners[guard]
+        if self.mode[body] == 0:
+            return body, sign
+        follow = self.mode_at_rest(body, z)
+        # its velocity has just left this direction: only rounding could send it back there
+        return body, 0 if follow == sign else follow
+
+    def mode_at_rest(self, body: int, z: FloatArray) -> int:
+        """Return the mode of a body whose velocity is zero: the net force on it decides."""
+        force = float(self._free[body] @ z) * self._bodies[body].inertia
+        return int(force > self._bodies[body].plus) - int(force < -self._bodies[body].minus)

@@ -1,0 +1,143 @@
+"""identify: model and records -> Estimate; the one page that names every step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from numbers import Integral
+from types import ModuleType
+
+import numpy as np
+
+from modelgen.errors import DataError, IdentifiabilityError, Problem
+from modelgen.runtime.choose import choose_filter
+from modelgen.runtime.contract import Model, model_from_module
+from modelgen.runtime.cutoff_check import cutoff_covariance
+from modelgen.runtime.data import Record, missing_name
+from modelgen.runtime.estimate import Estimate
+from modelgen.runtime.identifiability import not_identifiable
+from modelgen.runtime.judge import Solved, judge
+from modelgen.runtime.methods import METHODS, Job
+
+Progress = Callable[[str], None]
+
+RESIDUAL_DOFS = ("r-c", "r-1")
+
+
+def identify(
+    model: Model | ModuleType,
+    records: Record | Sequence[Record],
+    method: str = "wls",
+    cutoff_hz: float | None = None,
+    filter_order: int | None = None,
+    decimation: int | None = None,
+    direction_cutoff_hz: float | None = None,
+    drop: int | None = None,
+    prune_percent: float = 10.0,
+    residual_dof: str = "r-c",
+    cutoff_check: bool = True,
+    rows_for_tag: Mapping[str, Sequence[str]] | None = None,
+    progress: Progress | None = None,
+) -> Estimate:
+    """Identify the parameters of a model from measured records.
+
+    Parameters
+    ----------
+    model : Model or module
+        See `modelgen.load_model`; a generated module that was imported does as well.
+    records : Record or sequence of Record
+        With the channels of the model's sensors and actuators, in SI.
+    method : str
+        "wls": every signal through the same zero-phase filter, weighted least squares. "pham2002": the paper
+        to the letter, for comparison; biased where its filter reaches into the dynamics.
+    cutoff_hz, filter_order, decimation, direction_cutoff_hz : optional
+        Taken as given; otherwise chosen from the records, see `modelgen.runtime.choose`. Frequencies in Hz.
+    drop : int, optional
+        Samples left out at the beginning of every record; with "wls" at least the filter's reach.
+    prune_percent : float
+        Relative standard deviation in % from which parameters are removed in the list beside the estimate.
+    residual_dof : str
+        Degrees of freedom of the residual in eq. (11): "r-c" as printed, or "r-1", with which the published
+        standard deviations of the EMPS bench come out.
+    cutoff_check : bool
+        With "wls", fit again at 0.7 and 1.4 times the cut-off and add to the covariance how far the estimate
+        moves: what noise in the sensors and missing dynamics do to it shows there, not in the residual.
+    rows_for_tag : mapping of str to sequence of str, optional
+        Rows (by name) that records of a tag may feed; the paper uses differentiated rows on a chirp only, and
+        the sum row on trapezoids only. Records of other tags feed all rows.
+    progress : callable, optional
+        Called with a few words before each step.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    DataError
+        When an option is out of range, a channel is missing, or a record is too short.
+    IdentifiabilityError
+        When the records answer none of the parameters.
+    """
+    say = progress or _silent
+    given = (records,) if isinstance(records, Record) else tuple(records)
+    model = model if isinstance(model, Model) else model_from_module(model)
+    _check(model, given, method, drop, prune_percent, residual_dof)
+    chosen = METHODS[method]
+    say("choosing filters")
+    choice = choose_filter(
+        model,
+        given,
+        cutoff_hz=cutoff_hz,
+        filter_order=filter_order,
+        decimation=decimation,
+        direction_cutoff_hz=direction_cutoff_hz,
+        matched=chosen.matched,
+    )
+    job = Job(model, given, choice, drop or 0, rows_for_tag)
+    say("filtering and solving")
+    observation, fit = chosen.run(job)
+    refused = not_identifiable(model, given, choice, fit)
+    if all(name in refused for name in fit.columns):
+        remedy = "record another motion, or sense more"
+        raise IdentifiabilityError(*(Problem(name, reason, remedy) for name, reason in refused.items()))
+    moves = np.zeros((len(fit.columns), len(fit.columns)))
+    if cutoff_check and chosen.matched:
+        say("moving the cut-off")
+        lowest_fs = min(record.fs for record in given)
+        moves = cutoff_covariance(
+            fit, choice, lowest_fs, lambda other: chosen.run(replace(job, choice=other))[1]
+        )
+    say("judging the fit")
+    solved = Solved(job, method, observation, fit, refused, moves)
+    return judge(solved, residual_dof, prune_percent)
+
+
+def _check(
+    model: Model, records: Sequence[Record], method: str, drop: int | None, percent: float, residual_dof: str
+) -> None:
+    """Raise one DataError for everything that is wrong with the options and the records' channels."""
+    problems = []
+    if method not in METHODS:
+        problems.append(Problem("method", f"is {method!r}", f"choose one of {', '.join(METHODS)}"))
+    if residual_dof not in RESIDUAL_DOFS:
+        remedy = f"choose one of {', '.join(RESIDUAL_DOFS)}"
+        problems.append(Problem("residual_dof", f"is {residual_dof!r}", remedy))
+    if drop is not None and (isinstance(drop, bool) or not isinstance(drop, Integral) or drop < 0):
+        problems.append(Problem("drop", f"is {drop!r}", "give a number of samples, 0 or more"))
+    if not percent > 0.0:
+        problems.append(Problem("prune_percent", f"is {percent!r}", "give a percentage above 0"))
+    if not records:
+        problems.append(Problem("records", "there are none", "give at least one Record"))
+    for record in records:
+        if not isinstance(record, Record):
+            problems.append(Problem("records", f"hold a {type(record).__name__}", "give Records"))
+            continue
+        missing = [key for key in model.channels if key not in record.signals]
+        problems += [missing_name(record.name, "channel", key, record.signals) for key in missing]
+    if problems:
+        raise DataError(*problems)
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""

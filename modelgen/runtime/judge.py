@@ -1,0 +1,156 @@
+"""From a fit to an Estimate: covariances, physical parameters, pruning, and how every row did."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.covariance import hac_covariance, printed_covariance
+from modelgen.runtime.estimate import Estimate, Parameter, RowDiagnostics
+from modelgen.runtime.methods import METHODS, Job
+from modelgen.runtime.observation import Observation
+from modelgen.runtime.physical import Covariances, physical_parameters
+from modelgen.runtime.pruning import Pruning, prune
+from modelgen.runtime.wls import Fit, refit, terms_norm
+
+FloatArray = npt.NDArray[np.float64]
+
+# Moves with the cut-off that are worth a note: in standard deviations of the noise, and relative to the value.
+NOTED_MOVE = 2.0
+NOTED_SHARE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A job done: rows, fit, what the records cannot answer, and X's moves with the cut-off, shape (c, c)."""
+
+    job: Job
+    method: str
+    observation: Observation
+    fit: Fit
+    refused: Mapping[str, str]
+    moves: FloatArray
+
+    @property
+    def identified(self) -> tuple[str, ...]:
+        """Columns of the fit that are estimates, not nuisances."""
+        return tuple(name for name in self.fit.columns if name not in self.refused)
+
+
+def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
+    """Return the estimate with everything that is needed to judge it."""
+    model, fit, identified = solved.job.model, solved.fit, solved.identified
+    method = METHODS[solved.method]
+    place = [fit.columns.index(name) for name in identified]
+    sigma, printed = printed_covariance(fit, residual_dof)
+    noise = hac_covariance(fit) if method.covariance_kind == "hac" else printed
+    block = np.ix_(place, place)
+    covariances = Covariances(
+        noise[block] + solved.moves[block], noise[block], solved.moves[block], printed[block]
+    )
+    values = fit.solution.x[place]
+    parameters = tuple(
+        Parameter(
+            name,
+            model.units.get(name, ""),
+            float(values[i]),
+            *covariances.standard_deviations(np.eye(len(place))[i]),
+        )
+        for i, name in enumerate(identified)
+    )
+    base = np.full(len(model.base_parameters), np.nan)
+    base[[model.base_parameters.index(name) for name in identified]] = values
+    physical, unanswered = physical_parameters(model, base, covariances, solved.refused)
+    residual = fit.weighted_residual
+    return Estimate(
+        chain=model.chain,
+        sensor_set=model.sensor_set,
+        title=model.title,
+        method=solved.method,
+        method_title=method.title,
+        records=tuple(record.name for record in solved.job.records),
+        parameters=parameters,
+        physical_parameters=physical,
+        covariance=covariances.total,
+        noise_covariance=covariances.noise,
+        printed_covariance=covariances.printed,
+        covariance_kind=method.covariance_kind,
+        base=base,
+        nuisance={
+            name: float(value)
+            for name, value in zip(fit.columns, fit.solution.x, strict=True)
+            if name not in identified
+        },
+        not_identifiable={**solved.refused, **unanswered},
+        resid=residual,
+        condition_number=fit.solution.condition_number,
+        condition_number_raw=fit.solution.condition_number_raw,
+        relative_error=fit.relative_error,
+        error_norm=float(np.linalg.norm(residual)),
+        sigma=sigma,
+        residual_dof=residual_dof,
+        delays={},
+        rows=row_diagnostics(solved.observation, fit),
+        pruning=_prune(solved, residual_dof, prune_percent),
+        filtering=solved.job.choice,
+        notes=solved.observation.notes + fit.notes + _move_notes(parameters),
+    )
+
+
+def row_diagnostics(observation: Observation, fit: Fit) -> tuple[RowDiagnostics, ...]:
+    """Return how every row did on every record, rows without samples included."""
+    solved = {(block.record, block.row): index for index, block in enumerate(fit.blocks)}
+    found = []
+    for block in observation.blocks:
+        index = solved.get((block.record, block.row))
+        weight, rms, error = 0.0, None, None
+        if index is not None:
+            weight, residual = fit.weights[index], fit.residuals[index]
+            rms = float(np.sqrt(np.mean(residual**2)))
+            balanced = terms_norm(fit.blocks[index], fit.solution.x)
+            size = float(np.linalg.norm(block.Y)) if block.has_force else balanced
+            error = float(np.linalg.norm(residual)) / size if size > 0.0 else None
+        used = block.place.size
+        found.append(
+            RowDiagnostics(
+                block.record_name, block.row_name, block.unit, used, block.masked, weight, rms, error
+            )
+        )
+    return tuple(found)
+
+
+def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
+    """Apply the paper's rule; columns that are not identifiable stay in as nuisances."""
+    fit, identified = solved.fit, solved.identified
+    hac = METHODS[solved.method].covariance_kind == "hac"
+    moved = dict(zip(fit.columns, np.diag(solved.moves).tolist(), strict=True))
+
+    def fit_again(kept: tuple[str, ...]) -> tuple[FloatArray, FloatArray, float]:
+        reduced = refit(fit, [name for name in fit.columns if name in kept or name not in identified])
+        covariance = hac_covariance(reduced) if hac else printed_covariance(reduced, residual_dof)[1]
+        place = [reduced.columns.index(name) for name in kept]
+        variance = np.diag(covariance)[place] + np.array([moved[name] for name in kept])
+        values = reduced.solution.x[place]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            spread = np.nan_to_num(100.0 * np.sqrt(variance) / np.abs(values), nan=np.inf)
+        return values, spread, reduced.relative_error
+
+    return prune(identified, fit_again, percent)
+
+
+def _move_notes(parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+    moving = [
+        entry for entry in parameters if entry.cutoff_std > NOTED_MOVE * entry.noise_std and entry.value
+    ]
+    if not moving:
+        return ()
+    listed = ", ".join(
+        f"{entry.name} {100.0 * entry.cutoff_std / abs(entry.value):.2g} %" for entry in moving
+    )
+    return (
+        f"moving the cut-off by a factor of 1.4 moves the estimate by more than its residual explains "
+        f"({listed}): noise in the sensors, or dynamics that the model lacks; the intervals include it",
+    )

@@ -1,0 +1,64 @@
+"""The estimators by name: each takes a job (model, records, settings) to rows and their fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from modelgen.runtime.choose import FilterChoice
+from modelgen.runtime.contract import Model
+from modelgen.runtime.data import Record
+from modelgen.runtime.observation import Observation, observe, rows_by_tag
+from modelgen.runtime.pham2002 import observe_paper
+from modelgen.runtime.wls import Fit, fit_matched, fit_paper
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """What is to be estimated from what; see `modelgen.identify` for the options."""
+
+    model: Model
+    records: tuple[Record, ...]
+    choice: FilterChoice
+    drop: int = 0
+    rows_for_tag: Mapping[str, Sequence[str]] | None = None
+
+    def only_rows_for_tag(self, observation: Observation) -> Observation:
+        """Return the rows that the records' tags may feed."""
+        if self.rows_for_tag is None:
+            return observation
+        return rows_by_tag(observation, self.records, self.rows_for_tag)
+
+
+@dataclass(frozen=True)
+class Method:
+    """An estimator.
+
+    `matched`: every signal goes through the same filter, so that moving the cut-off is a fair check.
+    `covariance_kind`: "hac" or "printed", what its standard deviations rest on.
+    """
+
+    title: str
+    run: Callable[[Job], tuple[Observation, Fit]]
+    matched: bool
+    covariance_kind: str
+
+
+def run_wls(job: Job) -> tuple[Observation, Fit]:
+    """Weighted least squares on matched-filtered rows."""
+    observation = observe(job.model, job.records, job.choice, job.drop)
+    observation = job.only_rows_for_tag(observation)
+    return observation, fit_matched(observation)
+
+
+def run_pham2002(job: Job) -> tuple[Observation, Fit]:
+    """The paper's procedure to the letter."""
+    observation = observe_paper(job.model, job.records, job.choice, job.drop)
+    observation = job.only_rows_for_tag(observation)
+    return observation, fit_paper(observation)
+
+
+METHODS: Mapping[str, Method] = {
+    "wls": Method("weighted least squares on matched-filtered rows", run_wls, True, "hac"),
+    "pham2002": Method("the paper to the letter, forces not filtered", run_pham2002, False, "printed"),
+}

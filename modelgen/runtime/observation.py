@@ -1,0 +1,199 @@
+"""Matched filtering: record -> the rows of Y = W X, every signal through one and the same filter.
+
+y = D x holds at every instant, so it holds for any linear filter of y and D, exactly, as long as the filter
+is the same for both: forces, constants and signs of velocities included. The columns are linear in the
+signals, so each signal is filtered and differentiated once, and columns are summed at the samples kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.choose import FilterChoice
+from modelgen.runtime.contract import Model, RowInfo
+from modelgen.runtime.data import Record
+from modelgen.runtime.filtered_record import FilteredRecord
+from modelgen.runtime.reversals import reversals, standstills, widen
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+# sign() is meaningless while a mass sticks for longer than this many periods of the cut-off.
+STANDSTILL_PERIODS = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class RowBlock:
+    """The samples of one row of the model on one record.
+
+    Attributes
+    ----------
+    record, row : int
+        Index of the record and of the row; `record_name`, `row_name` name them.
+    place : array of int, shape (n,)
+        Position of each sample on the record's decimated grid of `grid` samples; what is masked is left out.
+    Y : array, shape (n,)
+        Left-hand side, in `unit`.
+    W : array, shape (n, columns)
+        Observation matrix.
+    masked : int
+        Samples of the grid left out.
+    has_force : bool
+        Whether the left-hand side holds anything (a load row's is zero).
+    force_scale : float
+        Rms on the grid of the forces, differentiated as often as the row: the size of what a row balances.
+    """
+
+    record: int
+    row: int
+    record_name: str
+    row_name: str
+    unit: str
+    place: IntArray
+    grid: int
+    Y: FloatArray
+    W: FloatArray
+    masked: int
+    has_force: bool
+    force_scale: float
+    differentiated: int
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """Rows of Y = W X, one block per record and row of the model; `columns` names the columns of W."""
+
+    columns: tuple[str, ...]
+    blocks: tuple[RowBlock, ...]
+    notes: tuple[str, ...] = ()
+
+
+def observe(model: Model, records: Sequence[Record], choice: FilterChoice, drop: int = 0) -> Observation:
+    """Return the matched-filtered rows of the records.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+        With all of ``model.channels``.
+    choice : FilterChoice
+        Order, cut-offs and decimation.
+    drop : int
+        Samples to leave out at the beginning of every record; never fewer than the filter's reach.
+
+    Raises
+    ------
+    DataError
+        When a record is too short for the filter.
+    """
+    blocks: list[RowBlock] = []
+    notes = [f"drop = {drop} samples at the beginning of every record, as given"] if drop else []
+    for index, record in enumerate(records):
+        signals = FilteredRecord(model, record, choice, choice.decimation[index], drop)
+        for row in range(len(model.rows)):
+            block = _block(model, signals, index, row)
+            blocks.append(block)
+            if block.place.size == 0:
+                notes.append(
+                    f"{record.name}, row {block.row_name}: not used, every sample lies too near to a "
+                    "reversal or a standstill"
+                )
+    return Observation(model.base_parameters, tuple(blocks), tuple(notes))
+
+
+def rows_by_tag(
+    observation: Observation, records: Sequence[Record], rows_for_tag: Mapping[str, Sequence[str]]
+) -> Observation:
+    """Return the observation with only those rows that a record's tag may feed; other tags feed all rows.
+
+    Raises
+    ------
+    DataError
+        When a tag is no record's, or a row's name is unknown.
+    """
+    tags = dict.fromkeys(record.tag for record in records)
+    names = dict.fromkeys(block.row_name for block in observation.blocks)
+    problems = [
+        Problem("rows_for_tag", f"no record has the tag {tag!r}", "give the records' tags")
+        for tag in rows_for_tag
+        if tag not in tags
+    ]
+    problems += [
+        Problem(f"rows_for_tag[{tag!r}]", f"{row!r} is no row", f"choose from {', '.join(names)}")
+        for tag, rows in rows_for_tag.items()
+        for row in rows
+        if row not in names
+    ]
+    if problems:
+        raise DataError(*problems)
+    allowed = [rows_for_tag.get(record.tag or "", tuple(names)) for record in records]
+    blocks = tuple(block for block in observation.blocks if block.row_name in allowed[block.record])
+    return replace(observation, blocks=blocks)
+
+
+def _block(model: Model, signals: FilteredRecord, index: int, row: int) -> RowBlock:
+    info = model.rows[row]
+    masked = _mask(model, signals, row)[signals.grid]
+    place = np.flatnonzero(~masked).astype(np.int64)
+    W = np.zeros((len(place), len(model.base_parameters)))
+    for column, terms in model.regressor_columns[row].items():
+        W[:, column] = signals.sum_of(terms)[place]
+    return RowBlock(
+        record=index,
+        row=row,
+        record_name=signals.record.name,
+        row_name=info.name,
+        unit=info.unit,
+        place=place,
+        grid=len(signals.grid),
+        Y=signals.sum_of(model.measurement_columns[row])[place],
+        W=W,
+        masked=int(masked.sum()),
+        has_force=bool(model.measurement_columns[row]),
+        force_scale=_force_scale(model, signals, info),
+        differentiated=info.differentiated,
+    )
+
+
+def _force_scale(model: Model, signals: FilteredRecord, info: RowInfo) -> float:
+    """Return the rms of all forces on the grid, differentiated as often as the row."""
+    used = dict.fromkeys(signal.actuator for signal in model.signals if signal.actuator is not None)
+    power = 0.0
+    for key in used:
+        power += float(np.mean(signals.smooth(key, info.differentiated)[signals.grid] ** 2))
+    return float(np.sqrt(power))
+
+
+def _mask(model: Model, signals: FilteredRecord, row: int) -> BoolArray:
+    """Return which samples the row must not use, at the full rate, shape (n,)."""
+    info = model.rows[row]
+    masked = np.zeros(signals.record.n, dtype=bool)
+    late = signals.direction_reach()
+    if info.differentiated and info.reversals:
+        # a jump of the friction enters as an impulse, differentiated once less than the row
+        reach = max(signals.reach(k) for k in range(info.differentiated)) + late
+        for key in info.reversals:
+            masked |= widen(reversals(signals.direction(key)), reach)
+        return masked
+    shortest = int(np.ceil(STANDSTILL_PERIODS * signals.record.fs / signals.choice.cutoff_hz))
+    for key in _direction_keys(model, row):
+        masked |= widen(standstills(signals.direction(key), shortest), signals.reach(0) + late)
+    return masked
+
+
+def _direction_keys(model: Model, row: int) -> tuple[str, ...]:
+    """Return the signals whose sign enters a row."""
+    used = dict.fromkeys(key for terms in model.regressor_columns[row].values() for _, key in terms)
+    signs = [feature.of for feature in model.features if feature.key in used and isinstance(feature.of, str)]
+    brought = [
+        signal.key
+        for signal in model.signals
+        if signal.key in used and signal.sensor is None and signal.actuator is None
+    ]
+    return tuple(dict.fromkeys(signs + brought))

@@ -1,0 +1,64 @@
+"""What an instrument makes of the truth: white noise, then rounding to its resolution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import pi
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.contract import Model
+from modelgen.runtime.data import missing_name
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def encoder_step(lines: int) -> float:
+    """Return the resolution in rad of a rotary encoder with four counts a line: 2 pi / (4 lines)."""
+    return 2.0 * pi / (4.0 * lines)
+
+
+def instrument_keys(model: Model) -> tuple[str, ...]:
+    """Return the channels that come from an instrument: sensors, then actuators."""
+    sensors = tuple(sensor.key for sensor in model.sensors)
+    return sensors + tuple(actuator.key for actuator in model.actuators)
+
+
+def check_levels(model: Model, option: str, levels: Mapping[str, float]) -> None:
+    """Raise DataError for noise or resolution of a channel that does not exist, or below zero."""
+    keys = instrument_keys(model)
+    problems = [missing_name(option, "channel", key, keys) for key in levels if key not in keys]
+    problems += [
+        Problem(f"{option}: {key}", f"is {level!r}", "give zero or a positive number")
+        for key, level in levels.items()
+        if not 0.0 <= level < np.inf
+    ]
+    if problems:
+        raise DataError(*problems)
+
+
+def readings(
+    model: Model,
+    true: Mapping[str, FloatArray],
+    noise: Mapping[str, float],
+    resolution: Mapping[str, float],
+    seed: int,
+) -> dict[str, FloatArray]:
+    """Return what the instruments read, and the directions of motion that the model asks for.
+
+    Every instrument draws its noise from a stream of its own: another channel's noise does not change it.
+    """
+    keys = instrument_keys(model)
+    streams = np.random.default_rng(seed).spawn(len(keys))
+    measured = {}
+    for key, stream in zip(keys, streams, strict=True):
+        reading = true[key]
+        if noise.get(key):
+            reading = reading + noise[key] * stream.standard_normal(reading.size)
+        if resolution.get(key):
+            reading = resolution[key] * np.round(reading / resolution[key])
+        measured[key] = reading
+    directions = (s.key for s in model.signals if s.sensor is None and s.actuator is None)
+    return measured | {key: true[key] for key in directions}

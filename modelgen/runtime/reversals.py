@@ -1,0 +1,51 @@
+"""Masks: which samples lie too near to a reversal or a standstill to be used.
+
+Coulomb friction jumps where a velocity changes sign, and while a mass sticks the friction force is anything
+between the two Coulomb levels. A differentiated row drops the friction and is wrong around both; a row that
+keeps sign() is right through a quick reversal and wrong during a standstill only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# standing still: this share of the velocity's 99th percentile
+STANDSTILL_SHARE = 0.005
+
+
+def standstill_threshold(velocity: FloatArray) -> float:
+    """Return the speed below which a mass stands still: 0.5 % of the 99th percentile of |velocity|."""
+    return STANDSTILL_SHARE * float(np.percentile(np.abs(velocity), 99.0))
+
+
+def standstills(velocity: FloatArray, min_samples: int) -> BoolArray:
+    """Mark stretches of at least `min_samples` samples in which the mass stands still, shape (n,)."""
+    still = np.abs(velocity) <= standstill_threshold(velocity)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
+    marked = np.zeros(len(velocity), dtype=bool)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if stop - start >= min_samples:
+            marked[start:stop] = True
+    return marked
+
+
+def reversals(velocity: FloatArray) -> BoolArray:
+    """Mark both samples beside every change of sign, and every sample of standing still, shape (n,)."""
+    marked = standstills(velocity, 1)
+    changes = np.flatnonzero(velocity[1:] * velocity[:-1] <= 0.0)
+    marked[changes] = True
+    marked[changes + 1] = True
+    return marked
+
+
+def widen(marked: BoolArray, reach: int) -> BoolArray:
+    """Mark everything within `reach` samples of what is marked, shape (n,)."""
+    n = len(marked)
+    counted = np.concatenate([[0], np.cumsum(marked)])
+    place = np.arange(n)
+    first, last = np.maximum(place - reach, 0), np.minimum(place + reach + 1, n)
+    return np.asarray(counted[last] > counted[first])

@@ -1,0 +1,80 @@
+"""The sampling frequency of a record: from what is stated, from a column of times, or from both."""
+
+from __future__ import annotations
+
+from numbers import Real
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+
+FloatArray = npt.NDArray[np.float64]
+UNIFORM = 1e-3  # of the step: how far a step may be from the others
+AGREEMENT = 1e-3  # relative: how far a stated frequency may be from the one of the times
+UNITS_PER_SECOND = (1.0, 1e3, 1e6, 1e9)  # times in s, ms, us, ns
+
+
+def sampling_frequency(where: str, stated: float | None, times: FloatArray | None) -> float:
+    """Return the sampling frequency in Hz.
+
+    Parameters
+    ----------
+    where : str
+        Names the file and its time column in messages.
+    stated : float, optional
+        Frequency in Hz that the user or the file states. The times then only confirm it: they may be in s,
+        ms, us or ns and be rounded (by less than half a step), but no sample may be missing.
+    times : array, shape (n,), optional
+        Sampling times. Without a stated frequency they must be in s, and every step equal to within 1e-3.
+
+    Raises
+    ------
+    DataError
+        When neither is given, the times are not uniform, or the two disagree by more than 0.1 %.
+    """
+    if stated is not None and not (isinstance(stated, Real) and 0.0 < stated < np.inf):
+        raise DataError.at(
+            where, f"sampling frequency is {stated!r} Hz", "give fs in Hz, finite and positive"
+        )
+    if times is None:
+        if stated is None:
+            remedy = "give fs in Hz, or the name of a column of times in seconds"
+            raise DataError.at(where, "has no sampling frequency", remedy)
+        return stated
+    _check_uniform(where, times, rounded=stated is not None)
+    measured = (times.size - 1) / float(times[-1] - times[0])
+    if stated is None:
+        if measured <= 1.0:
+            what = f"steps by {1.0 / measured:.6g}, in seconds a sampling frequency of {measured:.6g} Hz"
+            raise DataError.at(where, what, "give fs in Hz if the times are not in seconds")
+        # a clock carries no more digits; records of one bench then share one frequency
+        return float(f"{measured:.9g}")
+    if all(abs(measured * unit / stated - 1.0) > AGREEMENT for unit in UNITS_PER_SECOND):
+        what = f"says {measured:.6g} Hz, but {stated:.6g} Hz is stated"
+        raise DataError.at(where, what, "correct fs, or name the right column of times")
+    return stated
+
+
+def _check_uniform(where: str, times: FloatArray, rounded: bool) -> None:
+    if times.size < 2:
+        raise DataError.at(where, f"has {times.size} sample(s)", "give at least two samples")
+    bad = np.flatnonzero(~np.isfinite(times))
+    if bad.size:
+        raise DataError.at(
+            f"{where}, sample {bad[0]}", f"is {times[bad[0]]}", "correct the time, or give fs alone"
+        )
+    steps = np.diff(times)
+    step = float(np.median(steps))
+    if step <= 0.0:
+        raise DataError.at(
+            where, f"does not increase (median step {step:.6g})", "name the right column of times"
+        )
+    bad = np.flatnonzero(np.abs(steps - step) > (0.5 if rounded else UNIFORM) * step)
+    if bad.size:
+        first = int(bad[0])
+        what = f"jumps by {steps[first]:.6g} where the step is {step:.6g} ({bad.size} such steps)"
+        remedy = "resample, or cut the record there" + (
+            "" if rounded else "; give fs too if the times are only rounded"
+        )
+        raise DataError.at(f"{where}, sample {first + 1}", what, remedy)

@@ -1,0 +1,251 @@
+"""The direct model in closed loop: parameters and an excitation -> a record, as the sensors would read it.
+
+Equations (17)-(19) of Pham 2002, corrected, with true Coulomb friction: the motion between stick and slip
+events is exact (`stick_slip`), and so are torques, accelerations and friction at the sample instants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+from modelgen.runtime.closed_loop import PositionVelocityController, closed_loop, default_controller
+from modelgen.runtime.contract import Model
+from modelgen.runtime.data import Record
+from modelgen.runtime.default_excitation import default_excitation
+from modelgen.runtime.excitation import Excitation
+from modelgen.runtime.plant import Plant, make_plant
+from modelgen.runtime.readings import check_levels, readings
+from modelgen.runtime.stick_slip import Event, Trajectory, integrate
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a simulation was made with: every parameter's value, and the options in use."""
+
+    parameters: Mapping[str, float]
+    controller: PositionVelocityController
+    actuator: str
+    fs: float
+    oversample: int
+    noise: Mapping[str, float]
+    resolution: Mapping[str, float]
+    seed: int
+
+
+@dataclass(frozen=True)
+class ModeChange:
+    """At `time_s` the body starts to slip forward (+1), backward (-1), or sticks (0)."""
+
+    time_s: float
+    body: str
+    mode: int
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A simulated experiment.
+
+    Attributes
+    ----------
+    record : Record
+        What sensors and actuators read, with noise and resolution; and the signals ``sign_BODY`` that the
+        model asks for.
+    true : mapping of str to ndarray, shape (N,)
+        The same channels without noise; of every body ``q_BODY``, ``v_BODY``, ``a_BODY``, ``sign_BODY``; of
+        bodies with friction or offset ``friction_BODY``, the force; of those that can stick ``mode_BODY``
+        (+1, -1, 0). Where a channel has one of these names, it comes first.
+    reference : Excitation
+    changes : tuple of ModeChange
+        Every change between slip and stick, at its exact time.
+    settings : Settings
+    """
+
+    record: Record
+    true: Mapping[str, FloatArray]
+    reference: Excitation
+    changes: tuple[ModeChange, ...]
+    settings: Settings
+
+
+def simulate(
+    model: Model,
+    parameters: Mapping[str, float],
+    excitation: str | Excitation = "chirp",
+    *,
+    fs: float = 5000.0,
+    duration_s: float | None = None,
+    noise: Mapping[str, float] | None = None,
+    resolution: Mapping[str, float] | None = None,
+    seed: int = 0,
+    oversample: int = 8,
+    controller: PositionVelocityController | None = None,
+    actuator: str | None = None,
+    initial_state: npt.ArrayLike | None = None,
+) -> Simulation:
+    """Simulate a chain with true Coulomb friction under position and velocity control.
+
+    Parameters
+    ----------
+    model : Model
+        The generated module's view.
+    parameters : mapping of str to float
+        Physical parameters (SI); known ones may be left out.
+    excitation : str or Excitation
+        "chirp", "trapezoid" (levels as in `default_excitation`), or the user's own.
+    fs : float
+        Sampling frequency in Hz.
+    duration_s : float, optional
+        Of "chirp" and "trapezoid", by default 2 s; an Excitation has its own.
+    noise : mapping of str to float, optional
+        Standard deviation (SI) of white noise on a sensor's or actuator's channel, unseen by the controller.
+    resolution : mapping of str to float, optional
+        Step (SI) to which a channel is rounded after the noise, see `readings.encoder_step`.
+    seed : int
+        Of the noise. Every channel draws from a stream of its own.
+    oversample : int
+        Internal steps per sample. An Excitation has its own.
+    controller : PositionVelocityController, optional
+        By default slow against the lowest elastic mode.
+    actuator : str, optional
+        Key of the actuator that is driven, by default the first; the others rest at 0.
+    initial_state : array_like, shape (2 bodies,), optional
+        All positions, then all velocities, in the order of the spec; by default at rest at 0.
+
+    Raises
+    ------
+    DataError
+        For parameters, channels or options that do not fit the model, for a chain with a cubic stiffness or
+        without an actuator, and for a closed loop that is unstable.
+    """
+    plant = make_plant(model, parameters, actuator)
+    loop = controller or default_controller(plant)
+    noise, resolution = dict(noise or {}), dict(resolution or {})
+    check_levels(model, "noise", noise)
+    check_levels(model, "resolution", resolution)
+    if seed < 0:
+        raise DataError.at("seed", f"is {seed}", "give a whole number, 0 or more")
+    if isinstance(excitation, str):
+        excitation = default_excitation(
+            excitation,
+            model,
+            parameters,
+            fs,
+            duration_s=2.0 if duration_s is None else duration_s,
+            controller=loop,
+            actuator=actuator,
+            oversample=oversample,
+        )
+    elif duration_s is not None:
+        raise DataError.at("duration_s", "is given beside an Excitation, which has its own", "leave it out")
+    oversample = _oversample(excitation, fs)
+    inputs = loop.kp * excitation.reference + loop.kv * excitation.reference_rate + excitation.feedforward
+    path = integrate(
+        closed_loop(plant, loop),
+        _initial_state(plant, initial_state),
+        inputs[:, None],
+        1.0 / excitation.rate_hz,
+        oversample,
+    )
+    true = _true_signals(plant, loop, excitation, path, oversample)
+    measured = readings(model, true, noise, resolution, seed)
+    record = Record(measured, fs, excitation.name, excitation.name)
+    key = model.actuators[plant.actuator].key
+    settings = Settings(
+        plant.parameters,
+        loop,
+        key,
+        fs,
+        oversample,
+        MappingProxyType(noise),
+        MappingProxyType(resolution),
+        seed,
+    )
+    changes = tuple(_mode_change(plant, event) for event in path.events)
+    return Simulation(record, MappingProxyType(true), excitation, changes, settings)
+
+
+def _oversample(excitation: Excitation, fs: float) -> int:
+    if not 0.0 < fs < np.inf:
+        raise DataError.at("fs", f"is {fs!r}", "give the sampling frequency in Hz, finite and positive")
+    ratio = excitation.rate_hz / fs
+    if ratio < 0.5 or abs(ratio - round(ratio)) > 1e-9 * ratio:
+        what = f"has {excitation.rate_hz:g} Hz, no whole multiple of fs = {fs:g} Hz"
+        raise DataError.at(f"excitation {excitation.name}", what, "make both fit")
+    return round(ratio)
+
+
+def _initial_state(plant: Plant, given: npt.ArrayLike | None) -> FloatArray:
+    size = 2 * len(plant.bodies)
+    state = np.zeros(size) if given is None else np.array(given, dtype=float)
+    if state.shape != (size,) or not np.isfinite(state).all():
+        remedy = f"give {size} finite numbers: positions, then velocities, of {', '.join(plant.bodies)}"
+        raise DataError.at("initial_state", f"has shape {state.shape} or is not finite", remedy)
+    return state
+
+
+def _true_signals(
+    plant: Plant,
+    controller: PositionVelocityController,
+    excitation: Excitation,
+    path: Trajectory,
+    oversample: int,
+) -> dict[str, FloatArray]:
+    """Return the exact signals at the sample instants, channels of the record first."""
+    model, n = plant.model, len(plant.bodies)
+    x, modes = path.states, path.modes
+    forces = np.zeros((len(x), len(model.actuators)))
+    r, rate, feedforward = (
+        array[::oversample]
+        for array in (excitation.reference, excitation.reference_rate, excitation.feedforward)
+    )
+    q, v = x[:, plant.driven], x[:, n + plant.driven]
+    forces[:, plant.actuator] = controller.kp * (r - q) + controller.kv * (rate - v) + feedforward
+    acceleration, friction, sensed = _outputs(plant, x, modes, forces)
+    true = {entry.key: forces[:, i] for i, entry in enumerate(model.actuators)}
+    true |= {sensor.key: sensed[:, i] for i, sensor in enumerate(model.sensors)}
+    for i, body in enumerate(plant.bodies):
+        for prefix, array in (("q", x[:, i]), ("v", x[:, n + i]), ("a", acceleration[:, i])):
+            true.setdefault(f"{prefix}_{body}", array)
+        true.setdefault(f"sign_{body}", np.sign(x[:, n + i]))
+    for j, entry in enumerate(model.friction):
+        true.setdefault(f"friction_{entry.body}", friction[:, j])
+    for i, j in enumerate(plant.sticking):
+        true.setdefault(f"mode_{model.friction[j].body}", modes[:, i].astype(float))
+    return true
+
+
+def _outputs(
+    plant: Plant, x: FloatArray, modes: npt.NDArray[np.int8], forces: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return accelerations of the bodies, friction forces and sensor readings, one column each."""
+    n = len(plant.bodies)
+    acceleration = np.empty((len(x), n))
+    friction = np.tile(plant.offsets, (len(x), 1))
+    sensed = np.empty((len(x), len(plant.model.sensors)))
+    for mode in np.unique(modes, axis=0):
+        rows = (modes == mode).all(axis=1)
+        space = plant.space(tuple(int(sign) for sign in mode))
+        free = x[rows] @ space.A.T + forces[rows] @ space.B.T
+        f = friction[rows]
+        for j, body, sign in zip(plant.sticking, plant.coulomb_bodies, mode, strict=True):
+            if sign:
+                f[:, j] += body.plus if sign > 0 else -body.minus
+            else:
+                f[:, j] = free[:, body.velocity] * body.inertia  # what holds it
+        acceleration[rows] = (free + f @ space.E.T)[:, n:]
+        sensed[rows] = x[rows] @ space.C.T + forces[rows] @ space.D.T + f @ space.F.T
+        friction[rows] = f
+    return acceleration, friction, sensed
+
+
+def _mode_change(plant: Plant, event: Event) -> ModeChange:
+    column = plant.sticking[event.body]
+    return ModeChange(event.time_s, plant.model.friction[column].body, event.mode)

@@ -1,0 +1,77 @@
+"""Where the power of a reading lies: spectra of its derivatives or integrals, cleared of white noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+# The noise is the median of the reading's power in this upper part of the band;
+NOISE_FROM = 0.8
+# power counts where it is this many times above it: of a million bins of noise, about one is.
+NOISE_FACTOR = 20.0
+
+
+def power_spectrum(
+    samples: FloatArray, fs: float, derivative: int = 0, keep_mean: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Return the power spectrum of a derivative (or integral), Hann-windowed and cleared of white noise.
+
+    A position's noise grows with the fourth power of the frequency in its acceleration: uncleared, it would
+    pass for dynamics.
+
+    Parameters
+    ----------
+    samples : array, shape (n,)
+        A reading.
+    fs : float
+        Sampling frequency in Hz.
+    derivative : int
+        Derivative to take; negative integrates.
+    keep_mean : bool
+        Keep the mean (a constant velocity); otherwise it is removed before the window.
+
+    Returns
+    -------
+    frequency_hz, power : array, shape (about n / 2,)
+        Frequencies above zero (and zero itself where the mean is kept); power in arbitrary units, zero where
+        there is nothing but noise.
+    """
+    # a window on a position that travels would bring the window's own derivatives in: difference first
+    times = max(derivative, 0)
+    differenced = np.diff(samples, n=times)
+    if not keep_mean:
+        differenced = differenced - differenced.mean()
+    n = len(differenced)
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
+    power = np.abs(np.fft.rfft(differenced * window)) ** 2
+    frequency_hz = np.fft.rfftfreq(n, 1.0 / fs)
+    # the power of the reading itself, in which the noise is white
+    slope = np.ones(len(frequency_hz))
+    slope[1:] = 2.0 * np.sin(np.pi * frequency_hz[1:] / fs)
+    reading = power / slope ** (2 * times)
+    noise = float(np.median(reading[frequency_hz >= NOISE_FROM * 0.5 * fs]))
+    clear = reading > NOISE_FACTOR * noise
+    if np.any(clear):  # a flat spectrum cannot be told from noise and is taken as it is
+        power = np.where(clear, power, 0.0)
+    omega = np.ones(len(frequency_hz))
+    omega[1:] = 2.0 * np.pi * frequency_hz[1:] / fs
+    power = power * omega ** (2 * derivative) / slope ** (2 * times)
+    first = 0 if keep_mean else 1
+    return np.asarray(frequency_hz[first:]), np.asarray(power[first:])
+
+
+def band_limit_hz(frequency_hz: FloatArray, power: FloatArray, share: float, up_to_hz: float) -> float | None:
+    """Return the frequency below which `share` of the power up to `up_to_hz` lies; None without any power."""
+    inside = frequency_hz <= up_to_hz
+    cumulated = np.cumsum(power[inside])
+    if cumulated.size == 0 or cumulated[-1] <= 0.0:
+        return None
+    return float(frequency_hz[inside][np.searchsorted(cumulated, share * cumulated[-1])])
+
+
+def share_below(frequency_hz: FloatArray, power: FloatArray, limit_hz: float) -> float:
+    """Return which share of the power lies below a frequency, 0 to 1; 0 without any power."""
+    total = float(power.sum())
+    return float(power[frequency_hz < limit_hz].sum()) / total if total > 0.0 else 0.0

@@ -1,0 +1,134 @@
+"""Composite parameters: what a row is linear in after an elimination, as quotients of polynomials.
+
+A row is normalised so that a measured force has the coefficient 1: dividing by the coefficient of its lowest
+derivative turns the others into quotients of polynomials in the physical parameters. Equal quotients share a
+name, so that rows share their columns; a quotient that is a physical parameter keeps that parameter's name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import NamedTuple
+
+from sympy.polys.rings import PolyElement
+
+from modelgen.symbolic.elimination import EliminatedRow
+from modelgen.symbolic.polynomials import Functional, PolynomialSystem
+from modelgen.symbolic.reading import Candidate
+from modelgen.symbolic.row import Composite
+from modelgen.symbolic.signals import Signal, Term, collect
+
+LONGEST_NAME = 40
+
+
+class Part(NamedTuple):
+    """One derivative in a row with its coefficient; `functional` says of which coordinates, if any."""
+
+    signal: Signal
+    functional: Functional | None
+    value: PolyElement
+    left: bool
+
+
+class Composites:
+    """The composites of one sensor set, named once each, in order of appearance."""
+
+    def __init__(self, system: PolynomialSystem) -> None:
+        self.system = system
+        self.named: dict[str, Composite] = {}
+        self._names: dict[tuple[PolyElement, PolyElement], str] = {}
+
+    def candidate(self, row: EliminatedRow) -> Candidate:
+        """Return the row with named composites, normalised by a measured force."""
+        parts = list(_parts(row))
+        # The lowest derivative of a force, or of a coordinate in a row that no force enters.
+        normal = min(parts, key=lambda part: (not part.left, part.signal.order))
+        terms: list[Term] = []
+        for part in parts:
+            name, factor = (None, Fraction(1)) if part is normal else self._name(part.value, normal.value)
+            if part.left == (name is not None):  # it moves to the other side of the equation
+                factor = -factor
+            for body, weight in part.functional or ((part.signal.name, Fraction(1)),):
+                terms.append(Term(name, part.signal._replace(name=body), factor * weight))
+        # The derivative of sign() is zero except at reversals: a row that differentiates it must avoid those.
+        differentiated = [
+            s.name for s, poly in row.constants.items() if s.kind != "one" and poly.degree(0) > 0
+        ]
+        directed = [functional[0][0] for kind, functional in row.coordinates if kind]
+        origin = f"elimination of {', '.join(row.eliminated)} from the equations of {', '.join(row.bodies)}"
+        masked = tuple(dict.fromkeys([*differentiated, *directed]))
+        return Candidate(row.bodies, collect(terms), origin, masked)
+
+    def _name(self, value: PolyElement, scale: PolyElement) -> tuple[str | None, Fraction]:
+        """Return (name, factor) with name * factor = value / scale; no name if that is a number."""
+        ring = self.system.ring
+        numerator, denominator = value.cancel(scale)
+        factor = Fraction(1)
+        parts = []
+        for poly, power in ((numerator, 1), (denominator, -1)):
+            content, primitive = poly.primitive()
+            if primitive.LC < 0:
+                content, primitive = -content, -primitive
+            factor *= Fraction(int(content.numerator), int(content.denominator)) ** power
+            parts.append(primitive)
+        numerator, denominator = parts
+        if numerator == ring.one and denominator == ring.one:
+            return None, factor
+        key = (numerator, denominator)
+        if key not in self._names:
+            formula = quotient_text(numerator, denominator)
+            name = formula if len(formula) <= LONGEST_NAME else self._number()
+            self._names[key] = name
+            if name not in self.system.parameters:
+                self.named[name] = Composite(numerator, denominator, formula)
+        return self._names[key], factor
+
+    def _number(self) -> str:
+        index = len(self.named) + 1
+        while f"C{index}" in self.system.parameters or f"C{index}" in self.named:
+            index += 1
+        return f"C{index}"
+
+
+def by_order(poly: PolyElement) -> Iterator[tuple[int, PolyElement]]:
+    """Yield (power of s, its coefficient) of a polynomial, lowest power first."""
+    ring = poly.ring
+    table: dict[int, PolyElement] = {}
+    for exponents, coefficient in poly.items():
+        order, rest = exponents[0], (0, *exponents[1:])
+        table.setdefault(order, ring.zero.copy())[rest] = coefficient
+    yield from sorted(table.items())
+
+
+def quotient_text(numerator: PolyElement, denominator: PolyElement) -> str:
+    """Return a quotient as text, for example ``(J_m + J_c)/K``."""
+    top, bottom = (
+        "+".join(monomials(poly)).replace("+", " + ").replace(" + -", " - ")
+        for poly in (numerator, denominator)
+    )
+    if denominator == denominator.ring.one:
+        return top
+    top = f"({top})" if len(numerator) > 1 else top
+    bottom = f"({bottom})" if len(denominator) > 1 or "*" in bottom else bottom
+    return f"{top}/{bottom}"
+
+
+def monomials(poly: PolyElement) -> Iterator[str]:
+    """Yield the terms of a polynomial as text, in the order of its ring."""
+    names = [symbol.name for symbol in poly.ring.symbols]
+    for exponents, coefficient in poly.terms():
+        factors = [] if coefficient == 1 else [str(coefficient)]
+        factors += [n if e == 1 else f"{n}**{e}" for n, e in zip(names, exponents, strict=True) if e]
+        yield "*".join(factors) or "1"
+
+
+def _parts(row: EliminatedRow) -> Iterator[Part]:
+    for (kind, functional), poly in row.coordinates.items():
+        for order, value in by_order(poly):
+            yield Part(Signal(kind or "coordinate", "", order), functional, value, False)  # type: ignore[arg-type]
+    for name, poly in row.forces.items():
+        for order, value in by_order(poly):
+            yield Part(Signal("force", name, order), None, value, True)
+    for signal, poly in row.constants.items():
+        yield from (Part(signal, None, value, False) for order, value in by_order(poly) if order == 0)

@@ -1,0 +1,220 @@
+"""Elimination: rows without the coordinates that no sensor gives.
+
+Take one more equation than there are unseen coordinates in them; the maximal minors of their columns for
+those coordinates are polynomials in s that cancel the unseen coordinates (Cramer's rule), and dividing by
+their common factor makes the row of lowest order. Every measured body whose equation holds unseen
+coordinates gives one such row with the equations of the unseen bodies themselves; where an unseen group has
+several measured neighbours, other choices of equations may need fewer derivatives and are tried as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import combinations
+from random import Random
+from typing import TypeVar
+
+from sympy.polys.rings import PolyElement
+
+from modelgen.errors import ModelError
+from modelgen.symbolic.identifiability import PRIME, SEED, evaluate
+from modelgen.symbolic.polynomials import Place, PolynomialSystem, unit
+from modelgen.symbolic.signals import Signal
+
+#: More unseen neighbours than this are refused: the number of terms grows exponentially with them.
+LARGEST_ELIMINATION = 4
+#: Alternative choices of equations are tried up to this many; beyond, each measured body's own row is kept.
+MOST_CHOICES = 64
+Key = TypeVar("Key")
+
+
+@dataclass(frozen=True)
+class EliminatedRow:
+    """sum of polynomial * coordinate = sum of polynomial * force - constants, free of unseen coordinates."""
+
+    bodies: tuple[str, ...]
+    eliminated: tuple[str, ...]
+    coordinates: Mapping[Place, PolyElement]
+    forces: Mapping[str, PolyElement]
+    constants: Mapping[Signal, PolyElement]
+
+
+def eliminated_rows(system: PolynomialSystem, where: str) -> tuple[EliminatedRow, ...]:
+    """Return independent rows of lowest order for all equations that hold unseen coordinates.
+
+    Raises
+    ------
+    ModelError
+        If more than LARGEST_ELIMINATION unseen coordinates would have to be eliminated at once, or something
+        nonlinear.
+    """
+    unseen = {body: frozenset(_unseen_in(system, body)) for body in system.equations}
+    rows: list[EliminatedRow] = []
+    for equations, coordinates in _choices(system, unseen, where):
+        row = _eliminate(system, equations, coordinates, where)
+        if row is not None:
+            rows.append(row)
+    # Rows that a force enters come first: they fix the scale of their parameters.
+    rows.sort(key=lambda row: (not row.forces, _order(row), len(row.bodies)))
+    wanted = sum(1 for held in unseen.values() if held) - len(system.coordinates.unseen)
+    return tuple(_independent(rows, wanted, system))
+
+
+def _unseen_in(system: PolynomialSystem, body: str) -> Iterator[str]:
+    places = system.equations[body].coordinates
+    return (other for other in system.coordinates.unseen if ("", unit(other)) in places)
+
+
+def _choices(
+    system: PolynomialSystem, unseen: Mapping[str, frozenset[str]], where: str
+) -> Iterator[tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Yield (equations, unseen coordinates in them), one equation more than coordinates."""
+    order = {body: index for index, body in enumerate(system.equations)}
+    groups = _groups(system.coordinates.unseen, unseen.values())
+    group_of = {body: group for group in groups for body in group}
+    tried: dict[tuple[str, ...], tuple[str, ...]] = {}
+    for body, held in unseen.items():
+        if held and body not in group_of:
+            inside = sorted({b for other in held for b in group_of[other]}, key=order.__getitem__)
+            _refuse_large(inside, where)
+            tried.setdefault(tuple(sorted([*inside, body], key=order.__getitem__)), tuple(inside))
+    for group in groups:
+        pool = [body for body, held in unseen.items() if held and held <= frozenset(group)]
+        for equations in _few(combinations(pool, len(group) + 1)):
+            tried.setdefault(equations, group)
+    yield from tried.items()
+
+
+def _few(choices: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    listed = [choice for _, choice in zip(range(MOST_CHOICES + 1), choices, strict=False)]
+    return listed if len(listed) <= MOST_CHOICES else []
+
+
+def _groups(bodies: Sequence[str], held_together: Iterable[frozenset[str]]) -> list[tuple[str, ...]]:
+    """Group unseen bodies that are tied to each other by their own equations."""
+    parent = {body: body for body in bodies}
+
+    def root(body: str) -> str:
+        while parent[body] != body:
+            body = parent[body]
+        return body
+
+    for held in held_together:
+        first, *rest = sorted(held) or [""]
+        for other in rest:
+            parent[root(other)] = root(first)
+    groups: dict[str, list[str]] = {}
+    for body in bodies:
+        groups.setdefault(root(body), []).append(body)
+    return [tuple(group) for group in groups.values()]
+
+
+def _refuse_large(inside: Sequence[str], where: str) -> None:
+    if len(inside) > LARGEST_ELIMINATION:
+        raise ModelError.at(
+            where,
+            f"{len(inside)} bodies that hang together have no sensor ({', '.join(inside)}); at most "
+            f"{LARGEST_ELIMINATION} can be eliminated",
+            f"add a sensor on one of {', '.join(inside)}",
+        )
+
+
+def _eliminate(
+    system: PolynomialSystem, equations: tuple[str, ...], unseen: tuple[str, ...], where: str
+) -> EliminatedRow | None:
+    zero = system.ring.zero
+    columns = [
+        [system.equations[body].coordinates.get(("", unit(other)), zero) for other in unseen]
+        for body in equations
+    ]
+    multipliers = []
+    for skipped in range(len(equations)):
+        minor = _determinant([row for index, row in enumerate(columns) if index != skipped], zero)
+        multipliers.append(-minor if skipped % 2 else minor)
+    if not any(multipliers):
+        return None
+    common = reduce(lambda a, b: a.gcd(b), [m for m in multipliers if m])
+    weights = {body: m.exquo(common) for body, m in zip(equations, multipliers, strict=True) if m}
+    _refuse_nonlinear(system, weights, unseen, where)
+    return EliminatedRow(
+        tuple(weights),
+        unseen,
+        _combine((system.equations[b].coordinates, w) for b, w in weights.items()),
+        _combine((system.equations[b].forces, w) for b, w in weights.items()),
+        _combine((system.equations[b].constants, w) for b, w in weights.items()),
+    )
+
+
+def _determinant(matrix: list[list[PolyElement]], zero: PolyElement) -> PolyElement:
+    """Expand by the first row, skipping zeros: the matrices are small and sparse."""
+    if not matrix:
+        return zero + 1
+    total = zero
+    for column, entry in enumerate(matrix[0]):
+        if entry:
+            rest = [row[:column] + row[column + 1 :] for row in matrix[1:]]
+            term = entry * _determinant(rest, zero)
+            total = total - term if column % 2 else total + term
+    return total
+
+
+def _combine(parts: Iterable[tuple[Mapping[Key, PolyElement], PolyElement]]) -> dict[Key, PolyElement]:
+    total: dict[Key, PolyElement] = {}
+    for table, weight in parts:
+        for key, value in table.items():
+            term = value * weight
+            total[key] = total[key] + term if key in total else term
+    return {key: value for key, value in total.items() if value}
+
+
+def _refuse_nonlinear(
+    system: PolynomialSystem, weights: Mapping[str, PolyElement], unseen: Sequence[str], where: str
+) -> None:
+    for body in weights:
+        equation = system.equations[body]
+        if equation.cubes:
+            raise ModelError.at(
+                where,
+                f"the cubic stiffness at {body} would have to be eliminated with {', '.join(unseen)}",
+                f"add a position sensor on {', '.join(unseen)}",
+            )
+        for kind, functional in equation.coordinates:
+            if kind and functional[0][0] in unseen:
+                raise ModelError.at(
+                    where,
+                    f"the asymmetric viscous friction of {functional[0][0]} would have to be eliminated",
+                    f"add a sensor on {functional[0][0]}, or make its friction symmetric",
+                )
+
+
+def _order(row: EliminatedRow) -> int:
+    return max(int(p.degree(0)) for p in row.coordinates.values())
+
+
+def _independent(
+    rows: Sequence[EliminatedRow], wanted: int, system: PolynomialSystem
+) -> Iterator[EliminatedRow]:
+    """Keep rows, lowest order first, that are independent at a random point of a prime field."""
+    random = Random(SEED)
+    point = [random.randrange(1, PRIME) for _ in system.ring.gens]
+    kept: list[dict[object, int]] = []
+    for row in rows:
+        vector: dict[object, int] = {
+            key: value
+            for table in (row.coordinates, row.forces)
+            for key, poly in table.items()
+            if (value := evaluate(poly, point))
+        }
+        for pivot in kept:
+            lead = next(iter(pivot))
+            factor = vector.get(lead, 0) * pow(pivot[lead], -1, PRIME)
+            for key, value in pivot.items():
+                vector[key] = (vector.get(key, 0) - factor * value) % PRIME
+            vector = {key: value for key, value in vector.items() if value}
+        if vector:
+            kept.append(vector)
+            yield row
+        if len(kept) == wanted:
+            return

@@ -1,0 +1,218 @@
+"""What the commands show, as plain values for --json and as rich tables for the eye.
+
+Each pair of functions belongs together: `describe_...` turns a result into dicts and lists, and `..._tables`
+lays those out. Nothing is computed here.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+from rich.console import Console, Group
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from fractions import Fraction
+
+    from modelgen.symbolic.base_parameters import BaseModel
+    from modelgen.symbolic.newton import Equation, MotionEquations
+    from modelgen.symbolic.signals import Signal
+
+PRIMES = ("", "'", "''")
+Justify = Literal["left", "right"]
+Description = dict[str, Any]
+
+
+def console() -> Console:
+    """Return the console on stdout; what is piped into a file is wider than the 80 columns rich assumes."""
+    narrow = not sys.stdout.isatty() and "COLUMNS" not in os.environ
+    return Console(width=120 if narrow else None, highlight=False)
+
+
+def table(title: str, columns: Iterable[tuple[str, Justify]], rows: Iterable[Sequence[str]]) -> Table:
+    """Return a plain table with these headings."""
+    result = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    for heading, justify in columns:
+        result.add_column(heading, justify=justify)
+    for row in rows:
+        result.add_row(*(Text(cell) for cell in row))
+    return result
+
+
+def describe_chain(motion: MotionEquations, models: Sequence[BaseModel]) -> Description:
+    """Return a chain's equations and what each sensor set makes of them, as plain values."""
+    return {
+        "chain": motion.spec.name,
+        "title": motion.spec.title,
+        "equations": [{"body": e.body, "equation": _equation_text(e)} for e in motion.equations],
+        "known": dict(motion.spec.known),
+        "sensor_sets": [_describe_model(model) for model in models],
+    }
+
+
+def chain_tables(described: Description) -> Group:
+    """Lay out what `describe_chain` says."""
+    known = [f"known: {name} = {value!r}" for name, value in described["known"].items()]
+    equations = [f"  {entry['equation']}" for entry in described["equations"]]
+    head = [f"{described['chain']}: {described['title']}", "", "Equations of motion", *equations, *known]
+    parts = [part for model in described["sensor_sets"] for part in _model_tables(model)]
+    return Group(*(Text(line) for line in head), *parts)
+
+
+def demo_tables(found: Description) -> Group:
+    """Lay out what the demo found: true values and estimates, with their errors."""
+    low, high = found["chirp_band_hz"]
+    noise = ", ".join(f"{key} {std:g}" for key, std in found["noise"].items())
+    paper = found["pham2002"]
+    head = [
+        "Natural frequency and damping ratio are those of Tables 1 and 2 of Pham, Poignet, Gautier (2002).",
+        f"Bench: closed loop at {found['fs_hz']:g} Hz, a chirp of {low:g} to {high:g} Hz and trapezoids, "
+        f"{found['duration_s']:g} s each.",
+        f"Noise (rms, SI): {noise}.",
+        "wls: matched filters, chosen from the records.",
+        f"pham2002: the paper to the letter, low-pass at {paper['cutoff_hz']:.0f} Hz, every "
+        f"{paper['decimation']}th sample.",
+        "Errors are in % of the true value, and in standard deviations (sd) as each method states them.",
+    ]
+    parts: list[Table | Text] = [Text(line) for line in head]
+    for entry in found["tables"]:
+        parts += [Text(""), _comparison(entry)]
+    tail = [f"wrote {path}" for path in (*found["modules"], *found["records"])]
+    missing = "no picture: matplotlib is missing; get it with: pip install matplotlib"
+    tail.append(f"wrote {found['picture']}" if found["picture"] else missing)
+    tail.append(f"\nTry: modelgen identify {' '.join(found['records'])} --model {found['modules'][-1]}")
+    return Group(*parts, Text(""), *(Text(line) for line in tail))
+
+
+def _comparison(entry: Description) -> Table:
+    methods = list(entry["filters"])
+    columns: list[tuple[str, Justify]] = [("parameter", "left"), ("unit", "left"), ("true", "right")]
+    for method in methods:
+        columns += [(method, "right"), ("error %", "right"), ("in sd", "right")]
+    rows = []
+    for row in entry["rows"]:
+        cells = [row["parameter"], row["unit"], f"{row['true']:.4g}"]
+        for method in methods:
+            found = row["methods"][method]
+            cells += [
+                f"{found['estimate']:.4g}",
+                f"{found['error_percent']:z.2f}",
+                f"{found['error_in_std']:z.1f}",
+            ]
+        rows.append(cells)
+    return table(f"{entry['parameter_set']}, sensors {entry['sensor_set']}", columns, rows)
+
+
+def _describe_model(model: BaseModel) -> Description:
+    units = {parameter.name: parameter.unit for parameter in model.rows.spec.parameters}
+    return {
+        "sensor_set": model.rows.sensor_set,
+        "sensors": [
+            {
+                "key": sensor.key,
+                "body": sensor.body,
+                "deflection": list(sensor.deflection) if sensor.deflection else None,
+                "measures": sensor.measures,
+            }
+            for sensor in model.rows.sensors
+        ],
+        "signals": [signal.key for signal in model.rows.signals],
+        "rows": [
+            {
+                "name": row.name,
+                "origin": row.origin,
+                "order": row.order,
+                "differentiated": row.differentiated,
+                "unit": row.unit,
+                "columns": _columns_of(model, [term.parameter for term in row.terms]),
+            }
+            for row in model.rows.rows
+        ],
+        "base_parameters": [
+            {"name": base.name, "unit": units[base.combination[0][0]]} for base in model.base
+        ],
+        "identifiable": list(model.identifiable),
+        "absent": dict(model.absent),
+    }
+
+
+def _columns_of(model: BaseModel, parameters: Sequence[str | None]) -> list[str]:
+    """Return the base parameters whose column is not zero in a row with these parameters."""
+    return [base.name for base in model.base if base.combination[0][0] in parameters]
+
+
+def _model_tables(described: Description) -> list[Table | Text]:
+    sensors = ", ".join(
+        f"{sensor['key']} ({sensor['measures']} of {sensor['body'] or ' - '.join(sensor['deflection'])})"
+        for sensor in described["sensors"]
+    )
+    rows = table(
+        "Rows",
+        [
+            ("row", "left"),
+            ("origin", "left"),
+            ("order", "right"),
+            ("differentiated", "right"),
+            ("columns", "left"),
+        ],
+        [
+            (r["name"], r["origin"], str(r["order"]), str(r["differentiated"]), ", ".join(r["columns"]))
+            for r in described["rows"]
+        ],
+    )
+    identifiable = set(described["identifiable"])
+    base = table(
+        "Base parameters",
+        [("column", "right"), ("base parameter", "left"), ("unit", "left"), ("identifiable alone", "left")],
+        [
+            (str(i), b["name"], b["unit"], "yes" if b["name"] in identifiable else "no")
+            for i, b in enumerate(described["base_parameters"])
+        ],
+    )
+    absent = [Text(f"not identifiable: {name}: {why}") for name, why in described["absent"].items()]
+    head = Text(f"\nSensors {described['sensor_set']}: {sensors}\n", style="bold")
+    return [head, rows, Text(""), base, *absent]
+
+
+def _equation_text(equation: Equation) -> str:
+    """Return "Gamma_m = J_m q_m'' + K (q_m - q_c)": a parameter once, with all it multiplies of one order."""
+    grouped: dict[tuple[str | None, str, int], list[tuple[Fraction, str]]] = {}
+    for term in equation.terms:
+        key = (term.parameter, term.signal.kind, term.signal.order)
+        grouped.setdefault(key, []).append((term.coefficient, _signal_text(term.signal)))
+    left = [_sum_text(parts) for (parameter, _, _), parts in grouped.items() if parameter is None]
+    right = [_product_text(parameter, parts) for (parameter, _, _), parts in grouped.items() if parameter]
+    return f"{' + '.join(left) or '0'} = {' + '.join(right).replace('+ -', '- ')}"
+
+
+def _product_text(parameter: str, parts: Sequence[tuple[Fraction, str]]) -> str:
+    if len(parts) > 1:
+        return f"{parameter} ({_sum_text(parts)})"
+    coefficient, signal = parts[0]
+    size = "" if abs(coefficient) == 1 else f"{abs(coefficient)} "
+    return f"{'-' if coefficient < 0 else ''}{size}{parameter}{f' {signal}' if signal else ''}"
+
+
+def _sum_text(parts: Sequence[tuple[Fraction, str]]) -> str:
+    parts = sorted(parts, key=lambda part: part[0] < 0)  # q_c - q_m reads better than -q_m + q_c
+    texts = [f"{'' if abs(c) == 1 else f'{abs(c)} '}{signal}" for c, signal in parts]
+    signs = ["-" if c < 0 else "+" for c, _ in parts]
+    first = f"{'-' if signs[0] == '-' else ''}{texts[0]}"
+    return first + "".join(f" {sign} {text}" for sign, text in zip(signs[1:], texts[1:], strict=True))
+
+
+def _signal_text(signal: Signal) -> str:
+    if signal.kind == "one":
+        return ""
+    if signal.kind == "force":
+        return signal.name
+    if signal.kind == "cube":
+        return f"(deflection of link {int(signal.name) + 1})^3"
+    if signal.kind == "coordinate":
+        return f"q_{signal.name}{PRIMES[signal.order]}"
+    motion = f" q_{signal.name}{PRIMES[signal.order]}" if signal.order else ""
+    return f"{signal.kind}(q_{signal.name}'){motion}"

@@ -1,0 +1,95 @@
+"""Any sensor set on any graph: rows hold, columns are independent, and what is called identifiable is."""
+
+from __future__ import annotations
+
+import random
+from types import ModuleType
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from modelgen.errors import ModelError
+from modelgen.render.writer import generate
+from modelgen.spec import parse_spec
+from tests.symbolic.random_chains import ExactMotion, random_spec
+
+
+def module_of(text: str) -> ModuleType:
+    module = ModuleType("chain_set")
+    exec(compile(generate(parse_spec(text, "chain.toml"), "set"), "chain_set.py", "exec"), module.__dict__)
+    return module
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(st.integers(0, 10**9))
+def test_rows_hold_on_random_graphs(seed: int) -> None:
+    text = random_spec(random.Random(seed))
+    try:
+        module = module_of(text)
+    except ModelError as error:  # the only refusal that is allowed here
+        assert "at most 4 can be eliminated" in str(error) or "no parameter is left" in str(error), text
+        return
+    rng = np.random.default_rng(seed)
+    truth = {name: float(rng.uniform(0.5, 2.0)) for name in module.PARAMETERS}
+    signals = ExactMotion(module, truth, seed).signals(module)
+    base = module.base_from_physical(truth)
+    terms = module.regressor(signals) * base
+    error = np.abs(module.measurement(signals) - terms.sum(axis=2)).max(axis=0)
+    largest = np.maximum(np.abs(terms).max(axis=(0, 2)), np.abs(module.measurement(signals)).max(axis=0))
+    assert np.all(error <= 1e-9 * largest), text
+    check_rank(module, text)
+    check_identifiable(module, truth, text)
+    check_not_identifiable(module, truth, text)
+
+
+def check_rank(module: ModuleType, text: str) -> None:
+    rng = np.random.default_rng(0)
+    signals = {signal["key"]: rng.standard_normal(60) for signal in module.SIGNALS}
+    columns = module.regressor(signals).reshape(-1, len(module.BASE_PARAMETERS))
+    columns = columns / np.linalg.norm(columns, axis=0)
+    assert np.linalg.svd(columns, compute_uv=False)[-1] > 1e-6, text
+
+
+def check_identifiable(module: ModuleType, truth: dict[str, float], text: str) -> None:
+    """The identifiable parameters are locally determined: from nearby, they come back to 1e-6."""
+    target = module.base_from_physical(truth)
+    rng = np.random.default_rng(1)
+    point = {name: value * float(rng.uniform(0.995, 1.005)) for name, value in truth.items()}
+    for _ in range(60):
+        slope = module.base_jacobian(point) / np.abs(target)[:, None]
+        step = np.linalg.lstsq(
+            slope, (target - module.base_from_physical(point)) / np.abs(target), rcond=1e-9
+        )[0]
+        point = {name: point[name] + float(s) for name, s in zip(module.PARAMETERS, step, strict=True)}
+    assert np.abs(module.base_from_physical(point) / target - 1).max() < 1e-9, text
+    for name in module.IDENTIFIABLE:
+        assert point[name] == pytest.approx(truth[name], rel=1e-6), (name, text)
+
+
+def check_not_identifiable(module: ModuleType, truth: dict[str, float], text: str) -> None:
+    """For every other parameter there is a second parameter vector with another value and the same base."""
+    names = list(module.PARAMETERS)
+    target = module.base_from_physical(truth)
+    for name in names:
+        if name in module.IDENTIFIABLE:
+            continue
+        point = np.array([truth[n] for n in names])
+        column = names.index(name)
+        for _ in range(40):
+            values = dict(zip(names, point.tolist(), strict=True))
+            slope = module.base_jacobian(values) / np.abs(target)[:, None]
+            basis = np.linalg.svd(slope)[2][np.linalg.matrix_rank(slope, tol=1e-9) :]
+            tangent = (
+                basis.T @ basis[:, column]
+            )  # the unit vector of the parameter, kept within the level set
+            assert np.linalg.norm(tangent) > 1e-7, (name, text)
+            residual = (target - module.base_from_physical(values)) / np.abs(target)
+            moved = abs(point[column] / truth[name] - 1) > 1e-3
+            push = 0.0 if moved else 1e-3 * truth[name] / max(tangent[column], 1e-6)
+            push = min(push, 0.02 / np.abs(tangent).max())
+            point = point + push * tangent + np.linalg.lstsq(slope, residual, rcond=1e-9)[0]
+        second = dict(zip(names, point.tolist(), strict=True))
+        assert abs(second[name] / truth[name] - 1) > 1e-4, (name, text)
+        np.testing.assert_allclose(module.base_from_physical(second), target, rtol=1e-9, err_msg=text)

@@ -1,0 +1,137 @@
+"""What importing costs and what may import what: each check in an interpreter of its own."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
+
+import modelgen
+from modelgen.errors import ModelgenError
+
+PUBLIC = {
+    "DataError",
+    "Estimate",
+    "IdentifiabilityError",
+    "ModelError",
+    "ModelgenError",
+    "Record",
+    "RenderError",
+    "SpecError",
+    "build",
+    "generate",
+    "identify",
+    "load_model",
+    "load_spec",
+    "read_record",
+    "simulate",
+}
+
+LOADED = """
+import json, sys
+print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
+"""
+
+BLOCKED = """
+import sys
+from importlib import import_module
+from pathlib import Path
+from pkgutil import walk_packages
+
+FORBIDDEN = (
+    "sympy", "jinja2", "pydantic", "modelgen.symbolic", "modelgen.render", "modelgen.spec", "modelgen.cli"
+)
+
+class Blocked:
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if any(name == module or name.startswith(module + ".") for module in FORBIDDEN):
+            raise ImportError(f"{name} is blocked")
+
+sys.meta_path.insert(0, Blocked)
+
+import modelgen.runtime
+
+names = [module.name for module in walk_packages(modelgen.runtime.__path__, "modelgen.runtime.")]
+names += [f"generated.{path.stem}" for path in sorted(Path("generated").glob("*.py"))]
+for name in names:
+    import_module(name)
+    print(name)
+"""
+
+
+def run_python(code: str, folder: Path) -> str:
+    """Run code in a fresh interpreter with warnings as errors; return what it prints."""
+    command = [sys.executable, "-W", "error", "-c", code]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_importing_modelgen_is_light(repo_root: Path) -> None:
+    loaded = set(json.loads(run_python("import modelgen" + LOADED, repo_root)))
+    assert "modelgen" in loaded
+    assert not loaded & {"sympy", "numpy", "scipy", "pydantic", "jinja2", "typer", "rich", "matplotlib"}
+
+
+def test_help_is_light(repo_root: Path) -> None:
+    show_help = """
+from modelgen.cli import main
+try:
+    main(["--help"])
+except SystemExit as done:
+    assert not done.code
+print()
+"""
+    printed = run_python(show_help + LOADED, repo_root)
+    assert "identify" in printed
+    loaded = set(json.loads(printed.splitlines()[-1]))
+    assert "typer" in loaded
+    assert not loaded & {"sympy", "numpy", "scipy", "pydantic", "jinja2", "rich", "matplotlib"}
+
+
+def test_runtime_and_generated_modules_live_without_the_derivation(repo_root: Path) -> None:
+    imported = run_python(BLOCKED, repo_root).split()
+    assert "modelgen.runtime.contract" in imported
+    assert "generated.emps300_qm_ac" in imported
+
+
+def test_exported_names() -> None:
+    assert modelgen.__all__ == sorted(PUBLIC)
+    assert set(modelgen.__dir__()) >= PUBLIC
+    for name in modelgen.__all__:
+        assert callable(getattr(modelgen, name)), name
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = modelgen.nonsense
+
+
+def test_every_error_is_exported() -> None:
+    family = {ModelgenError, *ModelgenError.__subclasses__()}
+    assert family == {getattr(modelgen, name) for name in modelgen.__all__ if name.endswith("Error")}
+
+
+def test_layers(repo_root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status = lint_imports(config_filename=str(repo_root / "pyproject.toml"), no_cache=True, no_logo=True)
+    assert status == EXIT_STATUS_SUCCESS, capsys.readouterr().out
+
+
+def packages_imported(path: Path) -> set[str]:
+    """Modules that `from X import ...` names in a file, relative ones as dots."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    return {"." * node.level + (node.module or "") for node in nodes}
+
+
+def test_no_module_imports_from_its_own_package(repo_root: Path) -> None:
+    offenders = [
+        str(path.relative_to(repo_root))
+        for path in sorted((repo_root / "modelgen").rglob("*.py"))
+        for package in path.relative_to(repo_root).parents
+        if path.name != "__init__.py" and ".".join(package.parts) in packages_imported(path)
+    ]
+    assert not offenders, f"import from the module that defines the name instead: {offenders}"
