@@ -20,8 +20,9 @@ from modelgen.runtime.contract import Model, load_model
 from modelgen.runtime.data import Record
 from modelgen.runtime.default_excitation import default_excitation
 from modelgen.runtime.estimate import Estimate
+from modelgen.runtime.filtered_record import FilteredRecord
 from modelgen.runtime.identify import identify
-from modelgen.runtime.observation import FilteredRecord, observe
+from modelgen.runtime.observation import observe
 from modelgen.runtime.simulate import simulate
 from modelgen.runtime.write import write_record
 from modelgen.spec import catalog_path, load_spec

@@ -16,11 +16,9 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from fractions import Fraction
-
     from modelgen.symbolic.base_parameters import BaseModel
     from modelgen.symbolic.newton import Equation, MotionEquations
-    from modelgen.symbolic.signals import Signal
+    from modelgen.symbolic.signals import Exact, Signal
 
 PRIMES = ("", "'", "''")
 Justify = Literal["left", "right"]
@@ -108,6 +106,7 @@ def _comparison(entry: Description) -> Table:
 
 
 def _describe_model(model: BaseModel) -> Description:
+    # composites (quotients that an elimination leaves) have no unit in the spec
     units = {parameter.name: parameter.unit for parameter in model.rows.spec.parameters}
     return {
         "sensor_set": model.rows.sensor_set,
@@ -133,7 +132,7 @@ def _describe_model(model: BaseModel) -> Description:
             for row in model.rows.rows
         ],
         "base_parameters": [
-            {"name": base.name, "unit": units[base.combination[0][0]]} for base in model.base
+            {"name": base.name, "unit": units.get(base.combination[0][0])} for base in model.base
         ],
         "identifiable": list(model.identifiable),
         "absent": dict(model.absent),
@@ -164,23 +163,20 @@ def _model_tables(described: Description) -> list[Table | Text]:
             for r in described["rows"]
         ],
     )
-    identifiable = set(described["identifiable"])
     base = table(
         "Base parameters",
-        [("column", "right"), ("base parameter", "left"), ("unit", "left"), ("identifiable alone", "left")],
-        [
-            (str(i), b["name"], b["unit"], "yes" if b["name"] in identifiable else "no")
-            for i, b in enumerate(described["base_parameters"])
-        ],
+        [("column", "right"), ("base parameter", "left"), ("unit", "left")],
+        [(str(i), b["name"], b["unit"] or "") for i, b in enumerate(described["base_parameters"])],
     )
+    answered = Text(f"\nidentifiable: {', '.join(described['identifiable']) or 'none'}")
     absent = [Text(f"not identifiable: {name}: {why}") for name, why in described["absent"].items()]
     head = Text(f"\nSensors {described['sensor_set']}: {sensors}\n", style="bold")
-    return [head, rows, Text(""), base, *absent]
+    return [head, rows, Text(""), base, answered, *absent]
 
 
 def _equation_text(equation: Equation) -> str:
     """Return "Gamma_m = J_m q_m'' + K (q_m - q_c)": a parameter once, with all it multiplies of one order."""
-    grouped: dict[tuple[str | None, str, int], list[tuple[Fraction, str]]] = {}
+    grouped: dict[tuple[str | None, str, int], list[tuple[Exact, str]]] = {}
     for term in equation.terms:
         key = (term.parameter, term.signal.kind, term.signal.order)
         grouped.setdefault(key, []).append((term.coefficient, _signal_text(term.signal)))
@@ -189,7 +185,7 @@ def _equation_text(equation: Equation) -> str:
     return f"{' + '.join(left) or '0'} = {' + '.join(right).replace('+ -', '- ')}"
 
 
-def _product_text(parameter: str, parts: Sequence[tuple[Fraction, str]]) -> str:
+def _product_text(parameter: str, parts: Sequence[tuple[Exact, str]]) -> str:
     if len(parts) > 1:
         return f"{parameter} ({_sum_text(parts)})"
     coefficient, signal = parts[0]
@@ -197,7 +193,7 @@ def _product_text(parameter: str, parts: Sequence[tuple[Fraction, str]]) -> str:
     return f"{'-' if coefficient < 0 else ''}{size}{parameter}{f' {signal}' if signal else ''}"
 
 
-def _sum_text(parts: Sequence[tuple[Fraction, str]]) -> str:
+def _sum_text(parts: Sequence[tuple[Exact, str]]) -> str:
     parts = sorted(parts, key=lambda part: part[0] < 0)  # q_c - q_m reads better than -q_m + q_c
     texts = [f"{'' if abs(c) == 1 else f'{abs(c)} '}{signal}" for c, signal in parts]
     signs = ["-" if c < 0 else "+" for c, _ in parts]

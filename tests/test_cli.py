@@ -127,6 +127,18 @@ def test_show_as_json() -> None:
     assert second["identifiable"] == ["J_m", "F_vm", "F_sm", "J_c", "F_vmc", "K"]
 
 
+def test_show_names_composites_of_an_elimination(here: Path) -> None:
+    run("new", "axis")
+    text = Path("axis.toml").read_text(encoding="utf-8").partition("[sensors.")[0]
+    sensor = '[sensors.qm]\nq_m = { body = "m", measures = "position" }\n'
+    Path("axis.toml").write_text(text + sensor, encoding="utf-8")
+    printed = run("show", "axis.toml").stdout
+    assert "J_m*J_c/K" in printed
+    assert "identifiable: J_m, F_vm, F_sm, J_c, F_vmc, K" in printed
+    (described,) = run_json("show", "axis.toml")["sensor_sets"]
+    assert {"name": "J_m*J_c/K", "unit": None} in described["base_parameters"]
+
+
 def test_show_reads_every_chain_of_the_catalogue(repo_root: Path) -> None:
     for path in sorted((repo_root / "modelgen" / "catalog").glob("*.toml")):
         by_name, by_path = run("show", path.stem), run("show", path)

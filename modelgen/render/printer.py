@@ -6,19 +6,21 @@ import pprint
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 
+from modelgen.symbolic.signals import Exact
+
 WIDTH = 100
 
 
-def number(value: Fraction) -> str:
+def number(value: Exact) -> str:
     """Return the float nearest to an exact rational, as source."""
     return repr(float(value))
 
 
-def weighted_sum(parts: Iterable[tuple[Fraction, str]]) -> str:
+def weighted_sum(parts: Iterable[tuple[Exact, str]]) -> str:
     """Return ``a - 0.5 * b`` for [(1, "a"), (-1/2, "b")]; the empty sum is ``0.0``."""
     text = ""
     for coefficient, expression in parts:
-        size = abs(coefficient)
+        size = coefficient if coefficient > 0 else -coefficient
         factor = "" if size == 1 else f"{number(size)} * "
         if not text:
             text = f"{'-' if coefficient < 0 else ''}{factor}{expression}"

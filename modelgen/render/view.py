@@ -14,6 +14,7 @@ from modelgen.spec import ChainSpec, Sensor
 from modelgen.symbolic.base_parameters import BaseModel, BaseParameter
 from modelgen.symbolic.newton import motion_equations
 from modelgen.symbolic.row import Feature, IdentificationRows, NeededSignal, Row
+from modelgen.symbolic.signals import Exact
 from modelgen.symbolic.state_space import Entry, Output, StateSpace, state_space
 from modelgen.units import Motion, force_unit, signal_unit
 
@@ -92,8 +93,10 @@ def model_view(model: BaseModel) -> ModelView:
             for row, table in enumerate(regressor)
             for index, parts in table.items()
         ),
-        columns_measurement=literal(tuple(measurement)),
-        columns_regressor=literal(tuple(regressor)),
+        columns_measurement=literal(tuple(_as_floats(parts) for parts in measurement)),
+        columns_regressor=literal(
+            tuple({index: _as_floats(parts) for index, parts in table.items()} for table in regressor)
+        ),
         base_lines=tuple(_base_source(rows, base) for base in model.base),
         physical_lines=tuple(
             (name, f"float(base[{column[name]}])") for name in model.identifiable if not nonlinear
@@ -147,7 +150,7 @@ def polynomial(poly: PolyElement) -> str:
     return weighted_sum(terms)
 
 
-Parts = tuple[tuple[Fraction, str], ...]
+Parts = tuple[tuple[Exact, str], ...]
 
 
 def _column_tables(
@@ -157,8 +160,8 @@ def _column_tables(
     measurement: list[Parts] = []
     regressor: list[dict[int, Parts]] = []
     for row in rows.rows:
-        left: list[tuple[Fraction, str]] = []
-        right: dict[int, list[tuple[Fraction, str]]] = {}
+        left: list[tuple[Exact, str]] = []
+        right: dict[int, list[tuple[Exact, str]]] = {}
         for term in row.terms:
             if term.parameter is None:
                 left.append((term.coefficient, term.key))
@@ -167,6 +170,10 @@ def _column_tables(
         measurement.append(tuple(left))
         regressor.append({index: tuple(right[index]) for index in sorted(right)})
     return measurement, regressor
+
+
+def _as_floats(parts: Parts) -> tuple[tuple[float, str], ...]:
+    return tuple((float(coefficient), key) for coefficient, key in parts)
 
 
 def _constants(model: BaseModel, space: StateSpace, units: Mapping[str, str]) -> tuple[tuple[str, str], ...]:

@@ -44,8 +44,8 @@ class Vibration:
     """Undamped modes of a plant: frequencies in Hz (0 for a rigid one), shape (bodies,), lowest first.
 
     `mobility` is each mode's share of the inverse inertia felt at the actuator, in 1/(kg m^2) or 1/kg.
-    `lowest` is the motion of every body in the lowest mode per unit at the actuator: the gear ratios of a chain
-    that turns freely.
+    `lowest` is the motion of every body in the lowest mode per unit at the actuator: the gear ratios of a
+    chain that turns freely.
     """
 
     frequencies_hz: FloatArray

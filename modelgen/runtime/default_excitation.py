@@ -18,7 +18,7 @@ from modelgen.runtime.closed_loop import (
     vibration,
 )
 from modelgen.runtime.contract import Model
-from modelgen.runtime.excitation import SHORTEST_DWELL_S, Excitation, chirp, trapezoid
+from modelgen.runtime.excitation import SHORTEST_DWELL_S, Excitation, check_band, chirp, trapezoid
 from modelgen.runtime.plant import Plant, make_plant
 
 FloatArray = npt.NDArray[np.float64]
@@ -101,6 +101,7 @@ def _chirp(
 ) -> Excitation:
     modes = vibration(plant)
     low, high = band_hz or _band_hz(modes.elastic_hz, bandwidth_hz(modes), fs)
+    check_band(low, high, fs)
     # a chain that is held by a spring cannot go on and on: it has to reverse
     velocity = 0.0
     if not isfinite(modes.compliance):

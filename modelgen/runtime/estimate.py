@@ -28,7 +28,7 @@ class Parameter:
     """One number found, in `unit`.
 
     `std` is its standard deviation; it adds up (in squares) from `noise_std`, what the residuals explain, and
-    `cutoff_std`, how far the value moves with the cut-off. `printed_std` is that of eq. (11).
+    `drift_std`, how far the value drifts with cut-off and weights. `printed_std` is that of eq. (11).
     """
 
     name: str
@@ -36,7 +36,7 @@ class Parameter:
     value: float
     std: float
     noise_std: float
-    cutoff_std: float
+    drift_std: float
     printed_std: float
 
     @property
@@ -78,7 +78,7 @@ class Estimate:
         The physical ones that follow from them; standard deviations to first order.
     covariance, noise_covariance, printed_covariance : array, shape (parameters, parameters)
         Covariance behind `bse` and `conf_int`; the part of it that the residuals explain (`covariance_kind`:
-        "hac" or "printed"), the rest is how X moves with the cut-off; and the paper's, eq. (11).
+        "hac" or "printed"), the rest is how X drifts with the settings; and the paper's, eq. (11).
     base : array, shape (columns,)
         All base parameters of the model in its order; NaN for what is not identifiable.
     nuisance : mapping of str to float
@@ -215,7 +215,7 @@ class Estimate:
             "nuisance": self.nuisance,
             "base": self.base.tolist(),
             "noise_std": {entry.name: entry.noise_std for entry in self.parameters},
-            "cutoff_std": {entry.name: entry.cutoff_std for entry in self.parameters},
+            "drift_std": {entry.name: entry.drift_std for entry in self.parameters},
             "printed_std": {entry.name: entry.printed_std for entry in self.parameters},
             "cov_params": self.covariance.tolist(),
             "printed_covariance": self.printed_covariance.tolist(),

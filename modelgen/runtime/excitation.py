@@ -121,13 +121,11 @@ def chirp(
     oversample : int
         Internal steps per sample.
     """
+    check_band(f_start_hz, f_stop_hz, fs)
     begin, end = ramp_s + settle_s, duration_s - ramp_s - settle_s
     _require(
-        ("f_start_hz, f_stop_hz", min(f_start_hz, f_stop_hz) > 0.0, "must be positive", "give a band in Hz"),
-        ("f_start_hz, f_stop_hz", max(f_start_hz, f_stop_hz) < 0.5 * fs, f"reach {0.5 * fs:g} Hz, half of fs",
-         "lower the band or raise fs"),
-        ("duration_s", end > begin, f"leaves no time between {begin:g} s and {end:g} s", "make it longer"),
-    )  # fmt: skip
+        ("duration_s", end > begin, f"leaves no time between {begin:g} s and {end:g} s", "make it longer")
+    )
     t = _times(duration_s, fs, oversample)
     inside = np.clip((t - begin) / (end - begin), 0.0, 1.0)
     sweep_s = end - begin
@@ -182,6 +180,23 @@ def trapezoid(
     return Excitation(_integral(rate, t), rate, np.zeros(t.size), fs * oversample, "trapezoid")
 
 
+def check_fs(fs: float) -> None:
+    """Raise DataError unless the sampling frequency is finite and positive."""
+    remedy = "give the sampling frequency in Hz, finite and positive"
+    _require(("fs", 0.0 < fs < np.inf, f"is {fs:g}", remedy))
+
+
+def check_band(f_start_hz: float, f_stop_hz: float, fs: float) -> None:
+    """Raise DataError unless the band lies between zero and half the sampling frequency."""
+    check_fs(fs)
+    low, high = min(f_start_hz, f_stop_hz), max(f_start_hz, f_stop_hz)
+    where, shown = "chirp: band", f"is {f_start_hz:g} Hz to {f_stop_hz:g} Hz"
+    _require(
+        (where, low > 0.0, shown, "give two positive frequencies"),
+        (where, high < 0.5 * fs, shown, f"stay below {0.5 * fs:g} Hz, half of fs, or raise fs"),
+    )
+
+
 def _require(*conditions: tuple[str, bool, str, str]) -> None:
     """Raise one DataError for all of (where, condition, what, remedy) whose condition does not hold."""
     problems = [Problem(where, what, remedy) for where, holds, what, remedy in conditions if not holds]
@@ -191,8 +206,8 @@ def _require(*conditions: tuple[str, bool, str, str]) -> None:
 
 def _times(duration_s: float, fs: float, oversample: int) -> FloatArray:
     """Return the times of the internal steps, from the first sample to the last."""
+    check_fs(fs)
     _require(
-        ("fs", 0.0 < fs < np.inf, f"is {fs:g}", "give the sampling frequency in Hz, finite and positive"),
         ("duration_s", 2.0 <= duration_s * fs < np.inf, f"is {duration_s:g} s", "give two samples or more"),
         ("oversample", oversample >= 1, f"is {oversample}", "give a whole number, 1 or more"),
     )  # fmt: skip

@@ -68,11 +68,14 @@ def friction_without_steady_motion(
 def offsets_of_encoder_zeros(model: Model, records: Sequence[Record], fit: Fit) -> dict[str, str]:
     """Return the offsets that only take up unrelated zeros of encoders, with the reason.
 
-    A constant in a link's deflection acts as stiffness times that constant. Where this exceeds every force
-    in the record, it cannot be a load: it is a difference of encoder zeros, held by both bodies' offsets.
+    A constant in a link's deflection acts as stiffness times that constant. Where this exceeds, in a row that
+    holds a measured force, every force in the record, it cannot be a load: it is a difference of encoder
+    zeros, held by both bodies' offsets. (Rows without a force may see it multiplied by gear ratios.)
     """
     reasons: dict[str, str] = {}
     for block in fit.blocks:
+        if block.differentiated or not block.has_force:
+            continue
         record = records[block.record]
         forces = [
             record.signals[actuator.key] for actuator in model.actuators if actuator.key in record.signals
@@ -80,7 +83,7 @@ def offsets_of_encoder_zeros(model: Model, records: Sequence[Record], fit: Fit) 
         largest = max((float(np.max(np.abs(force))) for force in forces), default=0.0)
         for index, name in enumerate(fit.columns):
             role = model.roles.get(name)
-            if block.differentiated or role is None or role.role != "stiffness":
+            if role is None or role.role != "stiffness":
                 continue
             mean = abs(float(fit.solution.x[index] * np.mean(block.W[:, index])))
             if mean <= largest:

@@ -12,8 +12,8 @@ import numpy as np
 from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.runtime.choose import choose_filter
 from modelgen.runtime.contract import Model, model_from_module
-from modelgen.runtime.cutoff_check import cutoff_covariance
 from modelgen.runtime.data import Record, missing_name
+from modelgen.runtime.drift import cutoff_drift, load_row_drift
 from modelgen.runtime.estimate import Estimate
 from modelgen.runtime.identifiability import not_identifiable
 from modelgen.runtime.judge import Solved, judge
@@ -35,7 +35,7 @@ def identify(
     drop: int | None = None,
     prune_percent: float = 10.0,
     residual_dof: str = "r-c",
-    cutoff_check: bool = True,
+    drift_check: bool = True,
     rows_for_tag: Mapping[str, Sequence[str]] | None = None,
     progress: Progress | None = None,
 ) -> Estimate:
@@ -59,9 +59,10 @@ def identify(
     residual_dof : str
         Degrees of freedom of the residual in eq. (11): "r-c" as printed, or "r-1", with which the published
         standard deviations of the EMPS bench come out.
-    cutoff_check : bool
-        With "wls", fit again at 0.7 and 1.4 times the cut-off and add to the covariance how far the estimate
-        moves: what noise in the sensors and missing dynamics do to it shows there, not in the residual.
+    drift_check : bool
+        With "wls", fit again at 0.7 and 1.4 times the cut-off, and with half and twice the weight of rows
+        without a force; add to the covariance how far the estimate drifts: what noise in the sensors and
+        missing dynamics do to it shows there, not in the residual.
     rows_for_tag : mapping of str to sequence of str, optional
         Rows (by name) that records of a tag may feed; the paper uses differentiated rows on a chirp only, and
         the sum row on trapezoids only. Records of other tags feed all rows.
@@ -101,15 +102,14 @@ def identify(
     if all(name in refused for name in fit.columns):
         remedy = "record another motion, or sense more"
         raise IdentifiabilityError(*(Problem(name, reason, remedy) for name, reason in refused.items()))
-    moves = np.zeros((len(fit.columns), len(fit.columns)))
-    if cutoff_check and chosen.matched:
-        say("moving the cut-off")
+    drift = np.zeros((len(fit.columns), len(fit.columns)))
+    if drift_check and chosen.matched:
+        say("changing cut-off and weights")
         lowest_fs = min(record.fs for record in given)
-        moves = cutoff_covariance(
-            fit, choice, lowest_fs, lambda other: chosen.run(replace(job, choice=other))[1]
-        )
+        drift += cutoff_drift(fit, choice, lowest_fs, lambda other: chosen.run(replace(job, choice=other))[1])
+        drift += load_row_drift(fit, observation)
     say("judging the fit")
-    solved = Solved(job, method, observation, fit, refused, moves)
+    solved = Solved(job, method, observation, fit, refused, drift)
     return judge(solved, residual_dof, prune_percent)
 
 

@@ -18,21 +18,21 @@ from modelgen.runtime.wls import Fit, refit, terms_norm
 
 FloatArray = npt.NDArray[np.float64]
 
-# Moves with the cut-off that are worth a note: in standard deviations of the noise, and relative to the value.
-NOTED_MOVE = 2.0
+# Drifts that are worth a note: in standard deviations of the noise, and relative to the value.
+NOTED_DRIFT = 2.0
 NOTED_SHARE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A job done: rows, fit, what the records cannot answer, and X's moves with the cut-off, shape (c, c)."""
+    """A job done: rows, fit, what the records cannot answer, and X's mean square drift, shape (c, c)."""
 
     job: Job
     method: str
     observation: Observation
     fit: Fit
     refused: Mapping[str, str]
-    moves: FloatArray
+    drift: FloatArray
 
     @property
     def identified(self) -> tuple[str, ...]:
@@ -49,7 +49,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     noise = hac_covariance(fit) if method.covariance_kind == "hac" else printed
     block = np.ix_(place, place)
     covariances = Covariances(
-        noise[block] + solved.moves[block], noise[block], solved.moves[block], printed[block]
+        noise[block] + solved.drift[block], noise[block], solved.drift[block], printed[block]
     )
     values = fit.solution.x[place]
     parameters = tuple(
@@ -96,7 +96,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         rows=row_diagnostics(solved.observation, fit),
         pruning=_prune(solved, residual_dof, prune_percent),
         filtering=solved.job.choice,
-        notes=solved.observation.notes + fit.notes + _move_notes(parameters),
+        notes=solved.observation.notes + fit.notes + _drift_notes(parameters),
     )
 
 
@@ -126,13 +126,13 @@ def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
     """Apply the paper's rule; columns that are not identifiable stay in as nuisances."""
     fit, identified = solved.fit, solved.identified
     hac = METHODS[solved.method].covariance_kind == "hac"
-    moved = dict(zip(fit.columns, np.diag(solved.moves).tolist(), strict=True))
+    drifts = dict(zip(fit.columns, np.diag(solved.drift).tolist(), strict=True))
 
     def fit_again(kept: tuple[str, ...]) -> tuple[FloatArray, FloatArray, float]:
         reduced = refit(fit, [name for name in fit.columns if name in kept or name not in identified])
         covariance = hac_covariance(reduced) if hac else printed_covariance(reduced, residual_dof)[1]
         place = [reduced.columns.index(name) for name in kept]
-        variance = np.diag(covariance)[place] + np.array([moved[name] for name in kept])
+        variance = np.diag(covariance)[place] + np.array([drifts[name] for name in kept])
         values = reduced.solution.x[place]
         with np.errstate(divide="ignore", invalid="ignore"):
             spread = np.nan_to_num(100.0 * np.sqrt(variance) / np.abs(values), nan=np.inf)
@@ -141,16 +141,19 @@ def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
     return prune(identified, fit_again, percent)
 
 
-def _move_notes(parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
-    moving = [
-        entry for entry in parameters if entry.cutoff_std > NOTED_MOVE * entry.noise_std and entry.value
+def _drift_notes(parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+    drifting = [
+        entry
+        for entry in parameters
+        if entry.value
+        and entry.drift_std > max(NOTED_DRIFT * entry.noise_std, NOTED_SHARE * abs(entry.value))
     ]
-    if not moving:
+    if not drifting:
         return ()
     listed = ", ".join(
-        f"{entry.name} {100.0 * entry.cutoff_std / abs(entry.value):.2g} %" for entry in moving
+        f"{entry.name} {100.0 * entry.drift_std / abs(entry.value):.2g} %" for entry in drifting
     )
     return (
-        f"moving the cut-off by a factor of 1.4 moves the estimate by more than its residual explains "
+        "other cut-offs and weights move the estimate by more than its residual explains "
         f"({listed}): noise in the sensors, or dynamics that the model lacks; the intervals include it",
     )

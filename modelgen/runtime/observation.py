@@ -24,6 +24,8 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
+# A left-hand side below this share of the record's forces counts as none.
+LEAST_FORCE = 1e-2
 # sign() is meaningless while a mass sticks for longer than this many periods of the cut-off.
 STANDSTILL_PERIODS = 2.0
 
@@ -45,7 +47,8 @@ class RowBlock:
     masked : int
         Samples of the grid left out.
     has_force : bool
-        Whether the left-hand side holds anything (a load row's is zero).
+        Whether a force fixes the scale of the row. The left-hand side of a load row is zero, or nearly so where
+        its actuator rests.
     force_scale : float
         Rms on the grid of the forces, differentiated as often as the row: the size of what a row balances.
     """
@@ -141,9 +144,11 @@ def _block(model: Model, signals: FilteredRecord, index: int, row: int) -> RowBl
     info = model.rows[row]
     masked = _mask(model, signals, row)[signals.grid]
     place = np.flatnonzero(~masked).astype(np.int64)
+    Y = signals.sum_of(model.measurement_columns[row])[place]
     W = np.zeros((len(place), len(model.base_parameters)))
     for column, terms in model.regressor_columns[row].items():
         W[:, column] = signals.sum_of(terms)[place]
+    force_scale = _force_scale(model, signals, info)
     return RowBlock(
         record=index,
         row=row,
@@ -152,11 +157,11 @@ def _block(model: Model, signals: FilteredRecord, index: int, row: int) -> RowBl
         unit=info.unit,
         place=place,
         grid=len(signals.grid),
-        Y=signals.sum_of(model.measurement_columns[row])[place],
+        Y=Y,
         W=W,
         masked=int(masked.sum()),
-        has_force=bool(model.measurement_columns[row]),
-        force_scale=_force_scale(model, signals, info),
+        has_force=bool(np.linalg.norm(Y) > LEAST_FORCE * force_scale * np.sqrt(len(Y))),
+        force_scale=force_scale,
         differentiated=info.differentiated,
     )
 

@@ -28,9 +28,9 @@ def observe_paper(
 ) -> Observation:
     """Return the paper's rows of the records.
 
-    Sensors are low-passed forward and backward and differenced (order 2, one-sided at the ends); forces are
-    neither filtered nor, where a row was differentiated, differenced otherwise. After `drop` samples every
-    column and the left-hand side are decimated as MATLAB's `decimate` does. No sample is masked.
+    Sensors are low-passed forward and backward, forces are not; both are differenced alike (order 2, one-sided
+    at the ends). After `drop` samples every column and the left-hand side are decimated as MATLAB's `decimate`
+    does. No sample is masked.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def observe_paper(
                     Y=Y[:, row],
                     W=W[:, row],
                     masked=0,
-                    has_force=bool(model.measurement_columns[row]),
+                    has_force=bool(np.any(Y[:, row])),
                     force_scale=1.0,
                     differentiated=info.differentiated,
                 )

@@ -21,21 +21,21 @@ RELATIVE_STEP = 6e-6
 class Covariances:
     """Covariances of the identified base parameters, shape (identified, identified) each.
 
-    `total` is the sum of `noise` (residuals) and `moves` (cut-off); `printed` is the paper's, eq. (11).
+    `total` is the sum of `noise` (residuals) and `drift` (settings); `printed` is the paper's, eq. (11).
     """
 
     total: FloatArray
     noise: FloatArray
-    moves: FloatArray
+    drift: FloatArray
     printed: FloatArray
 
     def standard_deviations(self, gradient: FloatArray) -> tuple[float, float, float, float]:
         """Return those of a function with this gradient, to first order, in the order of the attributes."""
         variances = [
-            gradient @ matrix @ gradient for matrix in (self.total, self.noise, self.moves, self.printed)
+            gradient @ matrix @ gradient for matrix in (self.total, self.noise, self.drift, self.printed)
         ]
-        total, noise, moves, printed = (float(np.sqrt(np.maximum(0.0, variance))) for variance in variances)
-        return total, noise, moves, printed
+        total, noise, drift, printed = (float(np.sqrt(np.maximum(0.0, variance))) for variance in variances)
+        return total, noise, drift, printed
 
 
 def physical_parameters(

@@ -18,7 +18,7 @@ from modelgen.runtime.closed_loop import PositionVelocityController, closed_loop
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.default_excitation import default_excitation
-from modelgen.runtime.excitation import Excitation
+from modelgen.runtime.excitation import Excitation, check_fs
 from modelgen.runtime.plant import Plant, make_plant
 from modelgen.runtime.readings import check_levels, readings
 from modelgen.runtime.stick_slip import Event, Trajectory, integrate
@@ -173,8 +173,7 @@ def simulate(
 
 
 def _oversample(excitation: Excitation, fs: float) -> int:
-    if not 0.0 < fs < np.inf:
-        raise DataError.at("fs", f"is {fs!r}", "give the sampling frequency in Hz, finite and positive")
+    check_fs(fs)
     ratio = excitation.rate_hz / fs
     if ratio < 0.5 or abs(ratio - round(ratio)) > 1e-9 * ratio:
         what = f"has {excitation.rate_hz:g} Hz, no whole multiple of fs = {fs:g} Hz"
@@ -241,6 +240,9 @@ def _outputs(
             else:
                 f[:, j] = free[:, body.velocity] * body.inertia  # what holds it
         acceleration[rows] = (free + f @ space.E.T)[:, n:]
+        # exactly, where the line above leaves rounding errors
+        held = [b.velocity - n for b, sign in zip(plant.coulomb_bodies, mode, strict=True) if sign == 0]
+        acceleration[np.ix_(rows, held)] = 0.0
         sensed[rows] = x[rows] @ space.C.T + forces[rows] @ space.D.T + f @ space.F.T
         friction[rows] = f
     return acceleration, friction, sensed

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 WIDTH = 100
 INTERVAL_KINDS = {
     "hac": "Standard deviations add in squares: noise, allowing for coloured residuals of changing size "
-    "(Newey-West), and how far the value moves with the cut-off. Eq. (11) is for white residuals only.",
+    "(Newey-West), and drift with cut-off and weights. Eq. (11) is for white residuals only.",
     "printed": "Standard deviations and intervals are the paper's, eq. (11): for white residuals only.",
 }
 DEGREES_OF_FREEDOM = {"r-c": "r - c", "r-1": "r - 1, not as in eq. (11)"}
@@ -47,9 +47,9 @@ def _parameter_rows(estimate: Estimate) -> list[list[str]]:
     intervals = estimate.conf_int()
     detailed = estimate.covariance_kind == "hac"
     header = ["parameter", "unit", "value", "std. dev.", "%", "95 % from", "to"]
-    rows = [header + (["noise", "cut-off", "eq. (11)"] if detailed else [])]
+    rows = [header + (["noise", "drift", "eq. (11)"] if detailed else [])]
     for entry in estimate.parameters:
-        parts = (entry.noise_std, entry.cutoff_std, entry.printed_std) if detailed else ()
+        parts = (entry.noise_std, entry.drift_std, entry.printed_std) if detailed else ()
         interval = [_number(bound) for bound in intervals[entry.name]]
         rows.append([*_leading(entry), *interval, *(_number(part, 3) for part in parts)])
     return rows

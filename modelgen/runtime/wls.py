@@ -118,7 +118,7 @@ def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
     return LeastSquares(x, inverse, undetermined, float(s[0] / s[-1]) if s[-1] > 0.0 else np.inf, raw)
 
 
-def fit_matched(observation: Observation) -> Fit:
+def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE) -> Fit:
     """Fit matched-filtered rows: force-scaled start, weights from the residuals, load rows bounded.
 
     With a single block this is ordinary least squares.
@@ -137,7 +137,7 @@ def fit_matched(observation: Observation) -> Fit:
     scales = _force_scales(blocks)
     fit = _solve(blocks, columns, absent, tuple(1.0 / scale for scale in scales))
     smallest = [
-        SMALLEST_RESIDUAL * scale if block.has_force else max(rms / LOAD_ROW_SHARE, SMALLEST_RESIDUAL * scale)
+        SMALLEST_RESIDUAL * scale if block.has_force else max(rms / load_row_share, SMALLEST_RESIDUAL * scale)
         for block, scale, rms in zip(blocks, scales, _rms(fit.residuals), strict=True)
     ]
     for _ in range(ROUNDS):

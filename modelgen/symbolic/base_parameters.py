@@ -17,6 +17,7 @@ import numpy.typing as npt
 from modelgen.errors import ModelError
 from modelgen.symbolic.identifiability import identifiable_parameters
 from modelgen.symbolic.row import Composite, IdentificationRows
+from modelgen.symbolic.signals import Exact, quotient
 
 SEED = 2002
 #: |R_ii| below this fraction of |R_11| counts as zero; the random columns have unit scale.
@@ -26,14 +27,14 @@ LARGEST_DENOMINATOR = 10**6
 LARGEST_QR = 600
 
 #: one column of the regressor: (row, signal) -> exact coefficient
-Column = Mapping[tuple[int, str], Fraction]
+Column = Mapping[tuple[int, str], Exact]
 
 
 @dataclass(frozen=True)
 class BaseParameter:
     """A column of the reduced regressor: the sum of factor * physical parameter that multiplies it."""
 
-    combination: tuple[tuple[str, Fraction], ...]
+    combination: tuple[tuple[str, Exact], ...]
 
     @property
     def name(self) -> str:
@@ -150,19 +151,20 @@ def regroup(rows: IdentificationRows, names: Sequence[str]) -> tuple[BaseParamet
                 f"rank ({len(independent)}) of its {len(names)} columns disagree",
                 "check for gear ratios that are extremely large or small",
             )
-    combinations = {i: [(names[i], Fraction(1))] for i in independent}
+    combinations: dict[int, list[tuple[str, Exact]]] = {i: [(names[i], 1)] for i in independent}
     for dependent, recipe in exact.items():
         for i, factor in recipe.items():
             combinations[i].append((names[dependent], factor))
     return tuple(BaseParameter(tuple(combinations[i])) for i in independent)
 
 
-def exact_dependencies(columns: Sequence[Column]) -> dict[int, dict[int, Fraction]]:
+def exact_dependencies(columns: Sequence[Column]) -> dict[int, dict[int, Exact]]:
     """Write every column that depends on earlier ones as their exact combination (sparse elimination)."""
-    pivots: dict[tuple[int, str], tuple[dict[tuple[int, str], Fraction], dict[int, Fraction]]] = {}
-    dependent: dict[int, dict[int, Fraction]] = {}
+    pivots: dict[tuple[int, str], tuple[dict[tuple[int, str], Exact], dict[int, Exact]]] = {}
+    dependent: dict[int, dict[int, Exact]] = {}
     for index, column in enumerate(columns):
-        vector, recipe = dict(column), {index: Fraction(1)}
+        vector = dict(column)
+        recipe: dict[int, Exact] = {index: 1}
         for place in sorted(column):  # fill-in can only meet pivots whose own entries are still in `vector`
             _eliminate(vector, recipe, place, pivots)
         pending = [place for place in vector if place in pivots]
@@ -177,26 +179,26 @@ def exact_dependencies(columns: Sequence[Column]) -> dict[int, dict[int, Fractio
 
 
 def _eliminate(
-    vector: dict[tuple[int, str], Fraction],
-    recipe: dict[int, Fraction],
+    vector: dict[tuple[int, str], Exact],
+    recipe: dict[int, Exact],
     place: tuple[int, str],
-    pivots: Mapping[tuple[int, str], tuple[dict[tuple[int, str], Fraction], dict[int, Fraction]]],
+    pivots: Mapping[tuple[int, str], tuple[dict[tuple[int, str], Exact], dict[int, Exact]]],
 ) -> None:
     if place not in pivots or place not in vector:
         return
     pivot, made_of = pivots[place]
-    factor = -vector[place] / pivot[place]
+    factor = -quotient(vector[place], pivot[place])
     for key, value in pivot.items():
-        vector[key] = vector.get(key, Fraction(0)) + factor * value
+        vector[key] = vector.get(key, 0) + factor * value
         if not vector[key]:
             del vector[key]
     for index, value in made_of.items():
-        recipe[index] = recipe.get(index, Fraction(0)) + factor * value
+        recipe[index] = recipe.get(index, 0) + factor * value
         if not recipe[index]:
             del recipe[index]
 
 
-def _numerical_dependencies(rows: IdentificationRows, names: Sequence[str]) -> dict[int, dict[int, Fraction]]:
+def _numerical_dependencies(rows: IdentificationRows, names: Sequence[str]) -> dict[int, dict[int, Exact]]:
     """Return the dependent columns of a random regressor and their regrouping, restored to rationals."""
     from scipy.linalg import qr, solve_triangular
 
@@ -242,8 +244,8 @@ def random_regressor(
     return regressor.reshape(-1, len(names))
 
 
-def _columns(rows: IdentificationRows) -> dict[str, dict[tuple[int, str], Fraction]]:
-    columns: dict[str, dict[tuple[int, str], Fraction]] = {}
+def _columns(rows: IdentificationRows) -> dict[str, dict[tuple[int, str], Exact]]:
+    columns: dict[str, dict[tuple[int, str], Exact]] = {}
     for index, row in enumerate(rows.rows):
         for term in row.terms:
             if term.parameter is not None:

@@ -49,7 +49,7 @@ class Composites:
             name, factor = (None, Fraction(1)) if part is normal else self._name(part.value, normal.value)
             if part.left == (name is not None):  # it moves to the other side of the equation
                 factor = -factor
-            for body, weight in part.functional or ((part.signal.name, Fraction(1)),):
+            for body, weight in part.functional or ((part.signal.name, 1),):
                 terms.append(Term(name, part.signal._replace(name=body), factor * weight))
         # The derivative of sign() is zero except at reversals: a row that differentiates it must avoid those.
         differentiated = [

@@ -11,12 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
 
 from modelgen.spec import Body, ChainSpec, Link
-from modelgen.symbolic.signals import Signal, Term, collect, coordinate
-
-ONE = Fraction(1)
+from modelgen.symbolic.signals import Exact, Signal, Term, collect, coordinate, quotient
 
 
 @dataclass(frozen=True)
@@ -44,30 +41,30 @@ def motion_equations(spec: ChainSpec) -> MotionEquations:
     return MotionEquations(spec, tuple(Equation(body, collect(terms[body])) for body in terms))
 
 
-def deflection(link: Link) -> tuple[tuple[str, Fraction], ...]:
+def deflection(link: Link) -> tuple[tuple[str, Exact], ...]:
     """Return the link's deflection q_i / N - q_k as (body, coefficient) pairs; the ground does not move."""
     first, second = link.bodies
-    pairs = ((first, 1 / link.ratio), (second, -ONE))
+    pairs = ((first, quotient(1, link.ratio)), (second, -1))
     return tuple((body, coefficient) for body, coefficient in pairs if body != "ground")
 
 
 def _body_terms(body: Body) -> Iterator[Term]:
     if body.actuator:
-        yield Term(None, Signal("force", body.actuator), ONE)
-    yield Term(body.inertia, coordinate(body.name, 2), ONE)
+        yield Term(None, Signal("force", body.actuator), 1)
+    yield Term(body.inertia, coordinate(body.name, 2), 1)
     if body.friction == "symmetric":
         if body.viscous:
-            yield Term(body.viscous, coordinate(body.name, 1), ONE)
+            yield Term(body.viscous, coordinate(body.name, 1), 1)
         if body.coulomb:
-            yield Term(body.coulomb, Signal("sign", body.name), ONE)
+            yield Term(body.coulomb, Signal("sign", body.name), 1)
     else:
-        for suffix, direction, sign in (("_plus", "forward", ONE), ("_minus", "backward", -ONE)):
+        for suffix, direction, sign in (("_plus", "forward", 1), ("_minus", "backward", -1)):
             if body.viscous:
-                yield Term(body.viscous + suffix, Signal(direction, body.name, 1), ONE)  # type: ignore[arg-type]
+                yield Term(body.viscous + suffix, Signal(direction, body.name, 1), 1)  # type: ignore[arg-type]
             if body.coulomb:
                 yield Term(body.coulomb + suffix, Signal(direction, body.name), sign)  # type: ignore[arg-type]
     if body.offset:
-        yield Term(body.offset, Signal("one", ""), ONE)
+        yield Term(body.offset, Signal("one", ""), 1)
 
 
 def _link_terms(index: int, link: Link) -> Iterator[tuple[str, Term]]:

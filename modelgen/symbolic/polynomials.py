@@ -18,10 +18,10 @@ from sympy.polys.rings import PolyElement, PolyRing
 
 from modelgen.symbolic.newton import MotionEquations
 from modelgen.symbolic.sensing import Sensing, express
-from modelgen.symbolic.signals import Signal, Term
+from modelgen.symbolic.signals import Exact, Signal, Term
 
 #: a linear functional of the bodies' coordinates, as sorted (body, coefficient) pairs
-Functional = tuple[tuple[str, Fraction], ...]
+Functional = tuple[tuple[str, Exact], ...]
 #: what multiplies a polynomial: a functional of coordinates, or a coordinate taken in one direction of motion
 Place = tuple[str, Functional]
 
@@ -32,7 +32,7 @@ class Coordinates:
 
     measured: tuple[Functional, ...]
     unseen: tuple[str, ...]
-    table: Mapping[str, tuple[tuple[Functional, Fraction], ...]]
+    table: Mapping[str, tuple[tuple[Functional, Exact], ...]]
 
 
 @dataclass(frozen=True)
@@ -58,31 +58,31 @@ class PolynomialSystem:
 
 def unit(body: str) -> Functional:
     """Return the functional that reads one body's coordinate."""
-    return ((body, Fraction(1)),)
+    return ((body, 1),)
 
 
 def choose_coordinates(bodies: Sequence[str], sensing: Sensing) -> Coordinates:
     """Choose measured coordinates (bodies first, then relative sensors) and the bodies nobody sees."""
     if not sensing.has_relative_sensors:
         seen = {body for combination in sensing.combinations for body in combination}
-        singles_only = {body: ((unit(body), Fraction(1)),) for body in bodies}
+        singles_only = {body: ((unit(body), 1),) for body in bodies}
         measured_bodies = tuple(unit(body) for body in bodies if body in seen)
         return Coordinates(measured_bodies, tuple(b for b in bodies if b not in seen), singles_only)
-    sensed: list[Mapping[str, Fraction]] = list(sensing.combinations)
-    basis: list[Mapping[str, Fraction]] = []
-    singles = [{body: Fraction(1)} for body in bodies if express({body: Fraction(1)}, sensed) is not None]
+    sensed: list[Mapping[str, Exact]] = list(sensing.combinations)
+    basis: list[Mapping[str, Exact]] = []
+    singles = [{body: 1} for body in bodies if express({body: 1}, sensed) is not None]
     for candidate in [*singles, *sensed]:
         if express(candidate, basis) is None:
             basis.append(candidate)
     measured = len(basis)
     for body in bodies:
-        if len(basis) < len(bodies) and express({body: Fraction(1)}, basis) is None:
-            basis.append({body: Fraction(1)})
+        if len(basis) < len(bodies) and express({body: 1}, basis) is None:
+            basis.append({body: 1})
     functionals = [tuple(sorted(vector.items())) for vector in basis]
     unseen = tuple(functional[0][0] for functional in functionals[measured:])
     table = {}
     for body in bodies:
-        weights = express({body: Fraction(1)}, basis)
+        weights = express({body: 1}, basis)
         assert weights is not None
         table[body] = tuple((functionals[index], weight) for index, weight in sorted(weights.items()))
     return Coordinates(tuple(functionals[:measured]), unseen, table)
@@ -137,5 +137,5 @@ def _equation(
     return PolynomialEquation(body, places, forces, constants, tuple(cubes))
 
 
-def _rational(value: Fraction) -> object:
+def _rational(value: Exact) -> object:
     return QQ(value.numerator, value.denominator)

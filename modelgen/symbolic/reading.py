@@ -11,7 +11,7 @@ from modelgen.spec import ChainSpec
 from modelgen.symbolic.newton import deflection
 from modelgen.symbolic.row import Feature, KeyTerm, NeededSignal, Row
 from modelgen.symbolic.sensing import Combination, Reading, Sensing
-from modelgen.symbolic.signals import DIRECTIONS, Signal, Term, differentiate
+from modelgen.symbolic.signals import DIRECTIONS, Exact, Signal, Term, differentiate
 from modelgen.units import force_unit
 
 TIMES = {0: "", 1: ", differentiated once", 2: ", differentiated twice"}
@@ -46,12 +46,12 @@ class Reader:
         bodies = candidate.bodies
         self._refuse_cubes(candidate, times)
         terms = differentiate(candidate.terms, times)
-        total: dict[tuple[str | None, str], Fraction] = {}
+        total: dict[tuple[str | None, str], Exact] = {}
         for parameter, key, coefficient in self._read_all(terms):
             known = self._known.get(parameter or "")
             place = (parameter, key) if known is None else (None, key)
             value = coefficient if known is None else -known * coefficient
-            total[place] = total.get(place, Fraction(0)) + value
+            total[place] = total.get(place, 0) + value
         return Row(
             name="+".join(bodies),
             origin=candidate.origin + TIMES[times],
@@ -79,7 +79,7 @@ class Reader:
 
     def _read_all(self, terms: Sequence[Term]) -> Iterable[KeyTerm]:
         """Read the terms column by column, so that a relative sensor can serve a whole deflection."""
-        combined: dict[tuple[str | None, int], dict[str, Fraction]] = {}
+        combined: dict[tuple[str | None, int], dict[str, Exact]] = {}
         for parameter, signal, coefficient in terms:
             if signal.kind == "coordinate":
                 combined.setdefault((parameter, signal.order), {})[signal.name] = coefficient
@@ -89,7 +89,7 @@ class Reader:
             for reading in self._readings(combination, order):
                 yield KeyTerm(parameter, self._key(reading), reading.coefficient)
 
-    def _read_other(self, parameter: str | None, signal: Signal, coefficient: Fraction) -> Iterable[KeyTerm]:
+    def _read_other(self, parameter: str | None, signal: Signal, coefficient: Exact) -> Iterable[KeyTerm]:
         if signal.kind == "force":
             yield KeyTerm(parameter, self._force(signal), coefficient)
         elif signal.kind == "one":
@@ -114,7 +114,7 @@ class Reader:
         self.signals[key] = NeededSignal(key, None, signal.name, signal.order)
         return key
 
-    def _directed(self, parameter: str | None, signal: Signal, coefficient: Fraction) -> Iterable[KeyTerm]:
+    def _directed(self, parameter: str | None, signal: Signal, coefficient: Exact) -> Iterable[KeyTerm]:
         direction = self._direction(signal.name)
         if signal.order == 0:
             yield KeyTerm(parameter, self._feature(signal.kind, direction, None), coefficient)
@@ -158,7 +158,7 @@ class Reader:
             link = self.spec.links[int(term.signal.name)]
             stretch = dict(deflection(link))
             if times or self.sensing.read(stretch, 0) is None:
-                missing = [b for b in stretch if self.sensing.read({b: Fraction(1)}, 0) is None]
+                missing = [b for b in stretch if self.sensing.read({b: 1}, 0) is None]
                 bodies = ", ".join(missing or stretch)
                 raise ModelError.at(
                     self.where,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Literal, NamedTuple
 
 from sympy.polys.rings import PolyElement
 
 from modelgen.spec import ChainSpec, Sensor
+from modelgen.symbolic.signals import Exact
 
 
 class KeyTerm(NamedTuple):
@@ -17,7 +17,7 @@ class KeyTerm(NamedTuple):
 
     parameter: str | None
     key: str
-    coefficient: Fraction
+    coefficient: Exact
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Feature:
 
     key: str
     function: Literal["sign", "forward", "backward", "cube"]
-    of: str | tuple[tuple[Fraction, str], ...]
+    of: str | tuple[tuple[Exact, str], ...]
     times: str | None = None
 
 

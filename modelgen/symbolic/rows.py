@@ -8,7 +8,6 @@ so the sums of lower r (see sums.py) stand beside the rows of the bodies and car
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from fractions import Fraction
 
 from modelgen.errors import ModelError
 from modelgen.spec import ChainSpec
@@ -19,7 +18,7 @@ from modelgen.symbolic.polynomials import polynomial_system
 from modelgen.symbolic.reading import Candidate, Reader
 from modelgen.symbolic.row import IdentificationRows
 from modelgen.symbolic.sensing import Sensing
-from modelgen.symbolic.signals import DIRECTIONS, Term
+from modelgen.symbolic.signals import DIRECTIONS, Exact, Term
 from modelgen.symbolic.sums import NEVER, groups, sum_terms
 
 
@@ -54,9 +53,9 @@ def differentiations(terms: Iterable[Term], sensing: Sensing) -> int | None:
     return highest
 
 
-def coordinate_combinations(terms: Iterable[Term]) -> list[tuple[int, dict[str, Fraction]]]:
+def coordinate_combinations(terms: Iterable[Term]) -> list[tuple[int, dict[str, Exact]]]:
     """Group coordinate terms by parameter and order: what one column reads together."""
-    table: dict[tuple[str | None, str, int], dict[str, Fraction]] = {}
+    table: dict[tuple[str | None, str, int], dict[str, Exact]] = {}
     for parameter, signal, coefficient in terms:
         if signal.kind == "coordinate" or (signal.kind in DIRECTIONS and signal.order):
             table.setdefault((parameter, signal.kind, signal.order), {})[signal.name] = coefficient
@@ -64,7 +63,7 @@ def coordinate_combinations(terms: Iterable[Term]) -> list[tuple[int, dict[str, 
 
 
 def _sees_everything(spec: ChainSpec, sensing: Sensing) -> bool:
-    return all(sensing.level({body.name: Fraction(1)}, 0) is not None for body in spec.bodies)
+    return all(sensing.level({body.name: 1}, 0) is not None for body in spec.bodies)
 
 
 def _refuse_forceless(spec: ChainSpec) -> None:
@@ -101,11 +100,14 @@ def _choose(
 def _sums(
     motion: MotionEquations, sensing: Sensing, level_of_body: Mapping[str, int]
 ) -> Iterator[tuple[Candidate, int]]:
+    if not any(level_of_body.values()):
+        return
     seen = set()
+    terms_of = {equation.body: equation.terms for equation in motion.equations}
     for level, group in groups(motion.spec, link_levels(motion.spec, sensing)):
         if group.bodies in seen or not all(body in level_of_body for body in group.bodies):
             continue
-        terms = sum_terms(motion, group)
+        terms = sum_terms(terms_of, group)
         times = differentiations(terms, sensing)
         if times is not None and times <= level and times < max(level_of_body[b] for b in group.bodies):
             seen.add(group.bodies)

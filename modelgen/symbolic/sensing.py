@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import cached_property
 from typing import NamedTuple, TypeVar
 
 from modelgen.spec import ChainSpec, Sensor
 from modelgen.symbolic.newton import deflection
+from modelgen.symbolic.signals import Exact, quotient
 
 Key = TypeVar("Key", str, int)
 
@@ -21,13 +21,13 @@ ORDER = {"position": 0, "velocity": 1, "acceleration": 2}
 HIGHEST_SENSOR_ORDER = 2
 
 #: bodies and the coefficients their coordinates are added with
-Combination = Mapping[str, Fraction]
+Combination = Mapping[str, Exact]
 
 
 class Reading(NamedTuple):
     """coefficient * (reading of `sensor` differentiated `derivative` times)."""
 
-    coefficient: Fraction
+    coefficient: Exact
     sensor: str
     derivative: int
 
@@ -37,7 +37,7 @@ class Sensing:
     """The sensors of one set, seen as linear combinations of the bodies' coordinates."""
 
     sensors: tuple[Sensor, ...]
-    combinations: tuple[dict[str, Fraction], ...] = field(repr=False)
+    combinations: tuple[dict[str, Exact], ...] = field(repr=False)
 
     @classmethod
     def of(cls, spec: ChainSpec, sensors: tuple[Sensor, ...]) -> Sensing:
@@ -51,6 +51,8 @@ class Sensing:
         The way with the fewest differentiations wins (an accelerometer beside an encoder saves two), then the
         one with the fewest readings. None if the set cannot give it without integration.
         """
+        if not self.has_relative_sensors:
+            return self._body_by_body(combination, order)
         ways = [self._whole(combination, order), self._body_by_body(combination, order)]
         found = [way for way in ways if way is not None]
         if not found and self.has_relative_sensors:
@@ -62,6 +64,9 @@ class Sensing:
 
     def level(self, combination: Combination, order: int) -> int | None:
         """Return how often a term of that order must be differentiated before it can be read; None: never."""
+        if not self.has_relative_sensors:
+            lowest = [self._lowest.get(body) for body in combination]
+            return None if None in lowest else max(0, max(k for k in lowest if k is not None) - order)
         for times in range(HIGHEST_SENSOR_ORDER + 1):
             if self.read(combination, order + times) is not None:
                 return times
@@ -69,7 +74,7 @@ class Sensing:
 
     def velocity(self, body: str) -> Reading | None:
         """Return the reading of a body's velocity by one sensor, for its sign; None if there is none."""
-        readings = self.read({body: Fraction(1)}, 1)
+        readings = self.read({body: 1}, 1)
         if readings is None or len(readings) != 1 or readings[0].coefficient < 0:
             return None
         return readings[0]
@@ -93,19 +98,37 @@ class Sensing:
         """One sensor reads a multiple of the whole combination."""
         for index in self._by_support.get(frozenset(combination), ()):
             own, lowest = self.combinations[index], ORDER[self.sensors[index].measures]
-            factors = {value / own[body] for body, value in combination.items()}
+            factors = {quotient(value, own[body]) for body, value in combination.items()}
             if len(factors) == 1 and lowest <= order:
                 return (Reading(factors.pop(), self.sensors[index].key, order - lowest),)
         return None
 
+    @cached_property
+    def _of_body(self) -> dict[str, list[tuple[int, str]]]:
+        """Return per body the (order, key) of its own sensors, the highest order first."""
+        table: dict[str, list[tuple[int, str]]] = {}
+        for sensor in self.sensors:
+            if sensor.body is not None:
+                table.setdefault(sensor.body, []).append((ORDER[sensor.measures], sensor.key))
+        for own in table.values():
+            own.sort(key=lambda item: -item[0])
+        return table
+
+    @cached_property
+    def _lowest(self) -> dict[str, int]:
+        """Return per body the lowest order that a sensor of its own reads."""
+        return {body: own[-1][0] for body, own in self._of_body.items()}
+
     def _body_by_body(self, combination: Combination, order: int) -> tuple[Reading, ...] | None:
         """Every body of the combination has a sensor of its own."""
-        readings: list[Reading] = []
+        readings = []
         for body, coefficient in combination.items():
-            single = self._whole({body: coefficient}, order)
-            if single is None:
+            for lowest, key in self._of_body.get(body, ()):
+                if lowest <= order:
+                    readings.append(Reading(coefficient, key, order - lowest))
+                    break
+            else:
                 return None
-            readings.extend(single)
         return tuple(readings)
 
     def _solve(self, combination: Combination, order: int) -> tuple[Reading, ...] | None:
@@ -122,37 +145,37 @@ class Sensing:
         )
 
 
-def _combination(sensor: Sensor, links: Mapping[tuple[str, str], dict[str, Fraction]]) -> dict[str, Fraction]:
+def _combination(sensor: Sensor, links: Mapping[tuple[str, str], dict[str, Exact]]) -> dict[str, Exact]:
     if sensor.body is not None:
-        return {sensor.body: Fraction(1)}
+        return {sensor.body: 1}
     assert sensor.deflection is not None
     first, second = sensor.deflection
     if (first, second) in links:
         return links[first, second]
     if (second, first) in links:
         return {body: -value for body, value in links[second, first].items()}
-    return {first: Fraction(1), second: Fraction(-1)}
+    return {first: 1, second: -1}
 
 
-def express(target: Combination, basis: Iterable[Combination]) -> dict[int, Fraction] | None:
+def express(target: Combination, basis: Iterable[Combination]) -> dict[int, Exact] | None:
     """Write `target` as a weighted sum of `basis` (exact elimination); None if it is not in their span."""
-    pivots: list[tuple[str, dict[str, Fraction], dict[int, Fraction]]] = []
+    pivots: list[tuple[str, dict[str, Exact], dict[int, Exact]]] = []
 
     def reduce(
-        vector: dict[str, Fraction], recipe: dict[int, Fraction]
-    ) -> tuple[dict[str, Fraction], dict[int, Fraction]]:
+        vector: dict[str, Exact], recipe: dict[int, Exact]
+    ) -> tuple[dict[str, Exact], dict[int, Exact]]:
         for body, pivot, made_of in pivots:
-            factor = vector.get(body, Fraction(0))
+            factor = vector.get(body, 0)
             if factor:
                 vector = add_scaled(vector, pivot, -factor)
                 recipe = add_scaled(recipe, made_of, -factor)
         return vector, recipe
 
     for index, candidate in enumerate(basis):
-        vector, recipe = reduce(dict(candidate), {index: Fraction(1)})
+        vector, recipe = reduce(dict(candidate), {index: 1})
         if vector:
             body = min(vector)
-            scale = 1 / vector[body]
+            scale = quotient(1, vector[body])
             pivots.append(
                 (body, {b: v * scale for b, v in vector.items()}, {i: w * scale for i, w in recipe.items()})
             )
@@ -160,11 +183,9 @@ def express(target: Combination, basis: Iterable[Combination]) -> dict[int, Frac
     return None if rest else {index: -weight for index, weight in recipe.items()}
 
 
-def add_scaled(
-    left: dict[Key, Fraction], right: Mapping[Key, Fraction], factor: Fraction
-) -> dict[Key, Fraction]:
+def add_scaled(left: dict[Key, Exact], right: Mapping[Key, Exact], factor: Exact) -> dict[Key, Exact]:
     """Return left + factor * right without zero entries."""
     total = dict(left)
     for key, value in right.items():
-        total[key] = total.get(key, Fraction(0)) + factor * value
+        total[key] = total.get(key, 0) + factor * value
     return {key: value for key, value in total.items() if value}

@@ -11,6 +11,9 @@ from collections.abc import Iterable
 from fractions import Fraction
 from typing import Literal, NamedTuple
 
+#: An exact rational number. Integers stay integers: they are many times faster than fractions.
+Exact = int | Fraction
+
 SignalKind = Literal["coordinate", "force", "one", "sign", "forward", "backward", "cube"]
 
 #: kinds of signal that depend on the direction of a body's motion
@@ -43,7 +46,13 @@ class Term(NamedTuple):
 
     parameter: str | None
     signal: Signal
-    coefficient: Fraction
+    coefficient: Exact
+
+
+def quotient(left: Exact, right: Exact) -> Exact:
+    """Return left / right exactly, as an integer where it is one."""
+    value = Fraction(left) / right
+    return value.numerator if value.denominator == 1 else value
 
 
 def coordinate(body: str, order: int) -> Signal:
@@ -53,10 +62,10 @@ def coordinate(body: str, order: int) -> Signal:
 
 def collect(terms: Iterable[Term]) -> tuple[Term, ...]:
     """Add up terms of the same parameter and signal, in order of first appearance; drop those that cancel."""
-    sums: dict[tuple[str | None, Signal], Fraction] = {}
+    sums: dict[tuple[str | None, Signal], Exact] = {}
     for parameter, signal, coefficient in terms:
         key = (parameter, signal)
-        sums[key] = sums.get(key, Fraction(0)) + coefficient
+        sums[key] = sums.get(key, 0) + coefficient
     return tuple(Term(parameter, signal, value) for (parameter, signal), value in sums.items() if value)
 
 

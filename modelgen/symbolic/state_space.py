@@ -7,15 +7,14 @@ bodies, corrected: the printed rows 3 and 4 are damaged, and the Coulomb torque 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
 
 from modelgen.spec import Sensor
 from modelgen.symbolic.newton import MotionEquations
 from modelgen.symbolic.sensing import ORDER, Sensing
-from modelgen.symbolic.signals import Term
+from modelgen.symbolic.signals import Exact, Term
 
 #: sum of coefficient * parameter (a parameter of None counts as 1)
-LinearForm = tuple[tuple[Fraction, str | None], ...]
+LinearForm = tuple[tuple[Exact, str | None], ...]
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class Output:
 
     sensor: Sensor
     order: int
-    combination: tuple[tuple[int, Fraction], ...]
+    combination: tuple[tuple[int, Exact], ...]
 
 
 @dataclass(frozen=True)
@@ -89,22 +88,19 @@ def state_space(motion: MotionEquations, sensors: tuple[Sensor, ...]) -> StateSp
     b: list[Entry] = []
     for body, equation in zip(spec.bodies, motion.equations, strict=True):
         row = count + place[body.name]
-        forms: dict[tuple[int, tuple[str, int] | None], list[tuple[Fraction, str | None]]] = {}
+        forms: dict[tuple[int, tuple[str, int] | None], list[tuple[Exact, str | None]]] = {}
         for term in equation.terms:
             column = _column(term, place, count)
             if column is not None:
                 forms.setdefault(column, []).append((-term.coefficient, term.parameter))
             elif term.signal.kind == "force":
-                b.append(Entry(row, actuators.index(term.signal.name), ((Fraction(1), None),), body.inertia))
+                b.append(Entry(row, actuators.index(term.signal.name), ((1, None),), body.inertia))
         for (column_index, direction), form in sorted(
             forms.items(), key=lambda item: (item[0][0], str(item[0][1]))
         ):
             a.append(Entry(row, column_index, tuple(form), body.inertia, direction))
     inertia = {body.name: body.inertia for body in spec.bodies}
-    e = tuple(
-        Entry(r.state, column, ((Fraction(-1), None),), inertia[r.body])
-        for column, r in enumerate(resistances)
-    )
+    e = tuple(Entry(r.state, column, ((-1, None),), inertia[r.body]) for column, r in enumerate(resistances))
     sensing = Sensing.of(spec, sensors)
     outputs = tuple(
         Output(sensor, ORDER[sensor.measures], tuple((place[b], c) for b, c in combination.items()))

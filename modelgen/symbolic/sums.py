@@ -11,11 +11,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 from modelgen.spec import ChainSpec, Link
-from modelgen.symbolic.newton import MotionEquations
-from modelgen.symbolic.signals import Term, collect
+from modelgen.symbolic.signals import Exact, Term, collect, quotient
 
 NEVER = 99  # level of a link whose deflection the sensors never give
 
@@ -24,7 +22,7 @@ NEVER = 99  # level of a link whose deflection the sensors never give
 class Group:
     """Connected bodies with the weights that make the links inside them cancel."""
 
-    weights: tuple[tuple[str, Fraction], ...]
+    weights: tuple[tuple[str, Exact], ...]
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -32,14 +30,12 @@ class Group:
         return tuple(body for body, _ in self.weights)
 
 
-def sum_terms(motion: MotionEquations, group: Group) -> tuple[Term, ...]:
+def sum_terms(terms_of: Mapping[str, Sequence[Term]], group: Group) -> tuple[Term, ...]:
     """Return the weighted sum of the group's equations; the terms of its inner links have cancelled."""
-    weight = dict(group.weights)
     return collect(
-        term._replace(coefficient=term.coefficient * weight[equation.body])
-        for equation in motion.equations
-        if equation.body in weight
-        for term in equation.terms
+        term._replace(coefficient=term.coefficient * weight)
+        for body, weight in group.weights
+        for term in terms_of[body]
     )
 
 
@@ -57,12 +53,12 @@ def groups(spec: ChainSpec, level_of_link: Sequence[int | None]) -> Iterator[tup
 
 def _components(spec: ChainSpec, links: Sequence[Link]) -> Iterator[Group]:
     """Yield the connected groups of two bodies or more, as far as gear ratios around loops are consistent."""
-    neighbours: dict[str, list[tuple[str, Fraction]]] = {}
+    neighbours: dict[str, list[tuple[str, Exact]]] = {}
     for link in links:
         first, second = link.bodies
         # w_first / N = w_second makes the link's two forces cancel in the sum.
-        neighbours.setdefault(first, []).append((second, 1 / link.ratio))
-        neighbours.setdefault(second, []).append((first, link.ratio))
+        neighbours.setdefault(first, []).append((second, quotient(1, link.ratio)))
+        neighbours.setdefault(second, []).append((first, quotient(link.ratio, 1)))
     seen: set[str] = set()
     for body in spec.bodies:
         if body.name in seen or body.name not in neighbours:
@@ -73,10 +69,9 @@ def _components(spec: ChainSpec, links: Sequence[Link]) -> Iterator[Group]:
             yield Group(tuple((b.name, weights[b.name]) for b in spec.bodies if b.name in weights))
 
 
-def _weights(
-    start: str, neighbours: Mapping[str, list[tuple[str, Fraction]]]
-) -> tuple[dict[str, Fraction], bool]:
-    weights, consistent, queue = {start: Fraction(1)}, True, deque([start])
+def _weights(start: str, neighbours: Mapping[str, list[tuple[str, Exact]]]) -> tuple[dict[str, Exact], bool]:
+    weights: dict[str, Exact] = {start: 1}
+    consistent, queue = True, deque([start])
     while queue:
         body = queue.popleft()
         for other, factor in neighbours[body]:

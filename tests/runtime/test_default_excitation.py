@@ -123,3 +123,8 @@ def test_low_sampling_limits_the_band() -> None:
 def test_an_unknown_kind_is_refused() -> None:
     with pytest.raises(DataError, match="there is no kind 'sine'; choose chirp or trapezoid"):
         default_excitation("sine", EMPS, EMPS.parameter_sets["table_1"])
+
+
+def test_an_impossible_band_is_refused() -> None:
+    with pytest.raises(DataError, match="chirp: band: is 0 Hz to 200 Hz; give two positive frequencies"):
+        default_excitation("chirp", EMPS, EMPS.parameter_sets["table_1"], band_hz=(0.0, 200.0))

@@ -90,10 +90,12 @@ def test_samples_fall_on_internal_steps() -> None:
 
 
 def test_wrong_levels_are_named() -> None:
-    assert problems(chirp, 0.0, 600.0, 0.3, 1000.0) == [
-        "f_start_hz, f_stop_hz: must be positive; give a band in Hz",
-        "f_start_hz, f_stop_hz: reach 500 Hz, half of fs; lower the band or raise fs",
-        "duration_s: leaves no time between 0.2 s and 0.1 s; make it longer",
+    assert problems(chirp, 0.0, 600.0, 1.0, 1000.0) == [
+        "chirp: band: is 0 Hz to 600 Hz; give two positive frequencies",
+        "chirp: band: is 0 Hz to 600 Hz; stay below 500 Hz, half of fs, or raise fs",
+    ]
+    assert problems(chirp, 10.0, 100.0, 0.3, 1000.0) == [
+        "duration_s: leaves no time between 0.2 s and 0.1 s; make it longer"
     ]
     assert problems(trapezoid, [], -1.0, 1.0, 1000.0, cruise_s=-1.0, dwell_s=0.03) == [
         "speeds: must be one or more positive numbers; give them",
