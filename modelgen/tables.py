@@ -67,7 +67,8 @@ def demo_tables(found: Description) -> Group:
     noise = ", ".join(f"{key} {std:g}" for key, std in found["noise"].items())
     paper = found["pham2002"]
     head = [
-        "Natural frequency and damping ratio are those of Tables 1 and 2 of Pham, Poignet, Gautier (2002).",
+        "The sets have the natural frequency and damping ratio of Tables 1 and 2 of Pham, Poignet, Gautier",
+        "(ICRA 2002); their other values are chosen to suit, not copied from the paper.",
         f"Bench: closed loop at {found['fs_hz']:g} Hz, a chirp of {low:g} to {high:g} Hz and trapezoids, "
         f"{found['duration_s']:g} s each.",
         f"Noise (rms, SI): {noise}.",

@@ -121,6 +121,8 @@ class Model:
     known: Mapping[str, float]
     base_parameters: tuple[str, ...]
     identifiable: tuple[str, ...]
+    absent: Mapping[str, str]
+    composites: Mapping[str, str]
     units: Mapping[str, str]
     roles: Mapping[str, Role]
     parameter_sets: Mapping[str, Mapping[str, float]]
@@ -158,6 +160,10 @@ class Model:
     def base_from_physical(self, parameters: Mapping[str, float]) -> FloatArray:
         """Return the base parameters, shape (columns,), from physical ones (name to value, SI)."""
         return cast(FloatArray, self.module.base_from_physical(parameters))
+
+    def base_jacobian(self, parameters: Mapping[str, float]) -> FloatArray:
+        """Return d base / d parameters, shape (columns, parameters), at physical parameters (SI)."""
+        return cast(FloatArray, self.module.base_jacobian(parameters))
 
     def physical_from_base(self, base: npt.ArrayLike) -> dict[str, float]:
         """Return the identifiable physical parameters (name to value, SI) from the base ones."""
@@ -201,6 +207,8 @@ def model_from_module(module: Any) -> Model:
         known=MappingProxyType(dict(module.KNOWN)),
         base_parameters=module.BASE_PARAMETERS,
         identifiable=module.IDENTIFIABLE,
+        absent=MappingProxyType(dict(module.ABSENT)),
+        composites=MappingProxyType(dict(module.COMPOSITES)),
         units=MappingProxyType(dict(module.UNITS)),
         roles=MappingProxyType({name: Role(**entry) for name, entry in module.ROLES.items()}),
         parameter_sets=MappingProxyType(

@@ -73,6 +73,8 @@ VALUES: dict[str, Kind] = {
     ),
     "IDENTIFIABLE": NAMES,
     "KNOWN": Kind("a mapping of names to finite numbers", _maps_texts(is_number)),
+    "ABSENT": Kind("a mapping of names to strings", _maps_texts(_is_text)),
+    "COMPOSITES": Kind("a mapping of names to strings", _maps_texts(_is_text)),
     "UNITS": Kind("a mapping of names to strings", _maps_texts(_is_text)),
     "PARAMETER_SETS": Kind(
         "a mapping of names to mappings of names to finite numbers", _maps_texts(_maps_texts(is_number))
@@ -128,6 +130,7 @@ FUNCTION_NAMES = (
     "regressor",
     "columns",
     "base_from_physical",
+    "base_jacobian",
     "physical_from_base",
     "state_space",
     "identify",
@@ -230,6 +233,7 @@ def _references(module: Any) -> list[tuple[str, str, tuple[str, ...], str]]:
         names = (entry["coulomb_plus"], entry["coulomb_minus"], entry["offset"])
         refs += [(f"FRICTION[{i}]", name, physical, "parameter") for name in names]
     refs += [("IDENTIFIABLE", name, module.PARAMETERS, "parameter") for name in module.IDENTIFIABLE]
+    refs += [("ABSENT", name, module.PARAMETERS, "parameter") for name in module.ABSENT]
     refs += [("ROLES", name, physical, "parameter") for name in module.ROLES]
     refs += [("PARAMETERS", name, tuple(module.ROLES), "key of ROLES") for name in module.PARAMETERS]
     for name in dict.fromkeys((*module.PARAMETERS, *module.BASE_PARAMETERS)):

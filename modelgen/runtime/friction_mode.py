@@ -80,10 +80,10 @@ class ModeMotion:
         for body, sign in zip(system.bodies, mode, strict=True):
             drift[body.velocity] -= max(sign, 0) * body.plus / body.inertia
             drift[body.velocity] -= min(sign, 0) * body.minus / body.inertia
-        self._held = [body.velocity for body, sign in zip(system.bodies, mode, strict=True) if sign == 0]
+        held = [body.velocity for body, sign in zip(system.bodies, mode, strict=True) if sign == 0]
         self.M = np.zeros((nx + 2 * m + 1,) * 2)
         self.M[:nx] = np.c_[A, system.B, np.zeros((nx, m)), drift]
-        self.M[self._held], self.M[:, self._held] = 0.0, 0.0
+        self.M[held], self.M[:, held] = 0.0, 0.0
         self.M[nx : nx + m, nx + m : nx + 2 * m] = np.eye(m)
         self._guards, self._owners = self._make_guards()
         self._rates = self._guards @ self.M
@@ -109,9 +109,6 @@ class ModeMotion:
 
         nx, m = self._nx, self._m
         step = expm(self.M)[:nx]
-        positions = [row - nx // 2 for row in self._held]
-        # exact by construction; the exponential would leave rounding errors that add up
-        step[self._held], step[positions], step[positions, positions] = 0.0, 0.0, 1.0
         self._powers = [np.ascontiguousarray(step[:, :nx].T)]
         self._G1 = step[:, nx + m : nx + 2 * m].T
         self._G0 = step[:, nx : nx + m].T - self._G1

@@ -47,8 +47,8 @@ class RowBlock:
     masked : int
         Samples of the grid left out.
     has_force : bool
-        Whether a force fixes the scale of the row. The left-hand side of a load row is zero, or nearly so where
-        its actuator rests.
+        Whether a force fixes the scale of the row. The left-hand side of a load row is zero, or nearly so
+        where its actuator rests.
     force_scale : float
         Rms on the grid of the forces, differentiated as often as the row: the size of what a row balances.
     """

@@ -28,9 +28,9 @@ def observe_paper(
 ) -> Observation:
     """Return the paper's rows of the records.
 
-    Sensors are low-passed forward and backward, forces are not; both are differenced alike (order 2, one-sided
-    at the ends). After `drop` samples every column and the left-hand side are decimated as MATLAB's `decimate`
-    does. No sample is masked.
+    Sensors are low-passed forward and backward, forces are not; both are differenced alike (order 2,
+    one-sided at the ends). After `drop` samples every column and the left-hand side are decimated as MATLAB's
+    `decimate` does. No sample is masked.
 
     Raises
     ------
