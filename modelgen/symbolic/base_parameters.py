@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from modelgen.errors import ModelError
 from modelgen.symbolic.identifiability import identifiable_parameters
-from modelgen.symbolic.row import Composite, IdentificationRows
+from modelgen.symbolic.row import IdentificationRows
 from modelgen.symbolic.signals import Exact, quotient
 
 SEED = 2002
@@ -88,22 +88,8 @@ def _identifiable(
     alone = {b.combination[0][0] for b in base if len(b.combination) == 1}
     if not rows.composites:
         return tuple(name for name in wanted if name in alone)
-    ring = next(iter(rows.composites.values())).numerator.ring
-    return identifiable_parameters(ring, wanted, [composite_of(rows, b) for b in base])
-
-
-def composite_of(rows: IdentificationRows, base: BaseParameter) -> Composite:
-    """Return a base parameter as one quotient of polynomials in the physical parameters."""
-    ring = next(iter(rows.composites.values())).numerator.ring
-    by_name = {symbol.name: generator for symbol, generator in zip(ring.symbols, ring.gens, strict=True)}
-    top, bottom = ring.zero, ring.one
-    for name, factor in base.combination:
-        column = rows.composites.get(name)
-        numerator = by_name[name] if column is None else column.numerator
-        denominator = ring.one if column is None else column.denominator
-        weight = ring.ground_new(ring.domain(factor.numerator, factor.denominator))
-        top, bottom = top * denominator + weight * numerator * bottom, bottom * denominator
-    return Composite(top, bottom, base.name)
+    columns = [[(rows.composites.get(name, name), factor) for name, factor in b.combination] for b in base]
+    return identifiable_parameters(wanted, columns)
 
 
 def _reasons(

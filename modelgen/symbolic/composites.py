@@ -7,14 +7,14 @@ name, so that rows share their columns; a quotient that is a physical parameter 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from fractions import Fraction
 from typing import NamedTuple
 
 from sympy.polys.rings import PolyElement
 
 from modelgen.symbolic.elimination import EliminatedRow
-from modelgen.symbolic.polynomials import Functional, PolynomialSystem
+from modelgen.symbolic.polynomials import Functional
 from modelgen.symbolic.reading import Candidate
 from modelgen.symbolic.row import Composite
 from modelgen.symbolic.signals import Signal, Term, collect
@@ -34,10 +34,10 @@ class Part(NamedTuple):
 class Composites:
     """The composites of one sensor set, named once each, in order of appearance."""
 
-    def __init__(self, system: PolynomialSystem) -> None:
-        self.system = system
+    def __init__(self, parameters: Collection[str]) -> None:
         self.named: dict[str, Composite] = {}
-        self._names: dict[tuple[PolyElement, PolyElement], str] = {}
+        self._parameters = parameters
+        self._names: dict[str, str] = {}
 
     def candidate(self, row: EliminatedRow) -> Candidate:
         """Return the row with named composites, normalised by a measured force."""
@@ -62,31 +62,29 @@ class Composites:
 
     def _name(self, value: PolyElement, scale: PolyElement) -> tuple[str | None, Fraction]:
         """Return (name, factor) with name * factor = value / scale; no name if that is a number."""
-        ring = self.system.ring
-        numerator, denominator = value.cancel(scale)
         factor = Fraction(1)
         parts = []
-        for poly, power in ((numerator, 1), (denominator, -1)):
+        for poly, power in zip(value.cancel(scale), (1, -1), strict=True):
             content, primitive = poly.primitive()
             if primitive.LC < 0:
                 content, primitive = -content, -primitive
             factor *= Fraction(int(content.numerator), int(content.denominator)) ** power
             parts.append(primitive)
         numerator, denominator = parts
-        if numerator == ring.one and denominator == ring.one:
+        # Rings differ between rows; the text of the quotient, in the order of the spec, does not.
+        formula = quotient_text(numerator, denominator)
+        if formula == "1":
             return None, factor
-        key = (numerator, denominator)
-        if key not in self._names:
-            formula = quotient_text(numerator, denominator)
+        if formula not in self._names:
             name = formula if len(formula) <= LONGEST_NAME else self._number()
-            self._names[key] = name
-            if name not in self.system.parameters:
+            self._names[formula] = name
+            if name not in self._parameters:
                 self.named[name] = Composite(numerator, denominator, formula)
-        return self._names[key], factor
+        return self._names[formula], factor
 
     def _number(self) -> str:
         index = len(self.named) + 1
-        while f"C{index}" in self.system.parameters or f"C{index}" in self.named:
+        while f"C{index}" in self._parameters or f"C{index}" in self.named:
             index += 1
         return f"C{index}"
 

@@ -13,14 +13,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import combinations
-from random import Random
 from typing import TypeVar
 
 from sympy.polys.rings import PolyElement
 
+from modelgen.chain import ChainSpec
 from modelgen.errors import ModelError
-from modelgen.symbolic.identifiability import PRIME, SEED, evaluate
-from modelgen.symbolic.polynomials import Place, PolynomialSystem, unit
+from modelgen.symbolic.identifiability import evaluate, random_point, reduce_modular
+from modelgen.symbolic.newton import Equation, MotionEquations
+from modelgen.symbolic.polynomials import Coordinates, Place, PolynomialSystem, polynomial_system, unit
 from modelgen.symbolic.signals import Signal
 
 #: More unseen neighbours than this are refused: the number of terms grows exponentially with them.
@@ -41,7 +42,9 @@ class EliminatedRow:
     constants: Mapping[Signal, PolyElement]
 
 
-def eliminated_rows(system: PolynomialSystem, where: str) -> tuple[EliminatedRow, ...]:
+def eliminated_rows(
+    motion: MotionEquations, coordinates: Coordinates, where: str
+) -> tuple[EliminatedRow, ...]:
     """Return independent rows of lowest order for all equations that hold unseen coordinates.
 
     Raises
@@ -50,29 +53,33 @@ def eliminated_rows(system: PolynomialSystem, where: str) -> tuple[EliminatedRow
         If more than LARGEST_ELIMINATION unseen coordinates would have to be eliminated at once, or something
         nonlinear.
     """
-    unseen = {body: frozenset(_unseen_in(system, body)) for body in system.equations}
+    unseen = {e.body: frozenset(_unseen_in(e, coordinates)) for e in motion.equations}
+    equation_of = {equation.body: equation for equation in motion.equations}
     rows: list[EliminatedRow] = []
-    for equations, coordinates in _choices(system, unseen, where):
-        row = _eliminate(system, equations, coordinates, where)
+    for bodies, others in _choices(coordinates.unseen, unseen, where):
+        # A ring of its own for every row: the cost of a polynomial grows with the generators of its ring.
+        system = polynomial_system(motion.spec, [equation_of[body] for body in bodies], coordinates)
+        row = _eliminate(system, bodies, others, where)
         if row is not None:
             rows.append(row)
     # Rows that a force enters come first: they fix the scale of their parameters.
     rows.sort(key=lambda row: (not row.forces, _order(row), len(row.bodies)))
-    wanted = sum(1 for held in unseen.values() if held) - len(system.coordinates.unseen)
-    return tuple(_independent(rows, wanted, system))
+    wanted = sum(1 for held in unseen.values() if held) - len(coordinates.unseen)
+    return tuple(_independent(rows, wanted, motion.spec))
 
 
-def _unseen_in(system: PolynomialSystem, body: str) -> Iterator[str]:
-    places = system.equations[body].coordinates
-    return (other for other in system.coordinates.unseen if ("", unit(other)) in places)
+def _unseen_in(equation: Equation, coordinates: Coordinates) -> Iterator[str]:
+    held = {term.signal.name for term in equation.terms if term.signal.kind not in ("force", "one", "cube")}
+    reached = {functional for body in held for functional, _ in coordinates.table[body]}
+    return (body for body in coordinates.unseen if unit(body) in reached)
 
 
 def _choices(
-    system: PolynomialSystem, unseen: Mapping[str, frozenset[str]], where: str
+    bodies: Sequence[str], unseen: Mapping[str, frozenset[str]], where: str
 ) -> Iterator[tuple[tuple[str, ...], tuple[str, ...]]]:
     """Yield (equations, unseen coordinates in them), one equation more than coordinates."""
-    order = {body: index for index, body in enumerate(system.equations)}
-    groups = _groups(system.coordinates.unseen, unseen.values())
+    order = {body: index for index, body in enumerate(unseen)}
+    groups = _groups(bodies, unseen.values())
     group_of = {body: group for group in groups for body in group}
     tried: dict[tuple[str, ...], tuple[str, ...]] = {}
     for body, held in unseen.items():
@@ -193,13 +200,10 @@ def _order(row: EliminatedRow) -> int:
     return max(int(p.degree(0)) for p in row.coordinates.values())
 
 
-def _independent(
-    rows: Sequence[EliminatedRow], wanted: int, system: PolynomialSystem
-) -> Iterator[EliminatedRow]:
+def _independent(rows: Sequence[EliminatedRow], wanted: int, spec: ChainSpec) -> Iterator[EliminatedRow]:
     """Keep rows, lowest order first, that are independent at a random point of a prime field."""
-    random = Random(SEED)
-    point = [random.randrange(1, PRIME) for _ in system.ring.gens]
-    kept: list[dict[object, int]] = []
+    point = random_point(["s derivative", *(parameter.name for parameter in spec.parameters)])
+    pivots: dict[object, dict[object, int]] = {}
     for row in rows:
         vector: dict[object, int] = {
             key: value
@@ -207,14 +211,9 @@ def _independent(
             for key, poly in table.items()
             if (value := evaluate(poly, point))
         }
-        for pivot in kept:
-            lead = next(iter(pivot))
-            factor = vector.get(lead, 0) * pow(pivot[lead], -1, PRIME)
-            for key, value in pivot.items():
-                vector[key] = (vector.get(key, 0) - factor * value) % PRIME
-            vector = {key: value for key, value in vector.items() if value}
+        reduce_modular(vector, pivots)
         if vector:
-            kept.append(vector)
+            pivots[next(iter(vector))] = vector
             yield row
-        if len(kept) == wanted:
+        if len(pivots) == wanted:
             return

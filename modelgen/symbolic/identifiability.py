@@ -8,78 +8,102 @@ identified may still have several isolated solutions; those are found when numbe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, MutableMapping, Sequence
+from fractions import Fraction
 from random import Random
+from typing import TypeVar
 
-from sympy.polys.rings import PolyElement, PolyRing
+from sympy.polys.rings import PolyElement
 
 from modelgen.symbolic.row import Composite
 
 PRIME = 2_147_483_647
 SEED = 2002
 
+Key = TypeVar("Key", bound=Hashable)
+#: a sparse vector over the prime field
+Vector = dict[Key, int]
+
 
 def identifiable_parameters(
-    ring: PolyRing, names: Sequence[str], base: Sequence[Composite]
+    names: Sequence[str], base: Sequence[Sequence[tuple[str | Composite, Fraction | int]]]
 ) -> tuple[str, ...]:
     """Return the parameters that the values of the base parameters determine, at least locally.
 
     Parameters
     ----------
-    ring : PolyRing
-        Ring of the quotients; its first generator is s, the others are `names`.
     names : sequence of str
         Physical parameters to be estimated.
-    base : sequence of Composite
-        The base parameters as quotients in the physical ones.
+    base : sequence of sequences of (str or Composite, factor)
+        Each base parameter as a sum of factors times physical parameters (by name) or quotients of them.
     """
+    point = random_point(names)
+    pivots: dict[str, Vector[str]] = {}
+    for combination in base:
+        vector: Vector[str] = {}
+        for column, factor in combination:
+            weight = _modular(factor)
+            slopes = {column: 1} if isinstance(column, str) else _gradient(column, point)
+            _add(vector, slopes, weight)
+        reduce_modular(vector, pivots)
+        if vector:
+            pivots[next(iter(vector))] = vector
+    # A unit vector lies in the row space exactly when it is a row of the fully reduced echelon form.
+    for lead in reversed(list(pivots)):
+        later = {key: pivot for key, pivot in pivots.items() if key != lead}
+        reduce_modular(pivots[lead], later)
+    return tuple(name for name in names if name in pivots and len(pivots[name]) == 1)
+
+
+def random_point(names: Sequence[str]) -> dict[str, int]:
+    """Return a random element of the prime field for every name."""
     random = Random(SEED)
-    point = [random.randrange(1, PRIME) for _ in ring.gens]
-    gradients = [[_derivative(column, n + 1, ring, point) for n in range(len(names))] for column in base]
-    reduced = row_echelon(gradients)
-    return tuple(name for n, name in enumerate(names) if any(_is_unit(row, n) for row in reduced))
+    return {name: random.randrange(1, PRIME) for name in names}
 
 
-def row_echelon(rows: Sequence[Sequence[int]]) -> list[list[int]]:
-    """Return the reduced row echelon form over the prime field, without zero rows.
-
-    A unit vector lies in the row space exactly when it is one of the rows of this form.
-    """
-    matrix = [list(row) for row in rows]
-    done = 0
-    for column in range(len(matrix[0]) if matrix else 0):
-        pivot = next((i for i in range(done, len(matrix)) if matrix[i][column]), None)
-        if pivot is None:
-            continue
-        matrix[done], matrix[pivot] = matrix[pivot], matrix[done]
-        inverse = pow(matrix[done][column], -1, PRIME)
-        matrix[done] = [value * inverse % PRIME for value in matrix[done]]
-        for i, row in enumerate(matrix):
-            if i != done and row[column]:
-                factor = row[column]
-                matrix[i] = [(a - factor * b) % PRIME for a, b in zip(row, matrix[done], strict=True)]
-        done += 1
-    return matrix[:done]
+def reduce_modular(vector: MutableMapping[Key, int], pivots: Mapping[Key, Mapping[Key, int]]) -> None:
+    """Subtract multiples of the pivot rows until the vector has no entry at any pivot, in place."""
+    pending = [key for key in vector if key in pivots]
+    while pending:
+        key = pending[0]
+        pivot = pivots[key]
+        _add(vector, pivot, -vector[key] * pow(pivot[key], -1, PRIME))
+        pending = [key for key in vector if key in pivots]
 
 
-def evaluate(poly: PolyElement, point: Sequence[int]) -> int:
-    """Return the value of a polynomial at a point of the prime field."""
+def evaluate(poly: PolyElement, point: Mapping[str, int]) -> int:
+    """Return the value of a polynomial at a point of the prime field, given by generator names."""
+    values = [point.get(symbol.name, 1) for symbol in poly.ring.symbols]
     total = 0
     for exponents, coefficient in poly.items():
-        term = int(coefficient.numerator) * pow(int(coefficient.denominator), -1, PRIME)
-        for value, exponent in zip(point, exponents, strict=True):
-            term = term * pow(value, exponent, PRIME) % PRIME
+        term = _modular(Fraction(int(coefficient.numerator), int(coefficient.denominator)))
+        for value, exponent in zip(values, exponents, strict=True):
+            if exponent:
+                term = term * pow(value, exponent, PRIME) % PRIME
         total = (total + term) % PRIME
     return total
 
 
-def _derivative(column: Composite, generator: int, ring: PolyRing, point: Sequence[int]) -> int:
+def _gradient(column: Composite, point: Mapping[str, int]) -> Vector[str]:
     top, bottom = column.numerator, column.denominator
-    variable = ring.gens[generator]
     a, b = evaluate(top, point), evaluate(bottom, point)
-    slope = evaluate(top.diff(variable), point) * b - a * evaluate(bottom.diff(variable), point)
-    return slope * pow(b, -2, PRIME) % PRIME
+    square = pow(b, -2, PRIME)
+    slopes = {}
+    for symbol, variable in zip(top.ring.symbols, top.ring.gens, strict=True):
+        slope = evaluate(top.diff(variable), point) * b - a * evaluate(bottom.diff(variable), point)
+        if slope % PRIME:
+            slopes[symbol.name] = slope * square % PRIME
+    return slopes
 
 
-def _is_unit(row: Sequence[int], column: int) -> bool:
-    return row[column] == 1 and sum(1 for value in row if value) == 1
+def _add(vector: MutableMapping[Key, int], other: Mapping[Key, int], factor: int) -> None:
+    for key, value in other.items():
+        total = (vector.get(key, 0) + factor * value) % PRIME
+        if total:
+            vector[key] = total
+        else:
+            vector.pop(key, None)
+
+
+def _modular(value: Fraction | int) -> int:
+    return value.numerator * pow(value.denominator, -1, PRIME) % PRIME

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from modelgen.spec import Body, ChainSpec, Link
+from modelgen.symbolic.collector import paused_collector
 from modelgen.symbolic.signals import Exact, Signal, Term, collect, coordinate, quotient
 
 
@@ -32,6 +33,7 @@ class MotionEquations:
     equations: tuple[Equation, ...]
 
 
+@paused_collector()
 def motion_equations(spec: ChainSpec) -> MotionEquations:
     """Derive one equation a body from the chain's elements."""
     terms: dict[str, list[Term]] = {body.name: list(_body_terms(body)) for body in spec.bodies}

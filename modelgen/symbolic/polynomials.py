@@ -16,7 +16,8 @@ from fractions import Fraction
 from sympy import QQ, Symbol
 from sympy.polys.rings import PolyElement, PolyRing
 
-from modelgen.symbolic.newton import MotionEquations
+from modelgen.chain import ChainSpec
+from modelgen.symbolic.newton import Equation
 from modelgen.symbolic.sensing import Sensing, express
 from modelgen.symbolic.signals import Exact, Signal, Term
 
@@ -48,11 +49,9 @@ class PolynomialEquation:
 
 @dataclass(frozen=True)
 class PolynomialSystem:
-    """All equations of a chain in one ring; the first generator is s, the others are the parameters."""
+    """A few equations in one ring: its first generator is s, the others are the parameters in them."""
 
     ring: PolyRing
-    parameters: tuple[str, ...]
-    coordinates: Coordinates
     equations: Mapping[str, PolynomialEquation]
 
 
@@ -88,21 +87,19 @@ def choose_coordinates(bodies: Sequence[str], sensing: Sensing) -> Coordinates:
     return Coordinates(tuple(functionals[:measured]), unseen, table)
 
 
-def polynomial_system(motion: MotionEquations, sensing: Sensing) -> PolynomialSystem:
-    """Collect the equations of motion as polynomials in s and the parameters that are not known."""
-    spec = motion.spec
-    names = tuple(p.name for p in spec.parameters if p.name not in spec.known)
+def polynomial_system(
+    spec: ChainSpec, equations: Sequence[Equation], coordinates: Coordinates
+) -> PolynomialSystem:
+    """Collect equations of motion as polynomials in s and those of their parameters that are not known."""
+    held = {term.parameter for equation in equations for term in equation.terms}
+    names = [p.name for p in spec.parameters if p.name in held and p.name not in spec.known]
     # Symbols are made from validated names; a string would be parsed.
     ring = PolyRing([Symbol("s derivative"), *(Symbol(name) for name in names)], QQ)
     values = dict(zip(names, ring.gens[1:], strict=True))
     for name, value in spec.known.items():
         values[name] = ring.ground_new(_rational(Fraction(str(value))))
-    coordinates = choose_coordinates([body.name for body in spec.bodies], sensing)
-    equations = {
-        equation.body: _equation(equation.body, equation.terms, ring, values, coordinates)
-        for equation in motion.equations
-    }
-    return PolynomialSystem(ring, names, coordinates, equations)
+    polynomials = {e.body: _equation(e.body, e.terms, ring, values, coordinates) for e in equations}
+    return PolynomialSystem(ring, polynomials)
 
 
 def _equation(

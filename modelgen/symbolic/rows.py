@@ -11,10 +11,11 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from modelgen.errors import ModelError
 from modelgen.spec import ChainSpec
+from modelgen.symbolic.collector import paused_collector
 from modelgen.symbolic.composites import Composites
 from modelgen.symbolic.elimination import eliminated_rows
 from modelgen.symbolic.newton import MotionEquations, deflection
-from modelgen.symbolic.polynomials import polynomial_system
+from modelgen.symbolic.polynomials import choose_coordinates
 from modelgen.symbolic.reading import Candidate, Reader
 from modelgen.symbolic.row import IdentificationRows
 from modelgen.symbolic.sensing import Sensing
@@ -22,6 +23,7 @@ from modelgen.symbolic.signals import DIRECTIONS, Exact, Term
 from modelgen.symbolic.sums import NEVER, groups, sum_terms
 
 
+@paused_collector()
 def identification_rows(motion: MotionEquations, sensor_set: str) -> IdentificationRows:
     """Choose, differentiate and read the rows of a sensor set.
 
@@ -35,11 +37,13 @@ def identification_rows(motion: MotionEquations, sensor_set: str) -> Identificat
     _refuse_forceless(spec)
     sensing = Sensing.of(spec, sensors)
     reader = Reader(spec, sensing, f"{spec.source}: sensors.{sensor_set}")
-    composites = None if _sees_everything(spec, sensing) else Composites(polynomial_system(motion, sensing))
+    composites = Composites([parameter.name for parameter in spec.parameters])
     chosen = _choose(motion, sensing, composites, reader.where)
     rows = tuple(reader.row(candidate, times) for candidate, times in chosen)
-    features, named = tuple(reader.features.values()), {} if composites is None else composites.named
-    return IdentificationRows(spec, sensor_set, sensors, rows, reader.signals_in_order(), features, named)
+    features = tuple(reader.features.values())
+    return IdentificationRows(
+        spec, sensor_set, sensors, rows, reader.signals_in_order(), features, composites.named
+    )
 
 
 def differentiations(terms: Iterable[Term], sensing: Sensing) -> int | None:
@@ -62,21 +66,18 @@ def coordinate_combinations(terms: Iterable[Term]) -> list[tuple[int, dict[str, 
     return [(order, combination) for (_, _, order), combination in table.items()]
 
 
-def _sees_everything(spec: ChainSpec, sensing: Sensing) -> bool:
-    return all(sensing.level({body.name: 1}, 0) is not None for body in spec.bodies)
-
-
 def _refuse_forceless(spec: ChainSpec) -> None:
     if not any(body.actuator for body in spec.bodies):
         raise ModelError.at(
             f"{spec.source}: bodies",
-            "no force is measured or known anywhere, so only ratios of parameters can be identified",
+            "no force is measured or known anywhere, so only the ratios to each other of "
+            f"{', '.join(parameter.name for parameter in spec.parameters)} can be identified",
             'give the body that is driven an actuator, for example actuator = "Gamma_m"',
         )
 
 
 def _choose(
-    motion: MotionEquations, sensing: Sensing, composites: Composites | None, where: str
+    motion: MotionEquations, sensing: Sensing, composites: Composites, where: str
 ) -> list[tuple[Candidate, int]]:
     """Return the rows of bodies, the sums that need fewer differentiations, eliminations; each with its r."""
     chosen: list[tuple[Candidate, int]] = []
@@ -88,8 +89,9 @@ def _choose(
             origin = f"equation of motion of {equation.body}"
             chosen.append((Candidate((equation.body,), equation.terms, origin), times))
     chosen += _sums(motion, sensing, level_of_body)
-    if composites is not None:
-        for row in eliminated_rows(composites.system, where):
+    if len(level_of_body) < len(motion.equations):
+        coordinates = choose_coordinates([equation.body for equation in motion.equations], sensing)
+        for row in eliminated_rows(motion, coordinates, where):
             candidate = composites.candidate(row)
             times = differentiations(candidate.terms, sensing)
             assert times is not None, "an eliminated row holds measured coordinates only"
