@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from modelgen.runtime.data import Record
     from modelgen.runtime.excitation import Excitation
     from modelgen.spec import ChainSpec
+    from modelgen.symbolic.newton import MotionEquations
+    from modelgen.symbolic.overview import SetSummary
 
 
 def read_records(
@@ -56,6 +58,26 @@ def sensor_sets(chain: ChainSpec, chosen: str | None) -> list[str]:
     if chosen is None and not chain.sensor_sets:
         raise SpecError.at(f"{chain.source}: sensors", "is missing", "write a table [sensors.NAME]")
     return list(chain.sensor_sets) if chosen is None else [chosen]
+
+
+def compared_sensor_sets(chain: ChainSpec, chosen: str | None) -> tuple[SetSummary, ...]:
+    """Return the sensor sets to show: the chosen one, all of the spec's, or ("all") every subset."""
+    from modelgen.symbolic.overview import every_subset, overview
+    from modelgen.symbolic.pipeline import build
+
+    if chosen == "all" and "all" not in chain.sensor_sets:
+        chain, chosen = every_subset(chain), None
+    names = sensor_sets(chain, chosen)
+    if chosen is not None:
+        build(chain, chosen)  # a single set that cannot be built is an error, not a line in a table
+    return overview(chain, names)
+
+
+def proof_of(motion: MotionEquations) -> bool:
+    """Return whether the Newton-Euler equations equal Lagrange's, by computer algebra."""
+    from modelgen.symbolic.lagrange import newton_minus_lagrange
+
+    return not any(newton_minus_lagrange(motion))
 
 
 def parameter_values(chain: ChainSpec, chosen: str | None) -> Mapping[str, float]:

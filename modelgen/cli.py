@@ -18,9 +18,11 @@ from typer.core import TyperGroup
 
 from modelgen.arguments import (
     amounts,
+    compared_sensor_sets,
     excitation_from,
     load_chain,
     parameter_values,
+    proof_of,
     read_records,
     sensor_sets,
 )
@@ -106,15 +108,32 @@ def new(
 
 
 @app.command()
-def show(spec: Spec, sensors: SensorSet = None, as_json: Json = False) -> None:
-    """Show equations, rows, orders, and base parameters of a chain."""
+def show(
+    spec: Spec,
+    sensors: Annotated[
+        str | None,
+        typer.Option(
+            metavar="S",
+            help='One sensor set in detail; "all": every subset of position and acceleration sensors.',
+        ),
+    ] = None,
+    prove: Annotated[
+        bool, typer.Option("--prove", help="Prove that Newton-Euler and Lagrange give the same equations.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Show a chain's equations and its sensor sets side by side, or one of them in detail.
+
+    The table says for every set its rows, the highest derivative they need, which parameters can be
+    identified, and which are lost against a position sensor on every body.
+    """
     from modelgen.symbolic.newton import motion_equations
-    from modelgen.symbolic.pipeline import build
     from modelgen.tables import chain_tables, console, describe_chain
 
     chain = load_chain(spec)
-    models = [build(chain, name) for name in sensor_sets(chain, sensors)]
-    described = describe_chain(motion_equations(chain), models)
+    motion = motion_equations(chain)
+    found = compared_sensor_sets(chain, sensors)
+    described = describe_chain(motion, found, proof_of(motion) if prove else None)
     if as_json:
         _print_json(described)
     else:

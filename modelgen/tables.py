@@ -18,6 +18,7 @@ from rich.text import Text
 if TYPE_CHECKING:
     from modelgen.symbolic.base_parameters import BaseModel
     from modelgen.symbolic.newton import Equation, MotionEquations
+    from modelgen.symbolic.overview import SetSummary
     from modelgen.symbolic.signals import Exact, Signal
 
 PRIMES = ("", "'", "''")
@@ -41,24 +42,59 @@ def table(title: str, columns: Iterable[tuple[str, Justify]], rows: Iterable[Seq
     return result
 
 
-def describe_chain(motion: MotionEquations, models: Sequence[BaseModel]) -> Description:
+def describe_chain(
+    motion: MotionEquations, found: Sequence[SetSummary], proved: bool | None = None
+) -> Description:
     """Return a chain's equations and what each sensor set makes of them, as plain values."""
     return {
         "chain": motion.spec.name,
         "title": motion.spec.title,
         "equations": [{"body": e.body, "equation": _equation_text(e)} for e in motion.equations],
+        "newton_equals_lagrange": proved,
         "known": dict(motion.spec.known),
-        "sensor_sets": [_describe_model(model) for model in models],
+        "sensor_sets": [_describe_set(summary) for summary in found],
     }
 
 
 def chain_tables(described: Description) -> Group:
-    """Lay out what `describe_chain` says."""
+    """Lay out what `describe_chain` says: a single sensor set in detail, several side by side."""
     known = [f"known: {name} = {value!r}" for name, value in described["known"].items()]
     equations = [f"  {entry['equation']}" for entry in described["equations"]]
     head = [f"{described['chain']}: {described['title']}", "", "Equations of motion", *equations, *known]
-    parts = [part for model in described["sensor_sets"] for part in _model_tables(model)]
+    if described["newton_equals_lagrange"] is not None:
+        word = "equal" if described["newton_equals_lagrange"] else "DO NOT equal"
+        head.append(f"proved: the Newton-Euler equations {word} those of Lagrange with Rayleigh dissipation")
+    sets = described["sensor_sets"]
+    parts = _model_tables(sets[0]) if len(sets) == 1 else _overview(sets)
     return Group(*(Text(line) for line in head), *parts)
+
+
+def _overview(sets: Sequence[Description]) -> list[Table | Text]:
+    columns: list[tuple[str, Justify]] = [("sensors", "left"), ("rows", "left"), ("order", "right")]
+    columns += [("columns", "right"), ("identifiable", "left"), ("lost", "left")]
+    lines = []
+    for entry in sets:
+        if "reason" in entry:
+            lines.append((entry["sensor_set"], "none", "", "", entry["reason"], ", ".join(entry["lost"])))
+            continue
+        rows, identifiable = entry["rows"], entry["identifiable"]
+        lines.append(
+            (
+                entry["sensor_set"],
+                ", ".join(row["name"] + "'" * row["differentiated"] for row in rows),
+                str(max(row["order"] for row in rows)),
+                str(len(entry["base_parameters"])),
+                ", ".join(identifiable) or "none",
+                ", ".join(entry["lost"]) or "-",
+            )
+        )
+    legend = [
+        "rows: bodies whose equations a row holds; a prime for each time it is differentiated",
+        "order: highest derivative of a coordinate; columns: base parameters",
+        "lost: identifiable with a position sensor on every body, but not with this set",
+        "modelgen show SPEC --sensors S shows one set in detail",
+    ]
+    return [Text(""), table("Sensor sets", columns, lines), Text(""), *(Text(line) for line in legend)]
 
 
 def demo_tables(found: Description) -> Group:
@@ -106,9 +142,16 @@ def _comparison(entry: Description) -> Table:
     return table(f"{entry['parameter_set']}, sensors {entry['sensor_set']}", columns, rows)
 
 
+def _describe_set(summary: SetSummary) -> Description:
+    if summary.model is None:
+        return {"sensor_set": summary.name, "reason": summary.reason, "lost": list(summary.lost)}
+    return {**_describe_model(summary.model), "lost": list(summary.lost)}
+
+
 def _describe_model(model: BaseModel) -> Description:
-    # composites (quotients that an elimination leaves) have no unit in the spec
-    units = {parameter.name: parameter.unit for parameter in model.rows.spec.parameters}
+    from modelgen.render.view import column_units
+
+    units = column_units(model.rows)
     return {
         "sensor_set": model.rows.sensor_set,
         "sensors": [
@@ -133,8 +176,9 @@ def _describe_model(model: BaseModel) -> Description:
             for row in model.rows.rows
         ],
         "base_parameters": [
-            {"name": base.name, "unit": units.get(base.combination[0][0])} for base in model.base
+            {"name": base.name, "unit": units[base.combination[0][0]]} for base in model.base
         ],
+        "composites": {name: composite.formula for name, composite in model.rows.composites.items()},
         "identifiable": list(model.identifiable),
         "absent": dict(model.absent),
     }
@@ -167,12 +211,13 @@ def _model_tables(described: Description) -> list[Table | Text]:
     base = table(
         "Base parameters",
         [("column", "right"), ("base parameter", "left"), ("unit", "left")],
-        [(str(i), b["name"], b["unit"] or "") for i, b in enumerate(described["base_parameters"])],
+        [(str(i), b["name"], b["unit"]) for i, b in enumerate(described["base_parameters"])],
     )
     answered = Text(f"\nidentifiable: {', '.join(described['identifiable']) or 'none'}")
     absent = [Text(f"not identifiable: {name}: {why}") for name, why in described["absent"].items()]
+    formulas = [Text(f"{n} = {f}") for n, f in described["composites"].items() if n != f]
     head = Text(f"\nSensors {described['sensor_set']}: {sensors}\n", style="bold")
-    return [head, rows, Text(""), base, answered, *absent]
+    return [head, rows, Text(""), base, *formulas, answered, *absent]
 
 
 def _equation_text(equation: Equation) -> str:

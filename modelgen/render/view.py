@@ -61,7 +61,7 @@ def model_view(model: BaseModel) -> ModelView:
     rows, spec = model.rows, model.rows.spec
     space = state_space(motion_equations(spec), rows.sensors)
     column = {base.combination[0][0]: index for index, base in enumerate(model.base)}
-    units = _units(rows)
+    units = column_units(rows)
     nonlinear = bool(rows.composites)
     measurement, regressor = _column_tables(rows, column)
     feature_keys = {feature.key for feature in rows.features}
@@ -109,7 +109,7 @@ def model_view(model: BaseModel) -> ModelView:
     )
 
 
-def _units(rows: IdentificationRows) -> dict[str, str]:
+def column_units(rows: IdentificationRows) -> dict[str, str]:
     """Return the unit of every physical parameter and composite; a composite's is row over signal."""
     units = {parameter.name: parameter.unit for parameter in rows.spec.parameters}
     by_key = {signal.key: _signal_unit(signal, rows) for signal in rows.signals}

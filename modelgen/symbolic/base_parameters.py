@@ -102,25 +102,14 @@ def _reasons(
     inside: dict[str, list[str]] = {name: [] for name in wanted}
     for parameter in base:
         for column, _ in parameter.combination:
-            held = _physical_in(rows, column)
-            for name in held:
+            composite = rows.composites.get(column)
+            for name in (column,) if composite is None else composite.parameters:
                 inside[name].append(parameter.name)
     return {
         name: f"only in combination: {', '.join(inside[name])}" if inside[name] else _why_absent(rows)
         for name in wanted
         if name not in identifiable
     }
-
-
-def _physical_in(rows: IdentificationRows, column: str) -> tuple[str, ...]:
-    composite = rows.composites.get(column)
-    if composite is None:
-        return (column,)
-    used: dict[str, None] = {}
-    for poly in (composite.numerator, composite.denominator):
-        for exponents in poly:
-            used.update((s.name, None) for s, e in zip(poly.ring.symbols, exponents, strict=True) if e)
-    return tuple(used)
 
 
 def regroup(rows: IdentificationRows, names: Sequence[str]) -> tuple[BaseParameter, ...]:
@@ -216,7 +205,8 @@ def random_regressor(
     """Return a regressor at random values of every signal and feature, shape (samples * rows, names)."""
     keys = sorted({term.key for row in rows.rows for term in row.terms})
     place, column = {key: i for i, key in enumerate(keys)}, {name: i for i, name in enumerate(names)}
-    samples = 2 * len(names) // len(rows.rows) + 8
+    widest = max(len({term.parameter for term in row.terms}) for row in rows.rows)
+    samples = max(widest, 2 * len(names) // len(rows.rows)) + 8
     values = np.random.default_rng(seed).standard_normal((samples, len(keys)))
     if "1" in place:
         values[:, place["1"]] = 1.0

@@ -58,7 +58,14 @@ class Composites:
         directed = [functional[0][0] for kind, functional in row.coordinates if kind]
         origin = f"elimination of {', '.join(row.eliminated)} from the equations of {', '.join(row.bodies)}"
         masked = tuple(dict.fromkeys([*differentiated, *directed]))
-        return Candidate(row.bodies, collect(terms), origin, masked)
+        name = f"{'+'.join(row.bodies)} without {', '.join(row.eliminated)}"
+        return Candidate(name, row.bodies, collect(terms), origin, masked)
+
+    def held(self, column: str | None) -> tuple[str, ...]:
+        """Return the physical parameters in a column."""
+        if column is None:
+            return ()
+        return self.named[column].parameters if column in self.named else (column,)
 
     def _name(self, value: PolyElement, scale: PolyElement) -> tuple[str | None, Fraction]:
         """Return (name, factor) with name * factor = value / scale; no name if that is a number."""

@@ -23,6 +23,7 @@ class Candidate(NamedTuple):
     `masked` names bodies whose reversals spoil the row even before it is differentiated.
     """
 
+    name: str
     bodies: tuple[str, ...]
     terms: tuple[Term, ...]
     origin: str
@@ -53,7 +54,7 @@ class Reader:
             value = coefficient if known is None else -known * coefficient
             total[place] = total.get(place, 0) + value
         return Row(
-            name="+".join(bodies),
+            name=candidate.name,
             origin=candidate.origin + TIMES[times],
             bodies=bodies,
             differentiated=times,

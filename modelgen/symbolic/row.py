@@ -62,6 +62,15 @@ class Composite:
     denominator: PolyElement
     formula: str
 
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The physical parameters in the quotient, in the order of the spec."""
+        symbols, used = self.numerator.ring.symbols, [0] * self.numerator.ring.ngens
+        for poly in (self.numerator, self.denominator):
+            for exponents in poly:
+                used = [max(pair) for pair in zip(used, exponents, strict=True)]
+        return tuple(symbol.name for symbol, power in zip(symbols, used, strict=True) if power)
+
 
 @dataclass(frozen=True)
 class IdentificationRows:

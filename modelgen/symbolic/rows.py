@@ -7,7 +7,7 @@ so the sums of lower r (see sums.py) stand beside the rows of the bodies and car
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from modelgen.errors import ModelError
 from modelgen.spec import ChainSpec
@@ -18,7 +18,7 @@ from modelgen.symbolic.newton import MotionEquations, deflection
 from modelgen.symbolic.polynomials import choose_coordinates
 from modelgen.symbolic.reading import Candidate, Reader
 from modelgen.symbolic.row import IdentificationRows
-from modelgen.symbolic.sensing import Sensing
+from modelgen.symbolic.sensing import ORDER, Sensing
 from modelgen.symbolic.signals import DIRECTIONS, Exact, Term
 from modelgen.symbolic.sums import NEVER, groups, sum_terms
 
@@ -87,16 +87,57 @@ def _choose(
         if times is not None:
             level_of_body[equation.body] = times
             origin = f"equation of motion of {equation.body}"
-            chosen.append((Candidate((equation.body,), equation.terms, origin), times))
+            chosen.append((Candidate(equation.body, (equation.body,), equation.terms, origin), times))
     chosen += _sums(motion, sensing, level_of_body)
     if len(level_of_body) < len(motion.equations):
-        coordinates = choose_coordinates([equation.body for equation in motion.equations], sensing)
-        for row in eliminated_rows(motion, coordinates, where):
-            candidate = composites.candidate(row)
-            times = differentiations(candidate.terms, sensing)
-            assert times is not None, "an eliminated row holds measured coordinates only"
-            chosen.append((candidate, times))
-    return chosen
+        chosen += _eliminations(motion, sensing, sensing, composites, where)
+    return [*chosen, *_recovered(motion, sensing, composites, chosen, where)]
+
+
+def _eliminations(
+    motion: MotionEquations, sensing: Sensing, seen: Sensing, composites: Composites, where: str
+) -> Iterator[tuple[Candidate, int]]:
+    """Yield the rows that eliminate what `seen`, a part of the sensors, does not see."""
+    coordinates = choose_coordinates([equation.body for equation in motion.equations], seen)
+    for row in eliminated_rows(motion, coordinates, where):
+        candidate = composites.candidate(row)
+        times = differentiations(candidate.terms, sensing)
+        assert times is not None, "an eliminated row holds measured coordinates only"
+        yield candidate, times
+
+
+def _recovered(
+    motion: MotionEquations,
+    sensing: Sensing,
+    composites: Composites,
+    chosen: Sequence[tuple[Candidate, int]],
+    where: str,
+) -> Iterator[tuple[Candidate, int]]:
+    """Yield undifferentiated rows for friction and offsets that every chosen row has lost by differentiation.
+
+    An accelerometer on a body makes the rows of its neighbours differentiated ones. Without it, the body is
+    eliminated, and what the other sensors give may need no differentiation at all.
+    """
+    kept = {term.parameter for c, times in chosen if not times for term in c.terms if _constant(term)}
+    lost = {t.parameter for e in motion.equations for t in e.terms if _constant(t)} - kept
+    for order in (0, 1):
+        sensors = tuple(s for s in sensing.sensors if ORDER[s.measures] <= order)
+        if not lost or not sensors or len(sensors) == len(sensing.sensors):
+            continue
+        try:
+            found = list(_eliminations(motion, sensing, Sensing.of(motion.spec, sensors), composites, where))
+        except ModelError:  # an elimination that cannot be done recovers nothing
+            continue
+        for candidate, times in found:
+            held = {name for t in candidate.terms if _constant(t) for name in composites.held(t.parameter)}
+            if times == 0 and held & lost:
+                lost -= held
+                yield candidate, times
+
+
+def _constant(term: Term) -> bool:
+    kind, order = term.signal.kind, term.signal.order
+    return kind in ("one", "sign") or (kind in DIRECTIONS and order == 0)
 
 
 def _sums(
@@ -114,7 +155,7 @@ def _sums(
         if times is not None and times <= level and times < max(level_of_body[b] for b in group.bodies):
             seen.add(group.bodies)
             origin = f"sum of the equations of {', '.join(group.bodies)}"
-            yield Candidate(group.bodies, terms, origin), times
+            yield Candidate("+".join(group.bodies), group.bodies, terms, origin), times
 
 
 def link_levels(spec: ChainSpec, sensing: Sensing) -> list[int | None]:
