@@ -347,12 +347,11 @@ def base_jacobian(parameters):
 
 def physical_from_base(base):
     """Return the physical parameters in IDENTIFIABLE, name -> value, from the base parameters."""
-    target = np.asarray(base, dtype=float)
     rng = np.random.default_rng(2002)
     best, smallest = None, np.inf
     for attempt in range(20):
-        start = np.zeros(len(PARAMETERS)) if attempt == 0 else rng.normal(0.0, 3.0, len(PARAMETERS))
-        found, misfit = _solve(target, start)
+        spread = 0.0 if attempt == 0 else 3.0
+        found, misfit = fit_physical(base, rng.normal(0.0, spread, len(PARAMETERS)))
         if misfit < smallest:
             best, smallest = found, misfit
         if smallest < 1e-20:
@@ -360,29 +359,37 @@ def physical_from_base(base):
     return {name: best[name] for name in IDENTIFIABLE}
 
 
-def _solve(target, logarithms):
-    """Fit positive parameters to base parameters by Levenberg-Marquardt in logarithms, where quotients are tame."""
+def fit_physical(base, start):
+    """Fit PARAMETERS to base parameters; return them and the sum of squared relative errors.
+
+    Levenberg-Marquardt in logarithms of the parameters (area sine for offsets, which may be negative), where
+    quotients of parameters are tame. `start`, shape (number of PARAMETERS,), is in those variables; other starts
+    may lead to other solutions, and not every start leads to one.
+    """
+    target = np.asarray(base, dtype=float)
     scale = np.where(target == 0.0, 1.0, np.abs(target))
-    damping = 1e-2
+    signed = np.array([ROLES[name]["role"] == "offset" for name in PARAMETERS])
 
     def mismatch(x):
-        p = dict(zip(PARAMETERS, np.exp(x).tolist()))
+        values = np.where(signed, np.sinh(x), np.exp(x))
+        p = dict(zip(PARAMETERS, values.tolist()))
         value = base_from_physical(p)
         same_sign = value * target > 0.0
         logs = np.log(np.where(same_sign, value / np.where(same_sign, target, 1.0), 1.0))
         residual = np.where(same_sign, logs, (value - target) / scale)
-        slope = base_jacobian(p) * np.exp(x) / np.where(same_sign, value, scale)[:, None]
-        return p, residual, slope
+        by_variable = base_jacobian(p) * np.where(signed, np.cosh(x), values)
+        return p, residual, by_variable / np.where(same_sign, value, scale)[:, None]
 
-    p, residual, slope = mismatch(logarithms)
+    x, damping = np.array(start, dtype=float), 1e-2
+    p, residual, slope = mismatch(x)
     for _ in range(200):
         normal = slope.T @ slope + damping * np.eye(len(PARAMETERS))
         step = np.clip(-np.linalg.solve(normal, slope.T @ residual), -3.0, 3.0)
-        trial = mismatch(np.clip(logarithms + step, -200.0, 200.0))
+        moved = np.clip(x + step, -200.0, 200.0)
+        trial = mismatch(moved)
         if trial[1] @ trial[1] < residual @ residual:
-            logarithms = np.clip(logarithms + step, -200.0, 200.0)
+            x, damping = moved, max(damping / 10.0, 1e-14)
             p, residual, slope = trial
-            damping = max(damping / 10.0, 1e-14)
         else:
             damping *= 10.0
         if np.abs(step).max() < 1e-14 or damping > 1e12:

@@ -26,23 +26,10 @@ def read_records(
     time: str | None,
 ) -> list[Record]:
     """Read one record a file, and report the mistakes of all of them at once."""
-    from modelgen.runtime.data import missing_name
-    from modelgen.runtime.read import parse_mapping, parse_scales, read_record
+    from modelgen.data_arguments import DataOptions, read_files
 
-    columns, factors = parse_mapping(mapping), parse_scales(scales)
-    # a misspelt key would leave the channel to a column that happens to have its name
-    known = [sensor.key for sensor in model.sensors] + [actuator.key for actuator in model.actuators]
-    channels = dict.fromkeys((*known, *model.channels))
-    problems = [missing_name("--map", "channel", key, channels) for key in columns if key not in channels]
-    records = []
-    for path in paths:
-        try:
-            records.append(read_record(path, columns, factors, fs, time, needed=model.channels))
-        except DataError as error:
-            problems += error.problems
-    if problems:
-        raise DataError(*problems)
-    return records
+    options = DataOptions(mapping, scales, fs, time)
+    return [reading.record for reading in read_files(paths, model, options)]
 
 
 def load_chain(spec: str) -> ChainSpec:

@@ -6,9 +6,6 @@ Exit codes: 0 done, 1 the data cannot answer (or a check failed), 2 wrong input.
 
 from __future__ import annotations
 
-import json
-import math
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -23,10 +20,13 @@ from modelgen.arguments import (
     load_chain,
     parameter_values,
     proof_of,
-    read_records,
     sensor_sets,
 )
+from modelgen.data_arguments import MEND_HELP, DataOptions, read_files
+from modelgen.comparison_command import compare
 from modelgen.errors import ModelgenError, SpecError
+from modelgen.output import print_json, report, say
+from modelgen.validation_command import validate
 
 
 class _Explained(TyperGroup):
@@ -81,9 +81,9 @@ def demo(as_json: Json = False) -> None:
     from modelgen.demo import run_demo
     from modelgen.tables import console, demo_tables
 
-    found = run_demo(Path("modelgen_demo"), _say)
+    found = run_demo(Path("modelgen_demo"), say)
     if as_json:
-        _print_json(found)
+        print_json(found)
     else:
         console().print(demo_tables(found))
 
@@ -104,7 +104,7 @@ def new(
         raise SpecError.at("NAME", f"{name!r} is not a name", "use a letter, then letters, digits or _")
     path = Path(f"{name}.toml")
     write_whole(path, text.encode(), overwrite=False)
-    _report({"written": [str(path)]}, [f"wrote {path}; next: modelgen show {path}"], as_json)
+    report({"written": [str(path)]}, [f"wrote {path}; next: modelgen show {path}"], as_json)
 
 
 @app.command()
@@ -135,7 +135,7 @@ def show(
     found = compared_sensor_sets(chain, sensors)
     described = describe_chain(motion, found, proof_of(motion) if prove else None)
     if as_json:
-        _print_json(described)
+        print_json(described)
     else:
         console().print(chain_tables(described))
 
@@ -162,7 +162,7 @@ def generate(
     chains = [(chain, sensor_sets(chain, sensors)) for chain in map(load_chain, specs)]
     if not check:
         paths = [str(path) for chain, names in chains for path in write_modules(chain, names, folder)]
-        _report({"target": target, "written": paths}, [f"wrote {path}" for path in paths], as_json)
+        report({"target": target, "written": paths}, [f"wrote {path}" for path in paths], as_json)
         return
     drifts = [drift for chain, names in chains for drift in check_modules(chain, names, folder)]
     lines = [f"{drift.path}: {drift.state}" for drift in drifts]
@@ -170,14 +170,41 @@ def generate(
         f"{len(drifts)} modules are not what their specs generate" if drifts else "all modules are up to date"
     )
     found = [{"path": str(drift.path), "state": drift.state} for drift in drifts]
-    _report({"target": target, "drift": found}, [*lines, summary], as_json)
+    report({"target": target, "drift": found}, [*lines, summary], as_json)
     if drifts:
         raise typer.Exit(1)
 
 
+@app.command("import")
+def import_(
+    data: Annotated[Path, typer.Argument(metavar="FILE", help="A data file of any format modelgen reads.")],
+    module: Annotated[
+        Path | None, typer.Option("--model", metavar="MODULE.py", help="The model whose channels to find.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="MAP.toml", help="FILE.map.toml if left out.")
+    ] = None,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
+) -> None:
+    """Show a data file's channels, propose which is which, and write that as TOML for identify --map-file.
+
+    Nothing is mended: what is uneven, missing, doubled or offset is listed with its size.
+    """
+    from modelgen.atomic_write import write_whole
+    from modelgen.importing import describe_file, import_lines
+    from modelgen.runtime.contract import load_model
+
+    described = describe_file(data, load_model(module) if module else None)
+    path = output or data.with_name(f"{data.stem}.map.toml")
+    write_whole(path, described["mapping"].encode(), overwrite=overwrite)
+    described["written"] = [str(path)]
+    report(described, import_lines(described, path, module), as_json)
+
+
 @app.command()
 def identify(
-    data: Annotated[list[Path], typer.Argument(metavar="DATA", help="One .csv, .npz or .mat file a record.")],
+    data: Annotated[list[Path], typer.Argument(metavar="DATA", help="One data file a record: see modelgen import.")],
     module: Annotated[Path, typer.Option("--model", metavar="MODULE.py", help="A generated module.")],
     method: Annotated[
         Literal["wls", "pham2002"], typer.Option(help="Matched filters, or the paper to the letter.")
@@ -190,8 +217,13 @@ def identify(
         list[str] | None,
         typer.Option(metavar="KEY=FACTOR", help="Factor (or scalar of the file) to SI units; repeatable."),
     ] = None,
+    map_file: Annotated[
+        Path | None, typer.Option(metavar="MAP.toml", help="What modelgen import wrote; --map goes before it.")
+    ] = None,
     fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz.")] = None,
-    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of times in s.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of times.")] = None,
+    time_unit: Annotated[str | None, typer.Option(metavar="UNIT", help="s, ms, us or ns; as stated.")] = None,
+    mend: Annotated[list[str] | None, typer.Option(metavar="WHAT", help=MEND_HELP)] = None,
     cutoff_hz: Annotated[float | None, typer.Option(help="Cut-off in Hz of the low-pass; chosen.")] = None,
     filter_order: Annotated[int | None, typer.Option(help="Order of the low-pass; chosen.")] = None,
     decimation: Annotated[int | None, typer.Option(help="Keep every N-th sample; chosen.")] = None,
@@ -220,10 +252,11 @@ def identify(
     from modelgen.runtime.identify import identify as run
 
     model = load_model(module)
-    records = read_records(data, model, mapping or (), scale or (), fs, time)
+    options = DataOptions(mapping or (), scale or (), fs, time, time_unit, map_file, mend or ())
+    readings = read_files(data, model, options, lambda line: typer.echo(line, err=True))
     estimate = run(
         model,
-        records,
+        [reading.record for reading in readings],
         method=method,
         cutoff_hz=cutoff_hz,
         filter_order=filter_order,
@@ -232,12 +265,12 @@ def identify(
         drop=drop,
         prune_percent=prune_percent,
         residual_dof=residual_dof,
-        progress=_say,
+        progress=say,
     )
     if output is not None:
         write_whole(output, estimate.to_json().encode(), overwrite=overwrite)
     if as_json:
-        _print_json(estimate.to_dict())
+        print_json(estimate.to_dict())
     else:
         typer.echo(estimate.summary(), nl=False)
 
@@ -308,31 +341,8 @@ def simulate(
         "channels": list(record.signals),
     }
     line = f"wrote {data}: {', '.join(record.signals)}; {record.n} samples at {record.fs:g} Hz"
-    _report(facts, [line], as_json)
+    report(facts, [line], as_json)
 
 
-def _say(step: str) -> None:
-    """Show progress, unless stderr goes to a file or another program."""
-    if sys.stderr.isatty():
-        typer.echo(f"{step} ...", err=True)
-
-
-def _report(facts: dict[str, Any], lines: Sequence[str], as_json: bool) -> None:
-    """Print what was done, for a program or for the eye."""
-    if as_json:
-        _print_json(facts)
-    else:
-        typer.echo("\n".join(lines))
-
-
-def _print_json(value: Any) -> None:
-    """Print strict JSON: what is not finite becomes null."""
-    typer.echo(json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+app.command()(validate)
+app.command()(compare)

@@ -99,16 +99,13 @@ def _bench(model: Model, true: Mapping[str, float]) -> list[Record]:
 def _identify(model: Model, records: Sequence[Record], method: str) -> Estimate:
     if method != "pham2002":
         return identify(model, records, method=method)
-    # the paper feeds differentiated rows from the chirp only, and the sum row from the trapezoid only
-    differentiated = [row.name for row in model.rows if row.differentiated]
-    others = [row.name for row in model.rows if not row.differentiated]
     return identify(
         model,
         records,
         method=method,
         cutoff_hz=PAPER_CUTOFF_HZ,
         decimation=PAPER_DECIMATION,
-        rows_for_tag={"chirp": differentiated, "trapezoid": others} if differentiated else None,
+        rows_for_tag="pham2002",
     )
 
 

@@ -136,7 +136,7 @@ def test_show_names_composites_of_an_elimination(here: Path) -> None:
     assert "J_m*J_c/K" in printed
     assert "identifiable: J_m, F_vm, F_sm, J_c, F_vmc, K" in printed
     (described,) = run_json("show", "axis.toml")["sensor_sets"]
-    assert {"name": "J_m*J_c/K", "unit": None} in described["base_parameters"]
+    assert {"name": "J_m*J_c/K", "unit": "(N m)/(rad/s^4)"} in described["base_parameters"]
 
 
 def test_show_reads_every_chain_of_the_catalogue(repo_root: Path) -> None:

@@ -1,13 +1,13 @@
 """Plant + position and velocity controller -> one linear system with Coulomb friction.
 
-The controller is continuous in time and senses the motor's own coordinate without error, so that the loop
-closes algebraically: no solver, no tolerance. Saturation, delay and a current loop would come in here.
+A continuous controller that senses the motor's own coordinate without error closes the loop algebraically: no
+solver, no tolerance. A sampled one (`drive`) works on the open loop, step by step (`motion`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import isfinite, pi
+from dataclasses import dataclass, replace
+from math import inf, isfinite, pi
 
 import numpy as np
 import numpy.typing as npt
@@ -28,13 +28,18 @@ DAMPING_RATIO = 0.7
 
 @dataclass(frozen=True)
 class PositionVelocityController:
-    """Gamma = kp (r - q) + kv (r' - v) + feedforward on the actuator's body; kp in N m/rad or N/m."""
+    """Gamma = kp (r - q) + kv (rate_gain r' - v) + feedforward on the actuator's body; kp in N m/rad or N/m.
+
+    A cascade, velocity gain times (position gain times (r - q) - v), has kp = the product of both gains, and
+    rate_gain = 0.
+    """
 
     kp: float
     kv: float
+    rate_gain: float = 1.0
 
     def __post_init__(self) -> None:
-        for name, value in (("kp", self.kp), ("kv", self.kv)):
+        for name, value in (("kp", self.kp), ("kv", self.kv), ("rate_gain", self.rate_gain)):
             if not isfinite(value):
                 raise DataError.at(f"controller: {name}", f"is {value!r}", "give a finite number")
 
@@ -103,17 +108,40 @@ def default_controller(plant: Plant) -> PositionVelocityController:
     )
 
 
-def closed_loop(plant: Plant, controller: PositionVelocityController) -> FrictionSystem:
-    """Return the closed loop; its one input is w = kp r + kv r' + feedforward."""
-    n = len(plant.bodies)
-    column, states = plant.actuator, [plant.driven, n + plant.driven]
+def open_loop(plant: Plant, bandwidth_hz: float = inf) -> FrictionSystem:
+    """Return the chain with the commanded force as its one input, behind a current loop if that lags.
+
+    The force is then the last state: Gamma' = 2 pi bandwidth_hz (command - Gamma).
+    """
+    column, lags = plant.actuator, int(isfinite(bandwidth_hz))
+    resting = plant.space((0,) * len(plant.sticking))
+    drift = np.r_[resting.E @ plant.offsets, np.zeros(lags)]
+    B = np.vstack((resting.B[:, [column]], np.zeros((lags, 1))))
+    if not lags:
+        return FrictionSystem(lambda mode: plant.space(mode).A, B, drift, plant.coulomb_bodies)
+    rate = 2.0 * pi * bandwidth_hz
 
     def matrix(mode: Mode) -> FloatArray:
-        space = plant.space(mode)
-        A: FloatArray = np.array(space.A, dtype=float)
-        A[:, states] -= np.outer(space.B[:, column], [controller.kp, controller.kv])
+        A = np.zeros((len(B), len(B)))
+        A[:-1, :-1], A[:, [-1]] = plant.space(mode).A, B
+        A[-1, -1] = -rate
         return A
 
-    resting = plant.space((0,) * len(plant.sticking))
-    drift = resting.E @ plant.offsets
-    return FrictionSystem(matrix, resting.B[:, [column]], drift, plant.coulomb_bodies)
+    command = np.zeros_like(B)
+    command[-1] = rate
+    return FrictionSystem(matrix, command, drift, plant.coulomb_bodies, lags)
+
+
+def closed_loop(
+    plant: Plant, controller: PositionVelocityController, bandwidth_hz: float = inf
+) -> FrictionSystem:
+    """Return the closed loop; its one input is w = kp r + kv rate_gain r' + feedforward."""
+    system = open_loop(plant, bandwidth_hz)
+    states = [plant.driven, len(plant.bodies) + plant.driven]
+
+    def matrix(mode: Mode) -> FloatArray:
+        A: FloatArray = np.array(system.matrix(mode), dtype=float)
+        A[:, states] -= np.outer(system.B, [controller.kp, controller.kv])
+        return A
+
+    return replace(system, matrix=matrix)

@@ -165,6 +165,13 @@ class Model:
         """Return d base / d parameters, shape (columns, parameters), at physical parameters (SI)."""
         return cast(FloatArray, self.module.base_jacobian(parameters))
 
+    def fit_physical(self, base: FloatArray, start: FloatArray) -> tuple[dict[str, float], float]:
+        """Return parameters that give the base parameters, and the misfit; models with composites only.
+
+        `start`, shape (parameters,), holds logarithms of the parameters (area sines for offsets).
+        """
+        return cast(tuple[dict[str, float], float], self.module.fit_physical(base, start))
+
     def physical_from_base(self, base: npt.ArrayLike) -> dict[str, float]:
         """Return the identifiable physical parameters (name to value, SI) from the base ones."""
         return cast(dict[str, float], self.module.physical_from_base(np.asarray(base, dtype=float)))

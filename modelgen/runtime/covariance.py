@@ -51,16 +51,22 @@ def hac_covariance(fit: Fit) -> FloatArray:
 def influence(fit: Fit) -> list[FloatArray]:
     """Return for every record what each instant contributes to X's error, shape (grid, c) each."""
     series: dict[int, FloatArray] = {}
-    for block, weight, residual in zip(fit.blocks, fit.weights, fit.residuals, strict=True):
+    parts = zip(fit.blocks, fit.weights, fit.residuals, fit.regressors, strict=True)
+    for block, weight, residual, regressor in parts:
         psi = series.setdefault(block.record, np.zeros((block.grid, len(fit.columns))))
-        psi[block.place] += (weight**2 * residual)[:, None] * (block.W @ fit.solution.inverse)
+        psi[block.place] += (weight**2 * residual)[:, None] * (regressor @ fit.solution.inverse)
     return list(series.values())
 
 
 def andrews_bandwidth(series: list[FloatArray]) -> float:
     """Return the Bartlett bandwidth of Andrews (1991), eqs. (6.2), (6.4), at least 1; columns weigh alike."""
-    power = sum(np.sum(psi**2, axis=0) for psi in series)
-    product = sum(np.sum(psi[1:] * psi[:-1], axis=0) for psi in series)
+    power = np.sum([np.sum(psi**2, axis=0) for psi in series], axis=0)
+    product = np.sum([np.sum(psi[1:] * psi[:-1], axis=0) for psi in series], axis=0)
+    return bandwidth_from_moments(power, product, max(len(psi) for psi in series))
+
+
+def bandwidth_from_moments(power: FloatArray, product: FloatArray, n: int) -> float:
+    """Return the same from the sums of squares and of products of neighbours, and the longest record's length."""
     alive = power > 0.0
     if not np.any(alive):
         return 1.0
@@ -69,5 +75,4 @@ def andrews_bandwidth(series: list[FloatArray]) -> float:
     innovation = 1.0 - rho**2
     numerator = np.sum(4.0 * rho**2 * innovation**2 / ((1.0 - rho) ** 6 * (1.0 + rho) ** 2))
     denominator = np.sum(innovation**2 / (1.0 - rho) ** 4)
-    n = max(len(psi) for psi in series)
     return max(1.0, float(1.1447 * (numerator / denominator * n) ** (1.0 / 3.0)))

@@ -45,7 +45,7 @@ def default_excitation(
     force: float | None = None,
     controller: PositionVelocityController | None = None,
     actuator: str | None = None,
-    oversample: int = 8,
+    oversample: int = 32,
 ) -> Excitation:
     """Return a chirp or a trapezoid with levels chosen from the chain's parameters.
 

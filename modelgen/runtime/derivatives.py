@@ -8,7 +8,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 # f'(0) = sum of c_k (f(k) - f(-k)) / dt, exact for polynomials up to degree 8
-_EIGHTH_ORDER = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
+EIGHTH_ORDER = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
 
 
 def differentiate(samples: FloatArray, dt: float, times: int = 1) -> FloatArray:
@@ -30,7 +30,7 @@ def differentiate(samples: FloatArray, dt: float, times: int = 1) -> FloatArray:
     -------
     array, shape (n,)
     """
-    reach = len(_EIGHTH_ORDER)
+    reach = len(EIGHTH_ORDER)
     derivative = samples
     for _ in range(times):
         before = 2.0 * derivative[0] - derivative[reach:0:-1]
@@ -38,7 +38,7 @@ def differentiate(samples: FloatArray, dt: float, times: int = 1) -> FloatArray:
         padded = np.concatenate([before, derivative, after])
         n = len(samples)
         derivative = np.zeros(n)
-        for k, coefficient in enumerate(_EIGHTH_ORDER, start=1):
+        for k, coefficient in enumerate(EIGHTH_ORDER, start=1):
             derivative += coefficient * (
                 padded[reach + k : reach + k + n] - padded[reach - k : reach - k + n]
             )

@@ -101,6 +101,8 @@ class Estimate:
     filtering : FilterChoice
     notes : tuple of str
         What one should know before believing the numbers.
+    other_solutions : tuple of mappings
+        Further sets of physical parameters that fit the composites of an elimination as well.
     """
 
     chain: str
@@ -130,6 +132,7 @@ class Estimate:
     pruning: Pruning
     filtering: FilterChoice
     notes: tuple[str, ...]
+    other_solutions: tuple[Mapping[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("covariance", "noise_covariance", "printed_covariance", "base", "resid"):
@@ -212,6 +215,7 @@ class Estimate:
             "physical": self.physical,
             "physical_bse": {entry.name: entry.std for entry in self.physical_parameters},
             "not_identifiable": self.not_identifiable,
+            "other_solutions": self.other_solutions,
             "nuisance": self.nuisance,
             "base": self.base.tolist(),
             "noise_std": {entry.name: entry.noise_std for entry in self.parameters},

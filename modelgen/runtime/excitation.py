@@ -62,7 +62,7 @@ class Excitation:
         return np.arange(self.reference.size) / self.rate_hz
 
 
-def excitation_from_record(record: Record, oversample: int = 8) -> Excitation:
+def excitation_from_record(record: Record, oversample: int = 32) -> Excitation:
     """Return the user's own excitation: channels reference, reference_rate and feedforward of a record.
 
     Parameters
@@ -100,7 +100,7 @@ def chirp(
     velocity: float = 0.0,
     ramp_s: float = 0.1,
     settle_s: float = 0.1,
-    oversample: int = 8,
+    oversample: int = 32,
 ) -> Excitation:
     """Return a linear chirp, riding on a constant velocity.
 
@@ -144,7 +144,7 @@ def trapezoid(
     *,
     cruise_s: float = 0.1,
     dwell_s: float = 0.05,
-    oversample: int = 8,
+    oversample: int = 32,
 ) -> Excitation:
     """Return trapezoids of velocity: for every speed forward, dwell at rest, backward, dwell; repeated.
 

@@ -19,6 +19,9 @@ IntArray = npt.NDArray[np.int64]
 SUPPORT_TOLERANCE = 1e-5
 # A standstill is seen on the low-passed velocity, this share of whose response reaches into it.
 DIRECTION_TOLERANCE = 1e-2
+# Rounding error of a filtered channel, relative to its largest reading; and the largest gain of a difference.
+ROUNDING = 64.0 * float(np.finfo(float).eps)
+DIFFERENCE_GAIN = 1.74
 
 
 class FilteredRecord:
@@ -68,11 +71,11 @@ class FilteredRecord:
     def smooth(self, channel: str, derivative: int) -> FloatArray:
         """Return a filtered channel's derivative at the full rate, shape (n,)."""
         if (channel, derivative) not in self._smooth:
-            self._smooth[channel, derivative] = (
-                self._low_pass(self.record.signals[channel])
-                if derivative == 0
-                else differentiate(self.smooth(channel, derivative - 1), self.record.dt)
-            )
+            if derivative == 0:
+                found = self._low_pass(self.record.signals[channel])
+            else:
+                found = differentiate(self.smooth(channel, derivative - 1), self.record.dt)
+            self._smooth[channel, derivative] = self._without_rounding(found, channel, derivative)
         return self._smooth[channel, derivative]
 
     def direction(self, key: str) -> FloatArray:
@@ -86,7 +89,14 @@ class FilteredRecord:
             return raw
         order, cutoff_hz = self.choice.filter_order, self.choice.direction_cutoff_hz
         smooth = zero_phase(raw, order, cutoff_hz, self.record.fs)
-        return differentiate(smooth, self.record.dt, signal.derivative)
+        velocity = differentiate(smooth, self.record.dt, signal.derivative)
+        return self._without_rounding(velocity, _channel(signal), signal.derivative)
+
+    def _without_rounding(self, samples: FloatArray, channel: str, derivative: int) -> FloatArray:
+        """Return zeros for a derivative that is nothing but the rounding error of its channel."""
+        largest = float(np.max(np.abs(self.record.signals[channel])))
+        rounding = ROUNDING * largest * (DIFFERENCE_GAIN * self.record.fs) ** derivative
+        return samples if float(np.max(np.abs(samples))) > rounding else np.zeros_like(samples)
 
     def _low_pass(self, samples: FloatArray) -> FloatArray:
         return zero_phase(samples, self.choice.filter_order, self.choice.cutoff_hz, self.record.fs)

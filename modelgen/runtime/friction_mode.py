@@ -34,7 +34,7 @@ class CoulombBody:
 
 @dataclass(frozen=True, eq=False)
 class FrictionSystem:
-    """x' = A(mode) x + B w + drift - Coulomb friction / inertia; x is n positions, then their n velocities.
+    """x' = A(mode) x + B w + drift - Coulomb friction / inertia; x is n positions, their n velocities, lags.
 
     Parameters
     ----------
@@ -47,12 +47,20 @@ class FrictionSystem:
         Constant part of x': constant forces over inertias.
     bodies : tuple of CoulombBody
         May be empty.
+    lags : int
+        Number of states after positions and velocities: forces that follow a command late.
     """
 
     matrix: Callable[[Mode], FloatArray]
     B: FloatArray
     drift: FloatArray
     bodies: tuple[CoulombBody, ...]
+    lags: int = 0
+
+    def scale(self, step_s: float) -> FloatArray:
+        """Return what turns x from SI to time units of steps, shape of x: velocities become per step."""
+        n = (self.drift.size - self.lags) // 2
+        return np.r_[np.ones(n), np.full(n, step_s), np.ones(self.lags)]
 
 
 class ModeMotion:
@@ -66,6 +74,15 @@ class ModeMotion:
         The system in time units of steps.
     mode : tuple of int
         +1, -1 or 0 for every body.
+
+    Attributes
+    ----------
+    M, step : ndarray, shape (len(z), len(z))
+        z' = M z, and the first rows of exp(M), those of x.
+    guards, rates : ndarray, shape (guards, len(z))
+        The guards and their rates of change; `owners` names body and direction of each.
+    free : ndarray, shape (bodies, len(z))
+        Accelerations of the bodies without Coulomb friction, whatever the mode.
     """
 
     def __init__(self, system: FrictionSystem, mode: Mode) -> None:
@@ -74,9 +91,8 @@ class ModeMotion:
         nx, m = system.B.shape
         self._nx, self._m = nx, m
         A, drift = system.matrix(mode), system.drift.copy()
-        #: accelerations without Coulomb friction, whatever the mode
         free = np.c_[A, system.B, np.zeros((nx, m)), drift]
-        self._free = free[[body.velocity for body in system.bodies]]
+        self.free = free[[body.velocity for body in system.bodies]]
         for body, sign in zip(system.bodies, mode, strict=True):
             drift[body.velocity] -= max(sign, 0) * body.plus / body.inertia
             drift[body.velocity] -= min(sign, 0) * body.minus / body.inertia
@@ -85,8 +101,8 @@ class ModeMotion:
         self.M[:nx] = np.c_[A, system.B, np.zeros((nx, m)), drift]
         self.M[held], self.M[:, held] = 0.0, 0.0
         self.M[nx : nx + m, nx + m : nx + 2 * m] = np.eye(m)
-        self._guards, self._owners = self._make_guards()
-        self._rates = self._guards @ self.M
+        self.guards, self.owners = self._make_guards()
+        self.rates = self.guards @ self.M
         self._discretise()
 
     def _make_guards(self) -> tuple[FloatArray, list[tuple[int, int]]]:
@@ -98,8 +114,8 @@ class ModeMotion:
                 guards.append(sign * unit[[body.velocity]])
                 owners.append((j, sign))
             else:
-                guards.append(unit[[-1]] * body.plus / body.inertia - self._free[j])
-                guards.append(unit[[-1]] * body.minus / body.inertia + self._free[j])
+                guards.append(unit[[-1]] * body.plus / body.inertia - self.free[j])
+                guards.append(unit[[-1]] * body.minus / body.inertia + self.free[j])
                 owners += [(j, 1), (j, -1)]
         return np.vstack(guards), owners
 
@@ -108,7 +124,7 @@ class ModeMotion:
         from scipy.linalg import expm
 
         nx, m = self._nx, self._m
-        step = expm(self.M)[:nx]
+        self.step = step = expm(self.M)[:nx]
         self._powers = [np.ascontiguousarray(step[:, :nx].T)]
         self._G1 = step[:, nx + m : nx + 2 * m].T
         self._G0 = step[:, nx : nx + m].T - self._G1
@@ -139,9 +155,9 @@ class ModeMotion:
         """
         nx, m = self._nx, self._m
         nodes = np.c_[x, w]
-        by_slope = np.diff(w, axis=0) @ self._rates[:, nx + m : -1].T
-        values = nodes @ self._guards[:, : nx + m].T + self._guards[:, -1]
-        rates = nodes @ self._rates[:, : nx + m].T + self._rates[:, -1]
+        by_slope = np.diff(w, axis=0) @ self.rates[:, nx + m : -1].T
+        values = nodes @ self.guards[:, : nx + m].T + self.guards[:, -1]
+        rates = nodes @ self.rates[:, : nx + m].T + self.rates[:, -1]
         falling, rising = rates[:-1] + by_slope, rates[1:] + by_slope
         low = np.minimum(values[:-1] + falling, values[1:] - rising) < 0.0
         dips = (falling < 0.0) & (rising > 0.0) & low
@@ -155,8 +171,8 @@ class ModeMotion:
         been released still has no acceleration, whatever rounding says.
         """
         first: tuple[float, int | None] = (1.0, None)
-        for i, polynomial in enumerate((series @ self._guards.T).T):
-            if self._owners[i][0] in released:
+        for i, polynomial in enumerate((series @ self.guards.T).T):
+            if self.owners[i][0] in released:
                 polynomial[1] = 0.0
             u = when_negative(polynomial)
             if u is not None and (u < first[0] or first[1] is None):
@@ -165,7 +181,7 @@ class ModeMotion:
 
     def after(self, guard: int, z: FloatArray) -> tuple[int, int]:
         """Return the body whose mode ends with this guard, and its next mode."""
-        body, sign = self._owners[guard]
+        body, sign = self.owners[guard]
         if self.mode[body] == 0:
             return body, sign
         follow = self.mode_at_rest(body, z)
@@ -174,5 +190,5 @@ class ModeMotion:
 
     def mode_at_rest(self, body: int, z: FloatArray) -> int:
         """Return the mode of a body whose velocity is zero: the net force on it decides."""
-        force = float(self._free[body] @ z) * self._bodies[body].inertia
+        force = float(self.free[body] @ z) * self._bodies[body].inertia
         return int(force > self._bodies[body].plus) - int(force < -self._bodies[body].minus)

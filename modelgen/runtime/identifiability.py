@@ -33,9 +33,8 @@ def not_identifiable(
         if lost:
             reasons[name] = "cannot be told from other parameters in these records (W is short of rank)"
     unsteady = friction_without_steady_motion(model, records, choice)
-    for name, roots in _parameters_of_columns(model).items():
-        if roots and all(root in unsteady for root in roots):
-            reasons.setdefault(name, unsteady[roots[0]])
+    for name, reason in columns_that_vanish(model, unsteady).items():
+        reasons.setdefault(name, reason)
     for name, reason in offsets_of_encoder_zeros(model, records, fit).items():
         reasons.setdefault(name, reason)
     return {name: reasons[name] for name in model.base_parameters if name in reasons}
@@ -98,6 +97,28 @@ def offsets_of_encoder_zeros(model: Model, records: Sequence[Record], fit: Fit) 
     return reasons
 
 
+def columns_that_vanish(model: Model, reasons: Mapping[str, str]) -> dict[str, str]:
+    """Return the base parameters that are zero where these physical ones are, with the first one's reason.
+
+    Parameters
+    ----------
+    model : Model
+    reasons : mapping of str to str
+        Physical parameter to the reason why it is not to be believed.
+    """
+    rng = np.random.default_rng(0)
+    point = dict(zip(model.parameters, rng.uniform(1.0, 2.0, len(model.parameters)).tolist(), strict=True))
+    without = model.base_from_physical({**point, **dict.fromkeys(reasons, 0.0)})
+    found: dict[str, str] = {}
+    for name, rest, slopes in zip(model.base_parameters, without, model.base_jacobian(point), strict=True):
+        acting = [
+            p for p, slope in zip(model.parameters, slopes, strict=True) if slope != 0.0 and p in reasons
+        ]
+        if rest == 0.0 and acting:
+            found[name] = reasons[acting[0]]
+    return found
+
+
 def _slowest_sensors(model: Model) -> Mapping[str, Sensor]:
     """Return for every sensed body its sensor of the lowest order, which shows slow motion best."""
     best: dict[str, Sensor] = {}
@@ -115,17 +136,3 @@ def _steady_share(record: Record, sensor: Sensor, limit_hz: float) -> float:
     # an accelerometer does not tell a constant velocity; its own constant is no motion
     spectrum = power_spectrum(record.signals[sensor.key], record.fs, derivative, keep_mean=derivative >= 0)
     return share_below(*spectrum, limit_hz)
-
-
-def _parameters_of_columns(model: Model) -> dict[str, tuple[str, ...]]:
-    """Return which physical parameters every base parameter depends on, found by varying one at a time."""
-    rng = np.random.default_rng(0)
-    point = dict(zip(model.parameters, rng.uniform(1.0, 2.0, len(model.parameters)).tolist(), strict=True))
-    centre = model.base_from_physical(point)
-    depends: dict[str, list[str]] = {name: [] for name in model.base_parameters}
-    for parameter in model.parameters:
-        moved = model.base_from_physical({**point, parameter: 1.1 * point[parameter]})
-        for name, changed in zip(model.base_parameters, moved != centre, strict=True):
-            if changed:
-                depends[name].append(parameter)
-    return {name: tuple(parameters) for name, parameters in depends.items()}

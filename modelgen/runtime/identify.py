@@ -13,11 +13,13 @@ from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.runtime.choose import choose_filter
 from modelgen.runtime.contract import Model, model_from_module
 from modelgen.runtime.data import Record, missing_name
+from modelgen.runtime.direction_sources import direction_problems, wanted_directions, with_directions
 from modelgen.runtime.drift import cutoff_drift, load_row_drift
 from modelgen.runtime.estimate import Estimate
 from modelgen.runtime.identifiability import not_identifiable
 from modelgen.runtime.judge import Solved, judge
 from modelgen.runtime.methods import METHODS, Job
+from modelgen.runtime.pairing import PAPER, rows_for_tags
 
 Progress = Callable[[str], None]
 
@@ -36,7 +38,8 @@ def identify(
     prune_percent: float = 10.0,
     residual_dof: str = "r-c",
     drift_check: bool = True,
-    rows_for_tag: Mapping[str, Sequence[str]] | None = None,
+    rows_for_tag: Mapping[str, Sequence[str]] | str | None = None,
+    directions: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> Estimate:
     """Identify the parameters of a model from measured records.
@@ -63,9 +66,12 @@ def identify(
         With "wls", fit again at 0.7 and 1.4 times the cut-off, and with half and twice the weight of rows
         without a force; add to the covariance how far the estimate drifts: what noise in the sensors and
         missing dynamics do to it shows there, not in the residual.
-    rows_for_tag : mapping of str to sequence of str, optional
-        Rows (by name) that records of a tag may feed; the paper uses differentiated rows on a chirp only, and
-        the sum row on trapezoids only. Records of other tags feed all rows.
+    rows_for_tag : mapping of str to sequence of str, or "pham2002", optional
+        Rows (by name) that records of a tag may feed; records of other tags feed all rows. "pham2002" is the
+        paper's pairing: differentiated rows from records tagged ``chirp``, the others from ``trapezoid``.
+    directions : mapping of str to str, optional
+        Where the direction of a body comes from that has no position or velocity sensor: ``sign_BODY`` -> a
+        channel that moves with it, see `modelgen.runtime.direction_sources`.
     progress : callable, optional
         Called with a few words before each step.
 
@@ -83,7 +89,7 @@ def identify(
     say = progress or _silent
     given = (records,) if isinstance(records, Record) else tuple(records)
     model = model if isinstance(model, Model) else model_from_module(model)
-    _check(model, given, method, drop, prune_percent, residual_dof)
+    _check(model, given, method, drop, prune_percent, residual_dof, directions or {}, rows_for_tag)
     chosen = METHODS[method]
     say("choosing filters")
     choice = choose_filter(
@@ -95,7 +101,8 @@ def identify(
         direction_cutoff_hz=direction_cutoff_hz,
         matched=chosen.matched,
     )
-    job = Job(model, given, choice, drop or 0, rows_for_tag)
+    given = with_directions(model, given, directions or {}, choice.direction_cutoff_hz)
+    job = Job(model, given, choice, drop or 0, rows_for_tags(model, rows_for_tag))
     say("filtering and solving")
     observation, fit = chosen.run(job)
     refused = not_identifiable(model, given, choice, fit)
@@ -114,7 +121,14 @@ def identify(
 
 
 def _check(
-    model: Model, records: Sequence[Record], method: str, drop: int | None, percent: float, residual_dof: str
+    model: Model,
+    records: Sequence[Record],
+    method: str,
+    drop: int | None,
+    percent: float,
+    residual_dof: str,
+    directions: Mapping[str, str],
+    rows_for_tag: object,
 ) -> None:
     """Raise one DataError for everything that is wrong with the options and the records' channels."""
     problems = []
@@ -125,15 +139,20 @@ def _check(
         problems.append(Problem("residual_dof", f"is {residual_dof!r}", remedy))
     if drop is not None and (isinstance(drop, bool) or not isinstance(drop, Integral) or drop < 0):
         problems.append(Problem("drop", f"is {drop!r}", "give a number of samples, 0 or more"))
+    if isinstance(rows_for_tag, str) and rows_for_tag != PAPER:
+        problems.append(Problem("rows_for_tag", f"is {rows_for_tag!r}", f'give a mapping, or "{PAPER}"'))
     if not percent > 0.0:
         problems.append(Problem("prune_percent", f"is {percent!r}", "give a percentage above 0"))
     if not records:
         problems.append(Problem("records", "there are none", "give at least one Record"))
+    known = [record for record in records if isinstance(record, Record)]
     for record in records:
         if not isinstance(record, Record):
             problems.append(Problem("records", f"hold a {type(record).__name__}", "give Records"))
-            continue
-        missing = [key for key in model.channels if key not in record.signals]
+    problems += direction_problems(model, known, directions)
+    measured = [key for key in model.channels if key not in wanted_directions(model)]
+    for record in known:
+        missing = [key for key in measured if key not in record.signals]
         problems += [missing_name(record.name, "channel", key, record.signals) for key in missing]
     if problems:
         raise DataError(*problems)

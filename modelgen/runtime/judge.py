@@ -12,6 +12,7 @@ from modelgen.runtime.covariance import hac_covariance, printed_covariance
 from modelgen.runtime.estimate import Estimate, Parameter, RowDiagnostics
 from modelgen.runtime.methods import METHODS, Job
 from modelgen.runtime.observation import Observation
+from modelgen.runtime.other_solutions import other_solutions, solution_notes
 from modelgen.runtime.physical import Covariances, physical_parameters
 from modelgen.runtime.pruning import Pruning, prune
 from modelgen.runtime.wls import Fit, refit, terms_norm
@@ -63,7 +64,13 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     )
     base = np.full(len(model.base_parameters), np.nan)
     base[[model.base_parameters.index(name) for name in identified]] = values
-    physical, unanswered = physical_parameters(model, base, covariances, solved.refused)
+    nuisance = {
+        name: float(value)
+        for name, value in zip(fit.columns, fit.solution.x, strict=True)
+        if name not in identified
+    }
+    physical, unanswered = physical_parameters(model, base, covariances, solved.refused, nuisance)
+    others = other_solutions(model, base, covariances, physical)
     residual = fit.weighted_residual
     return Estimate(
         chain=model.chain,
@@ -79,12 +86,9 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         printed_covariance=covariances.printed,
         covariance_kind=method.covariance_kind,
         base=base,
-        nuisance={
-            name: float(value)
-            for name, value in zip(fit.columns, fit.solution.x, strict=True)
-            if name not in identified
-        },
-        not_identifiable={**solved.refused, **unanswered},
+        nuisance=nuisance,
+        not_identifiable={**model.absent, **solved.refused, **unanswered},
+        other_solutions=others,
         resid=residual,
         condition_number=fit.solution.condition_number,
         condition_number_raw=fit.solution.condition_number_raw,
@@ -96,7 +100,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         rows=row_diagnostics(solved.observation, fit),
         pruning=_prune(solved, residual_dof, prune_percent),
         filtering=solved.job.choice,
-        notes=solved.observation.notes + fit.notes + _drift_notes(parameters),
+        notes=solved.observation.notes + fit.notes + _drift_notes(parameters) + solution_notes(others),
     )
 
 

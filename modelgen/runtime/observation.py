@@ -180,19 +180,20 @@ def _mask(model: Model, signals: FilteredRecord, row: int) -> BoolArray:
     info = model.rows[row]
     masked = np.zeros(signals.record.n, dtype=bool)
     late = signals.direction_reach()
-    if info.differentiated and info.reversals:
-        # a jump of the friction enters as an impulse, differentiated once less than the row
-        reach = max(signals.reach(k) for k in range(info.differentiated)) + late
+    if info.reversals:
+        # the row differentiates the friction as often as its order exceeds that of a motion: a jump enters as
+        # an impulse, differentiated once less
+        reach = max(signals.reach(k) for k in range(max(1, info.order - 2))) + late
         for key in info.reversals:
             masked |= widen(reversals(signals.direction(key)), reach)
         return masked
     shortest = int(np.ceil(STANDSTILL_PERIODS * signals.record.fs / signals.choice.cutoff_hz))
-    for key in _direction_keys(model, row):
+    for key in direction_keys(model, row):
         masked |= widen(standstills(signals.direction(key), shortest), signals.reach(0) + late)
     return masked
 
 
-def _direction_keys(model: Model, row: int) -> tuple[str, ...]:
+def direction_keys(model: Model, row: int) -> tuple[str, ...]:
     """Return the signals whose sign enters a row."""
     used = dict.fromkeys(key for terms in model.regressor_columns[row].values() for _, key in terms)
     signs = [feature.of for feature in model.features if feature.key in used and isinstance(feature.of, str)]

@@ -114,6 +114,11 @@ def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | No
     return Plant(model, MappingProxyType(values), bodies, inertia, column, driven)
 
 
+def body_order(model: Model) -> tuple[str, ...]:
+    """Return the bodies in the order of the state."""
+    return _bodies(model, dict.fromkeys(_needed(model), 1.0))[0]
+
+
 def _needed(model: Model) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*model.parameters, *model.known)))
 

@@ -1,4 +1,4 @@
-"""What an instrument makes of the truth: white noise, then rounding to its resolution."""
+"""What an instrument makes of the truth: a bias, white noise, then rounding to its resolution."""
 
 from __future__ import annotations
 
@@ -26,14 +26,16 @@ def instrument_keys(model: Model) -> tuple[str, ...]:
     return sensors + tuple(actuator.key for actuator in model.actuators)
 
 
-def check_levels(model: Model, option: str, levels: Mapping[str, float]) -> None:
-    """Raise DataError for noise or resolution of a channel that does not exist, or below zero."""
+def check_levels(model: Model, option: str, levels: Mapping[str, float], *, signed: bool = False) -> None:
+    """Raise DataError for a level of a channel that does not exist, or (if not `signed`) below zero."""
+    lowest = -np.inf if signed else 0.0
+    remedy = "give a finite number" if signed else "give zero or a positive number"
     keys = instrument_keys(model)
     problems = [missing_name(option, "channel", key, keys) for key in levels if key not in keys]
     problems += [
-        Problem(f"{option}: {key}", f"is {level!r}", "give zero or a positive number")
+        Problem(f"{option}: {key}", f"is {level!r}", remedy)
         for key, level in levels.items()
-        if not 0.0 <= level < np.inf
+        if not (lowest <= level < np.inf and level > -np.inf)
     ]
     if problems:
         raise DataError(*problems)
@@ -45,6 +47,7 @@ def readings(
     noise: Mapping[str, float],
     resolution: Mapping[str, float],
     seed: int,
+    bias: Mapping[str, float] | None = None,
 ) -> dict[str, FloatArray]:
     """Return what the instruments read, and the directions of motion that the model asks for.
 
@@ -55,6 +58,8 @@ def readings(
     measured = {}
     for key, stream in zip(keys, streams, strict=True):
         reading = true[key]
+        if bias and bias.get(key):
+            reading = reading + bias[key]
         if noise.get(key):
             reading = reading + noise[key] * stream.standard_normal(reading.size)
         if resolution.get(key):

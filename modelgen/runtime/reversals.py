@@ -22,9 +22,12 @@ def standstill_threshold(velocity: FloatArray) -> float:
     return STANDSTILL_SHARE * float(np.percentile(np.abs(velocity), 99.0))
 
 
-def standstills(velocity: FloatArray, min_samples: int) -> BoolArray:
-    """Mark stretches of at least `min_samples` samples in which the mass stands still, shape (n,)."""
-    still = np.abs(velocity) <= standstill_threshold(velocity)
+def standstills(velocity: FloatArray, min_samples: int, threshold: float | None = None) -> BoolArray:
+    """Mark stretches of at least `min_samples` samples in which the mass stands still, shape (n,).
+
+    `threshold` is the speed below which it does; by default that of these samples.
+    """
+    still = np.abs(velocity) <= (standstill_threshold(velocity) if threshold is None else threshold)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
     marked = np.zeros(len(velocity), dtype=bool)
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
@@ -33,9 +36,9 @@ def standstills(velocity: FloatArray, min_samples: int) -> BoolArray:
     return marked
 
 
-def reversals(velocity: FloatArray) -> BoolArray:
+def reversals(velocity: FloatArray, threshold: float | None = None) -> BoolArray:
     """Mark both samples beside every change of sign, and every sample of standing still, shape (n,)."""
-    marked = standstills(velocity, 1)
+    marked = standstills(velocity, 1, threshold)
     changes = np.flatnonzero(velocity[1:] * velocity[:-1] <= 0.0)
     marked[changes] = True
     marked[changes + 1] = True

@@ -74,7 +74,7 @@ def _check_uniform(where: str, times: FloatArray, rounded: bool) -> None:
     if bad.size:
         first = int(bad[0])
         what = f"jumps by {steps[first]:.6g} where the step is {step:.6g} ({bad.size} such steps)"
-        remedy = "resample, or cut the record there" + (
+        remedy = "resample, or cut the record there (--mend gaps, fill, uneven or duplicates)" + (
             "" if rounded else "; give fs too if the times are only rounded"
         )
         raise DataError.at(f"{where}, sample {first + 1}", what, remedy)

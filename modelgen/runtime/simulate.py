@@ -14,14 +14,16 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
-from modelgen.runtime.closed_loop import PositionVelocityController, closed_loop, default_controller
+from modelgen.runtime.closed_loop import PositionVelocityController, default_controller
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.default_excitation import default_excitation
+from modelgen.runtime.drive import Drive
 from modelgen.runtime.excitation import Excitation, check_fs
+from modelgen.runtime.flow import Event
+from modelgen.runtime.motion import move, true_signals
 from modelgen.runtime.plant import Plant, make_plant
 from modelgen.runtime.readings import check_levels, readings
-from modelgen.runtime.stick_slip import Event, Trajectory, integrate
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -38,6 +40,8 @@ class Settings:
     noise: Mapping[str, float]
     resolution: Mapping[str, float]
     seed: int
+    bias: Mapping[str, float]
+    drive: Drive
 
 
 @dataclass(frozen=True)
@@ -59,9 +63,10 @@ class Simulation:
         What sensors and actuators read, with noise and resolution; and the signals ``sign_BODY`` that the
         model asks for.
     true : mapping of str to ndarray, shape (N,)
-        The same channels without noise; of every body ``q_BODY``, ``v_BODY``, ``a_BODY``, ``sign_BODY``; of
-        bodies with friction or offset ``friction_BODY``, the force; of those that can stick ``mode_BODY``
-        (+1, -1, 0). Where a channel has one of these names, it comes first.
+        The same channels without noise; ``command_ACTUATOR``, what the controller asks for; of every body
+        ``q_BODY``, ``v_BODY``, ``a_BODY``, ``sign_BODY``; of bodies with friction or offset
+        ``friction_BODY``, the force; of those that can stick ``mode_BODY`` (+1, -1, 0). Where a channel has
+        one of these names, it comes first.
     reference : Excitation
     changes : tuple of ModeChange
         Every change between slip and stick, at its exact time.
@@ -84,9 +89,11 @@ def simulate(
     duration_s: float | None = None,
     noise: Mapping[str, float] | None = None,
     resolution: Mapping[str, float] | None = None,
+    bias: Mapping[str, float] | None = None,
     seed: int = 0,
-    oversample: int = 8,
+    oversample: int = 32,
     controller: PositionVelocityController | None = None,
+    drive: Drive | None = None,
     actuator: str | None = None,
     initial_state: npt.ArrayLike | None = None,
 ) -> Simulation:
@@ -108,12 +115,16 @@ def simulate(
         Standard deviation (SI) of white noise on a sensor's or actuator's channel, unseen by the controller.
     resolution : mapping of str to float, optional
         Step (SI) to which a channel is rounded after the noise, see `readings.encoder_step`.
+    bias : mapping of str to float, optional
+        Constant error (SI) of a channel, such as an accelerometer's.
     seed : int
         Of the noise. Every channel draws from a stream of its own.
     oversample : int
         Internal steps per sample. An Excitation has its own.
     controller : PositionVelocityController, optional
         By default slow against the lowest elastic mode.
+    drive : Drive, optional
+        Sampling, delay, current loop, limit and encoder of the controller; by default none of them.
     actuator : str, optional
         Key of the actuator that is driven, by default the first; the others rest at 0.
     initial_state : array_like, shape (2 bodies,), optional
@@ -127,9 +138,11 @@ def simulate(
     """
     plant = make_plant(model, parameters, actuator)
     loop = controller or default_controller(plant)
-    noise, resolution = dict(noise or {}), dict(resolution or {})
+    drive = drive or Drive()
+    noise, resolution, bias = dict(noise or {}), dict(resolution or {}), dict(bias or {})
     check_levels(model, "noise", noise)
     check_levels(model, "resolution", resolution)
+    check_levels(model, "bias", bias, signed=True)
     if seed < 0:
         raise DataError.at("seed", f"is {seed}", "give a whole number, 0 or more")
     if isinstance(excitation, str):
@@ -146,16 +159,9 @@ def simulate(
     elif duration_s is not None:
         raise DataError.at("duration_s", "is given beside an Excitation, which has its own", "leave it out")
     oversample = _oversample(excitation, fs)
-    inputs = loop.kp * excitation.reference + loop.kv * excitation.reference_rate + excitation.feedforward
-    path = integrate(
-        closed_loop(plant, loop),
-        _initial_state(plant, initial_state),
-        inputs[:, None],
-        1.0 / excitation.rate_hz,
-        oversample,
-    )
-    true = _true_signals(plant, loop, excitation, path, oversample)
-    measured = readings(model, true, noise, resolution, seed)
+    motion = move(plant, loop, drive, excitation, _initial_state(plant, initial_state), oversample)
+    true = true_signals(plant, motion)
+    measured = readings(model, true, noise, resolution, seed, bias)
     record = Record(measured, fs, excitation.name, excitation.name)
     key = model.actuators[plant.actuator].key
     settings = Settings(
@@ -167,8 +173,10 @@ def simulate(
         MappingProxyType(noise),
         MappingProxyType(resolution),
         seed,
+        MappingProxyType(bias),
+        drive,
     )
-    changes = tuple(_mode_change(plant, event) for event in path.events)
+    changes = tuple(_mode_change(plant, event) for event in motion.events)
     return Simulation(record, MappingProxyType(true), excitation, changes, settings)
 
 
@@ -188,64 +196,6 @@ def _initial_state(plant: Plant, given: npt.ArrayLike | None) -> FloatArray:
         remedy = f"give {size} finite numbers: positions, then velocities, of {', '.join(plant.bodies)}"
         raise DataError.at("initial_state", f"has shape {state.shape} or is not finite", remedy)
     return state
-
-
-def _true_signals(
-    plant: Plant,
-    controller: PositionVelocityController,
-    excitation: Excitation,
-    path: Trajectory,
-    oversample: int,
-) -> dict[str, FloatArray]:
-    """Return the exact signals at the sample instants, channels of the record first."""
-    model, n = plant.model, len(plant.bodies)
-    x, modes = path.states, path.modes
-    forces = np.zeros((len(x), len(model.actuators)))
-    r, rate, feedforward = (
-        array[::oversample]
-        for array in (excitation.reference, excitation.reference_rate, excitation.feedforward)
-    )
-    q, v = x[:, plant.driven], x[:, n + plant.driven]
-    forces[:, plant.actuator] = controller.kp * (r - q) + controller.kv * (rate - v) + feedforward
-    acceleration, friction, sensed = _outputs(plant, x, modes, forces)
-    true = {entry.key: forces[:, i] for i, entry in enumerate(model.actuators)}
-    true |= {sensor.key: sensed[:, i] for i, sensor in enumerate(model.sensors)}
-    for i, body in enumerate(plant.bodies):
-        for prefix, array in (("q", x[:, i]), ("v", x[:, n + i]), ("a", acceleration[:, i])):
-            true.setdefault(f"{prefix}_{body}", array)
-        true.setdefault(f"sign_{body}", np.sign(x[:, n + i]))
-    for j, entry in enumerate(model.friction):
-        true.setdefault(f"friction_{entry.body}", friction[:, j])
-    for i, j in enumerate(plant.sticking):
-        true.setdefault(f"mode_{model.friction[j].body}", modes[:, i].astype(float))
-    return true
-
-
-def _outputs(
-    plant: Plant, x: FloatArray, modes: npt.NDArray[np.int8], forces: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return accelerations of the bodies, friction forces and sensor readings, one column each."""
-    n = len(plant.bodies)
-    acceleration = np.empty((len(x), n))
-    friction = np.tile(plant.offsets, (len(x), 1))
-    sensed = np.empty((len(x), len(plant.model.sensors)))
-    for mode in np.unique(modes, axis=0):
-        rows = (modes == mode).all(axis=1)
-        space = plant.space(tuple(int(sign) for sign in mode))
-        free = x[rows] @ space.A.T + forces[rows] @ space.B.T
-        f = friction[rows]
-        for j, body, sign in zip(plant.sticking, plant.coulomb_bodies, mode, strict=True):
-            if sign:
-                f[:, j] += body.plus if sign > 0 else -body.minus
-            else:
-                f[:, j] = free[:, body.velocity] * body.inertia  # what holds it
-        acceleration[rows] = (free + f @ space.E.T)[:, n:]
-        # exactly, where the line above leaves rounding errors
-        held = [b.velocity - n for b, sign in zip(plant.coulomb_bodies, mode, strict=True) if sign == 0]
-        acceleration[np.ix_(rows, held)] = 0.0
-        sensed[rows] = x[rows] @ space.C.T + forces[rows] @ space.D.T + f @ space.F.T
-        friction[rows] = f
-    return acceleration, friction, sensed
 
 
 def _mode_change(plant: Plant, event: Event) -> ModeChange:

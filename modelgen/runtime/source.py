@@ -11,6 +11,9 @@ import numpy.typing as npt
 
 Columns = dict[str, npt.NDArray[Any]]
 
+# a column of this name holds times, whatever else the file says
+TIME_NAMES = ("t", "time", "zeit", "timestamp", "zeitstempel", "temps", "tiempo", "x-axis")
+
 
 @dataclass(frozen=True)
 class Source:
@@ -30,6 +33,12 @@ class Source:
         Sampling frequency in Hz that the file states.
     name, tag : str, optional
         Name and tag of a record that was written by modelgen.
+    units : mapping of str to str
+        Column to the unit the file states for it, as it is written there.
+    clocks : mapping of str to str
+        Column to the column of its times, where the file has several.
+    took : tuple of str
+        What the file was taken for: sentences for its owner to check.
     """
 
     path: Path
@@ -39,3 +48,18 @@ class Source:
     fs: float | None = None
     name: str | None = None
     tag: str | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    clocks: Mapping[str, str] = field(default_factory=dict)
+    took: tuple[str, ...] = ()
+
+    @property
+    def clock(self) -> str | None:
+        """The first column that is named as times are."""
+        known = (name for name in self.names if is_time_name(name))
+        return next(iter(self.clocks.values()), next(known, None))
+
+
+def is_time_name(name: str) -> bool:
+    """Tell whether a column of this name holds times; "time (2)" is the second one of a file."""
+    base = name.partition(" (")[0].strip().strip('"').lower()
+    return base in TIME_NAMES

@@ -1,42 +1,38 @@
 """Delimited text (.csv, .txt, .tsv) -> Source.
 
-The first line that is neither empty nor a comment (#) names the columns. The separator is comma, semicolon or
-tab; with semicolons a comma is the decimal point.
+In a plain table the first line that is neither empty nor a comment (#) names the columns; the separator is
+comma, semicolon or tab. What instruments write above or beside that is found by `text_layout`.
 """
 
 from __future__ import annotations
 
-import csv
 import json
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.source import Columns, Source
+from modelgen.runtime.text_dialects import DIALECTS, rigol_frequency
+from modelgen.runtime.text_layout import (
+    END_MARKS,
+    SEPARATORS,
+    Head,
+    Layout,
+    cells_of,
+    encoding_of,
+    heads,
+    lines_of,
+    number_from,
+    sniff,
+)
 
 RECORD_MARK = "# modelgen record "  # followed by JSON: fs, name and tag of a record written by modelgen
-SEPARATORS = "\t;,"
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How a text file is written."""
-
-    path: Path
-    encoding: str
-    header_line: int  # counted from 1
-    separator: str
-    names: tuple[str, ...]
-
-    @property
-    def decimal_comma(self) -> bool:
-        """Whether a comma is the decimal point."""
-        return self.separator == ";"
+Table = npt.NDArray[np.float64]
 
 
 def open_text(path: Path) -> Source:
@@ -48,57 +44,62 @@ def open_text(path: Path) -> Source:
         When there is no header line of different names; later, naming line and column, when a row is longer
         or shorter than the header or a cell is no number.
     """
-    encoding = _encoding(path)
-    stated: dict[str, Any] = {}
-    for number, line in _lines(path, encoding):
-        if line.startswith(RECORD_MARK):
-            stated = _stated(f"{path}: line {number}", line.removeprefix(RECORD_MARK))
-        if line.strip() and not line.startswith("#"):
+    encoding = encoding_of(path)
+    stated = _stated_record(path, encoding)
+    fs = stated.get("fs")
+    layout = None
+    for head in heads(path, encoding):
+        layout = _sniffed(head)
+        if layout is not None:
+            fs = fs or rigol_frequency(head)
             break
-    else:
-        raise DataError.at(
-            str(path), "is empty", "give a header line of column names, then one line a sample"
-        )
-    separator = max(SEPARATORS, key=lambda candidate: len(_cells(line, candidate)))
-    layout = Layout(path, encoding, number, separator, tuple(_cells(line, separator)))
+    layout = layout or _plain(path, encoding)
     problems = _header_problems(layout)
     if problems:
         raise DataError(*problems)
+    chosen = layout
 
     def load(names: Sequence[str]) -> Columns:
-        return _load(layout, names)
+        return _load(chosen, names)
 
     return Source(
-        path, layout.names, load, fs=stated.get("fs"), name=stated.get("name"), tag=stated.get("tag")
+        path,
+        tuple(name for name in layout.names if name),
+        load,
+        fs=fs,
+        name=stated.get("name"),
+        tag=stated.get("tag"),
+        units=layout.units,
+        clocks=layout.clocks,
+        took=layout.took,
     )
 
 
-def _encoding(path: Path) -> str:
-    """Return the encoding: by its mark, else UTF-8 where the file is, else Latin-1 (old instruments)."""
-    data = path.read_bytes()
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "utf-16"
-    try:
-        data.decode("utf-8")
-    except UnicodeDecodeError:
-        return "latin-1"
-    return "utf-8-sig"
+def _sniffed(head: Head) -> Layout | None:
+    return next((layout for dialect in DIALECTS if (layout := dialect(head)) is not None), sniff(head))
 
 
-def _lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
-    with path.open(encoding=encoding) as file:
-        for number, line in enumerate(file, start=1):
-            yield number, line.rstrip("\n")
+def _plain(path: Path, encoding: str) -> Layout:
+    """Return the layout of a plain table, whatever its lines hold: they are blamed when they are read."""
+    for number, line in lines_of(path, encoding):
+        if line.strip() and not line.startswith("#"):
+            separator = max(SEPARATORS, key=lambda candidate: len(cells_of(line, candidate)))
+            names = tuple(cells_of(line, separator))
+            return Layout(path, encoding, number, separator, separator == ";", names)
+    raise DataError.at(str(path), "is empty", "give a header line of column names, then one line a sample")
 
 
-def _cells(line: str, separator: str) -> list[str]:
-    # only quoted cells need a parser, which is slow
-    cells = next(csv.reader([line], delimiter=separator)) if '"' in line else line.split(separator)
-    return [cell.strip() for cell in cells]
+def _stated_record(path: Path, encoding: str) -> dict[str, Any]:
+    """Return fs, name and tag from the comment that modelgen writes above a record of its own."""
+    for number, line in lines_of(path, encoding):
+        if line.startswith(RECORD_MARK):
+            return _stated(f"{path}: line {number}", line.removeprefix(RECORD_MARK))
+        if line.strip() and not line.startswith("#"):
+            break
+    return {}
 
 
 def _stated(where: str, text: str) -> dict[str, Any]:
-    """Return fs, name and tag from the comment that modelgen writes."""
     remedy = "remove the line, or write the record again"
     try:
         stated = json.loads(text)
@@ -112,13 +113,15 @@ def _stated(where: str, text: str) -> dict[str, Any]:
 
 def _header_problems(layout: Layout) -> list[Problem]:
     where = f"{layout.path}: line {layout.header_line}"
-    if all(_number(cell, layout.decimal_comma) is not None for cell in layout.names):
+    if all(number_from(cell, layout.decimal_comma) is not None for cell in layout.names):
         return [Problem(where, "holds numbers, not column names", "put the column names there, without a #")]
-    problems = [
-        Problem(where, f"column {index} has no name", "name every column, and end no line with a separator")
-        for index, name in enumerate(layout.names, start=1)
-        if not name
-    ]
+    problems = []
+    if not layout.took:
+        problems = [
+            Problem(where, f"column {i} has no name", "name every column, and end no line with a separator")
+            for i, name in enumerate(layout.names, start=1)
+            if not name
+        ]
     problems += [
         Problem(where, f"two columns are named {name}", "give every column its own name")
         for name in dict.fromkeys(layout.names)
@@ -127,30 +130,25 @@ def _header_problems(layout: Layout) -> list[Problem]:
     return problems
 
 
-def _number(cell: str, decimal_comma: bool) -> float | None:
-    text = cell.replace(",", ".") if decimal_comma else cell
-    try:
-        return None if "_" in text else float(text)
-    except ValueError:
-        return None
-
-
 def _load(layout: Layout, names: Sequence[str]) -> Columns:
     """Read columns: all at once where the table holds numbers only, otherwise line by line."""
     places = {name: layout.names.index(name) for name in names}
-    table = _fast_table(layout)
-    if table is None:
-        table = _slow_table(layout, tuple(places.values()))
-        places = {name: place for place, name in enumerate(places)}
-    return {name: np.ascontiguousarray(table[:, place]) for name, place in places.items()}
+    table = None if layout.ragged else _fast_table(layout, tuple(places.values()))
+    columns = None if table is None else [table[:, place] for place in range(table.shape[1])]
+    if columns is None:
+        columns = _slow_columns(layout, tuple(places.values()))
+    return {name: np.ascontiguousarray(column) for name, column in zip(names, columns, strict=True)}
 
 
-def _fast_table(layout: Layout) -> np.ndarray[Any, np.dtype[np.float64]] | None:
-    """Return the table, shape (n, columns), or None where it is anything but equal rows of numbers."""
+def _fast_table(layout: Layout, places: tuple[int, ...]) -> Table | None:
+    """Return the wanted columns, shape (n, len(places)), or None where a line is not so many numbers."""
+    width = layout.names.count("") + len([name for name in layout.names if name])
     try:
         with layout.path.open(encoding=layout.encoding) as file, warnings.catch_warnings():
             warnings.simplefilter("error")  # an empty table is a warning
             rows = (line.replace(",", ".") for line in file) if layout.decimal_comma else file
+            # without columns that hold no numbers, every line's width is checked by the parser
+            chosen = places if "" in layout.names else None
             table = np.loadtxt(
                 rows,
                 delimiter=layout.separator,
@@ -158,31 +156,43 @@ def _fast_table(layout: Layout) -> np.ndarray[Any, np.dtype[np.float64]] | None:
                 comments=None,
                 ndmin=2,
                 quotechar='"',
+                usecols=chosen,
             )
     except (ValueError, UserWarning):
         return None
-    return table if table.shape[1] == len(layout.names) else None
+    if chosen is not None:
+        return table
+    return table[:, list(places)] if table.shape[1] == width else None
 
 
-def _slow_table(layout: Layout, places: tuple[int, ...]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return the wanted columns, shape (n, len(places)), or name the first line that is wrong."""
-    rows = []
-    for number, line in _lines(layout.path, layout.encoding):
-        if number <= layout.header_line or not line.strip() or line.startswith("#"):
-            continue
-        cells = _cells(line, layout.separator)
+def _slow_columns(layout: Layout, places: tuple[int, ...]) -> list[Table]:
+    """Return the wanted columns, or name the first line that is wrong; ragged ones may end before others."""
+    columns: list[list[float]] = [[] for _ in places]
+    for number, cells in _sample_lines(layout):
         where = f"{layout.path}: line {number}"
-        if len(cells) != len(layout.names):
+        if len(cells) != len(layout.names) and not layout.ragged and not layout.took:
             what = f"has {len(cells)} cells, the header has {len(layout.names)}"
             remedy = "give every line one cell a column (a decimal comma needs semicolons as separator)"
             raise DataError.at(where, what, remedy)
-        values = [_number(cells[place], layout.decimal_comma) for place in places]
-        for place, value in zip(places, values, strict=True):
+        for column, place in zip(columns, places, strict=True):
+            cell = cells[place] if place < len(cells) else ""
+            if not cell and layout.ragged:
+                continue
+            value = number_from(cell, layout.decimal_comma)
             if value is None:
-                what = f"is {cells[place]!r}, no number" if cells[place] else "is empty"
+                what = f"is {cell!r}, no number" if cell else "is empty"
                 remedy = "correct the cell, or start a line that holds no samples with #"
                 raise DataError.at(f"{where}, column {layout.names[place]}", what, remedy)
-        rows.append(values)
-    if not rows:
+            column.append(value)
+    if not any(columns):
         raise DataError.at(str(layout.path), "has a header but no samples", "give one line a sample")
-    return np.array(rows, dtype=float)
+    return [np.array(column, dtype=float) for column in columns]
+
+
+def _sample_lines(layout: Layout) -> Iterator[tuple[int, list[str]]]:
+    for number, line in lines_of(layout.path, layout.encoding):
+        if number <= layout.header_line or not line.strip() or line.startswith("#"):
+            continue
+        if line.strip() in END_MARKS and layout.took:
+            return
+        yield number, cells_of(line, layout.separator)

@@ -134,6 +134,8 @@ def _number(value: float | None, digits: int = 6) -> str:
     """Return a number in so many significant digits; without an exponent where that is short."""
     if value is None:
         return "-"
+    if value == 0.0:
+        return "0"
     if not math.isfinite(value):
         return "inf" if value > 0.0 else "-inf" if value < 0.0 else "nan"
     return f"{value:#.{digits}g}".rstrip(".")

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.errors import IdentifiabilityError
+from modelgen.errors import IdentifiabilityError, Problem
 from modelgen.runtime.observation import Observation, RowBlock
 
 FloatArray = npt.NDArray[np.float64]
@@ -64,6 +64,9 @@ class Fit:
         Unweighted Y - W X, one array a block.
     notes : tuple of str
         What the weighting met.
+    projected : tuple of array
+        With instrumental variables their projection on W, one array a block: the solution is then that of
+        least squares on these columns. Empty for least squares.
     """
 
     columns: tuple[str, ...]
@@ -73,6 +76,12 @@ class Fit:
     weights: tuple[float, ...]
     residuals: tuple[FloatArray, ...]
     notes: tuple[str, ...] = ()
+    projected: tuple[FloatArray, ...] = ()
+
+    @property
+    def regressors(self) -> tuple[FloatArray, ...]:
+        """What each block's Y was regressed on: W, or its instruments."""
+        return self.projected or tuple(block.W for block in self.blocks)
 
     @property
     def weighted_residual(self) -> FloatArray:
@@ -163,7 +172,8 @@ def refit(fit: Fit, columns: Sequence[str]) -> Fit:
     """Fit the same rows with the same weights to some of the columns only."""
     chosen = [fit.columns.index(name) for name in columns]
     blocks = tuple(replace(block, W=block.W[:, chosen]) for block in fit.blocks)
-    return _solve(blocks, tuple(columns), fit.absent, fit.weights)
+    projected = tuple(array[:, chosen] for array in fit.projected)
+    return _solve(blocks, tuple(columns), fit.absent, fit.weights, projected)
 
 
 def terms_norm(block: RowBlock, x: FloatArray) -> float:
@@ -178,7 +188,10 @@ def _used(observation: Observation) -> tuple[tuple[RowBlock, ...], tuple[str, ..
     for block in blocks:
         nonzero |= np.any(block.W != 0.0, axis=0)
     rows = sum(block.place.size for block in blocks)
-    if rows <= nonzero.sum() or not nonzero.any():
+    if not nonzero.any():
+        what, remedy = "its column is zero in every sample used", "move the body, or mask less"
+        raise IdentifiabilityError(*(Problem(name, what, remedy) for name in observation.columns))
+    if rows <= nonzero.sum():
         what = f"{rows} samples are left for {len(nonzero)} columns"
         raise IdentifiabilityError.at(
             "records", what, "give longer records, with more motion between reversals"
@@ -193,12 +206,14 @@ def _solve(
     columns: tuple[str, ...],
     absent: tuple[str, ...],
     weights: tuple[float, ...],
+    projected: tuple[FloatArray, ...] = (),
 ) -> Fit:
-    W = np.concatenate([weight * block.W for weight, block in zip(weights, blocks, strict=True)])
+    regressors = projected or tuple(block.W for block in blocks)
+    W = np.concatenate([weight * array for weight, array in zip(weights, regressors, strict=True)])
     Y = np.concatenate([weight * block.Y for weight, block in zip(weights, blocks, strict=True)])
     solution = least_squares(W, Y)
     residuals = tuple(block.Y - block.W @ solution.x for block in blocks)
-    return Fit(columns, absent, solution, blocks, weights, residuals)
+    return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
 
 
 def _rms(residuals: tuple[FloatArray, ...]) -> list[float]:

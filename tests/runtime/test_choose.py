@@ -81,8 +81,12 @@ def test_one_cutoff_serves_all_records_and_each_has_its_decimation() -> None:
     assert [band.record for band in choice.bands] == ["slow", "fast"]
 
 
-@pytest.mark.parametrize(("fs", "cutoff_hz", "factor"), [(1000.0, 43.0, 9), (1000.0, 40.0, 10), (100.0, 90.0, 1)])
-def test_decimation_leaves_a_quarter_of_room_above_the_cutoff(fs: float, cutoff_hz: float, factor: int) -> None:
+@pytest.mark.parametrize(
+    ("fs", "cutoff_hz", "factor"), [(1000.0, 43.0, 9), (1000.0, 40.0, 10), (100.0, 90.0, 1)]
+)
+def test_decimation_leaves_a_quarter_of_room_above_the_cutoff(
+    fs: float, cutoff_hz: float, factor: int
+) -> None:
     assert decimation_for(fs, cutoff_hz) == factor
 
 
@@ -96,7 +100,12 @@ def test_slow_sampling_is_noted_and_the_cutoff_stays_below_it() -> None:
 
 def test_what_is_given_is_taken_and_said() -> None:
     choice = choose_filter(
-        CHAIN, [tones(150.0, 90.0, 200.0)], cutoff_hz=300.0, filter_order=6, decimation=3, direction_cutoff_hz=80.0
+        CHAIN,
+        [tones(150.0, 90.0, 200.0)],
+        cutoff_hz=300.0,
+        filter_order=6,
+        decimation=3,
+        direction_cutoff_hz=80.0,
     )
     assert (choice.cutoff_hz, choice.filter_order, choice.direction_cutoff_hz) == (300.0, 6, 80.0)
     assert choice.decimation == (3,)

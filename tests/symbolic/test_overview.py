@@ -28,8 +28,9 @@ def test_what_each_set_loses() -> None:
     assert lost["a_m a_c"] == ("F_sm",)
 
 
-def test_adding_a_sensor_loses_nothing() -> None:
-    spec = every_subset(EMPS300)
+@pytest.mark.parametrize("name", ["emps300", "three_mass"])
+def test_adding_a_sensor_loses_nothing(name: str) -> None:
+    spec = every_subset(load_spec(catalog_path(name)))
     found = {s.name: set(s.lost) for s in overview(spec, spec.sensor_sets)}
     for small, lost in found.items():
         for large in found:

@@ -1,0 +1,152 @@
+"""What filtering, Y and W, and the solution cost against the chain one writes by hand with SciPy.
+
+    python benchmarks/throughput.py
+
+Two bodies, both positions sensed, six parameters, decimation by 10. By hand: butter and sosfiltfilt on the
+positions, numpy.gradient, decimate(zero_phase=True) on every column of W and Y, lstsq. Both use the same
+interior samples; runs alternate in one process, one BLAS thread, and medians are compared. The record is made
+here: a sum of sines that solves the equations of motion exactly, plus noise in the torque.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.channels import RecordChannels
+from modelgen.runtime.contract import Model, load_model
+from modelgen.runtime.data import Record
+from modelgen.runtime.filtering import paper_filtering
+from modelgen.runtime.record_factors import Task, record_factors
+from modelgen.runtime.row_factor import RowFactor
+from modelgen.runtime.signal_plan import signal_plan
+from modelgen.runtime.wls import least_squares
+
+FloatArray = npt.NDArray[np.float64]
+
+FS, CUTOFF_HZ, ORDER, FACTOR = 5000.0, 400.0, 4, 10
+# samples at both ends that neither side uses: the reach of both filters to 1e-12
+EDGE = 2000
+GENERATED = Path(__file__).resolve().parents[1] / "generated"
+
+
+def two_bodies() -> Model:
+    """Return the chain of the paper, both positions sensed."""
+    return load_model(GENERATED / "emps300_qm_qc.py")
+
+
+def made_record(model: Model, n: int, seed: int = 0, noise: float = 1e-3) -> Record:
+    """Return a record of sines on both bodies with the torque that drives them, noise in the torque."""
+    truth = dict(model.parameter_sets["table_2"])
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) / FS
+    # the load follows its own sines, the motor is what the load's equation of motion asks for
+    signals = {key: np.zeros(n) for key in ("q", "v", "a", "vc", "ac")}
+    for f in (0.31, 1.7, 7.3, 23.0, 61.0, 109.0, 167.0):
+        w, phase = 2.0 * np.pi * f, rng.uniform(0.0, 6.0)
+        load = np.exp(1j * (w * t + phase)) * (2.0 / (f + f**2 / 30.0))
+        stiff = truth["K"] + 1j * w * truth["F_vmc"]
+        motor = load * (1.0 - w**2 * truth["J_c"] / stiff)
+        signals["q"] += motor.imag
+        signals["v"] += (1j * w * motor).imag
+        signals["a"] += (-(w**2) * motor).imag
+        signals["vc"] += load.imag
+        signals["ac"] += (-(w**2) * load).imag
+    torque = truth["J_m"] * signals["a"] + truth["F_vm"] * signals["v"] + truth["J_c"] * signals["ac"]
+    torque += truth["F_sm"] * np.sign(signals["v"]) + noise * rng.standard_normal(n)
+    return Record({"q_m": signals["q"], "q_c": signals["vc"], "Gamma_m": torque}, FS, "sines")
+
+
+def by_hand(model: Model, record: Record) -> tuple[FloatArray, FloatArray]:
+    """Return x and its standard deviations as the chain written by hand gives them."""
+    from scipy.signal import butter, decimate, sosfiltfilt
+
+    sos = butter(ORDER, CUTOFF_HZ, output="sos", fs=FS)
+    signals = {"Gamma_m": record.signals["Gamma_m"]}
+    for key in ("q_m", "q_c"):
+        signals[key] = sosfiltfilt(sos, record.signals[key])
+        signals["d1_" + key] = np.gradient(signals[key], 1.0 / FS)
+        signals["d2_" + key] = np.gradient(signals["d1_" + key], 1.0 / FS)
+    D, y = model.regressor(signals), model.measurement(signals)
+    rows, columns = D.shape[1:]
+    inside = slice(EDGE // FACTOR, (record.n - EDGE) // FACTOR)
+    W = [
+        np.column_stack([decimate(D[:, row, c], FACTOR, zero_phase=True)[inside] for c in range(columns)])
+        for row in range(rows)
+    ]
+    Y = [decimate(y[:, row], FACTOR, zero_phase=True)[inside] for row in range(rows)]
+    W_all, Y_all = np.concatenate(W), np.concatenate(Y)
+    x, residual, _, _ = np.linalg.lstsq(W_all, Y_all)
+    variance = float(residual[0]) / (len(Y_all) - columns)
+    return x, np.sqrt(variance * np.diag(np.linalg.inv(W_all.T @ W_all)))
+
+
+def by_product(model: Model, record: Record) -> FloatArray:
+    """Return x from the fused operators and the triangles of the rows."""
+    plan = signal_plan(model, paper_filtering(ORDER, CUTOFF_HZ, FS, FACTOR))
+    grid = range(EDGE, record.n - EDGE - (record.n - EDGE) % FACTOR, FACTOR)
+    factors = record_factors(Task(RecordChannels(record), plan, grid)).rows
+    return solved(factors, len(model.base_parameters))
+
+
+def solved(factors: tuple[RowFactor, ...], columns: int) -> FloatArray:
+    """Return ordinary least squares of all rows."""
+    stacked = np.zeros((0, columns + 1))
+    for factor in factors:
+        wide = np.zeros((len(factor.R), columns + 1))
+        wide[:, [*factor.columns, columns]] = factor.R[:, 1:]
+        stacked = np.vstack([stacked, wide])
+    return least_squares(stacked[:, :-1], stacked[:, -1]).x
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Return the time of one call."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def compared(sides: dict[str, Callable[[], object]], runs: int) -> dict[str, float]:
+    """Return the median time of every side, runs interleaved."""
+    times: dict[str, list[float]] = {name: [] for name in sides}
+    for _ in range(runs):
+        for name, work in sides.items():
+            times[name].append(seconds(work))
+    return {name: statistics.median(values) for name, values in times.items()}
+
+
+def main() -> None:
+    """Print the table."""
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
+    parser.add_argument("--samples", type=int, default=1_000_000)
+    parser.add_argument("--runs", type=int, default=7)
+    options = parser.parse_args()
+    model = two_bodies()
+    record = made_record(model, options.samples)
+    (x, sd), ours = by_hand(model, record), by_product(model, record)
+    print(f"estimates differ by {np.max(np.abs(x - ours) / sd):.1e} standard deviations  (wanted: 1e-6)")
+    sides: dict[str, Callable[[], object]] = {
+        "by hand": lambda: by_hand(model, record),
+        "NumPy only": lambda: by_product(model, record),
+    }
+    medians = compared(sides, options.runs)
+    for name, value in medians.items():
+        print(f"{name:12s} {1e9 * value / options.samples:8.1f} ns a sample")
+    ratio = medians["by hand"] / medians["NumPy only"]
+    print(f"by hand / NumPy only: {ratio:.1f}  (wanted: at least 12)")
+
+
+if __name__ == "__main__":
+    main()

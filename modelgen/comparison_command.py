@@ -1,0 +1,234 @@
+"""`modelgen compare`: regressors, orders, conditioning and noise of several models, and their estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from modelgen.errors import DataError, ModelgenError
+from modelgen.output import print_json, say
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+    from modelgen.runtime.contract import Model
+
+Justify = Literal["left", "right"]
+
+
+def compare(
+    sources: Annotated[
+        list[str],
+        typer.Argument(metavar="SPEC_OR_MODULE", help="TOML files, catalogue names, generated modules."),
+    ],
+    sensors: Annotated[
+        str | None, typer.Option("--sensors", metavar="S", help="One sensor set; all of them if left out.")
+    ] = None,
+    parameters: Annotated[
+        str | None, typer.Option(metavar="SET", help="The parameter set of the simulated pair; the first.")
+    ] = None,
+    fs_hz: Annotated[float, typer.Option(help="Sampling frequency in Hz of the simulated pair.")] = 5000.0,
+    data: Annotated[
+        list[Path] | None, typer.Option(metavar="FILE", help="A record for all models; repeatable.")
+    ] = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="KEY=COLUMN", help="Column of a channel; -COLUMN negates; repeatable."),
+    ] = None,
+    scale: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=FACTOR", help="Factor (or scalar of the file) to SI units; repeatable."),
+    ] = None,
+    fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz of FILE.")] = None,
+    method: Annotated[str, typer.Option(help="As in identify.")] = "wls",
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
+    ] = False,
+) -> None:
+    """Compare sensor sets: their regressors by exact algebra, what they ask for, and their estimates.
+
+    Condition numbers and noise gains come from a simulated, noise-free chirp and trapezoid.
+    """
+    from modelgen.tables import console
+
+    models = _models(sources, sensors)
+    described = describe(models, parameters, fs_hz)
+    if data:
+        say("identifying")
+        described["estimates"] = _estimates(models, data, mapping or (), scale or (), fs, method)
+    if as_json:
+        print_json(described)
+    else:
+        console().print(comparison_tables(described))
+
+
+def _models(sources: Sequence[str], sensors: str | None) -> dict[str, Model]:
+    """Return the models by a title that tells them apart; a spec gives one per sensor set."""
+    from modelgen.arguments import load_chain, sensor_sets
+    from modelgen.render.writer import generate, module_name
+    from modelgen.runtime.contract import load_model, model_from_text
+
+    found: dict[str, Model] = {}
+    for source in sources:
+        if Path(source).suffix == ".py":
+            found[Path(source).stem] = load_model(source)
+            continue
+        chain = load_chain(source)
+        for name in sensor_sets(chain, sensors):
+            title = module_name(chain, name)
+            found[title] = model_from_text(generate(chain, name), title)
+    if len(found) < 2:
+        remedy = "give two or more models: modules, specs, or a spec with several sensor sets"
+        raise DataError.at("SPEC_OR_MODULE", f"names {len(found)} model", remedy)
+    return found
+
+
+def describe(models: dict[str, Model], parameters: str | None, fs_hz: float) -> dict[str, Any]:
+    """Return models and relations as plain values."""
+    from modelgen.formal_rows import formal_regressor
+    from modelgen.symbolic.compare import compare as relate
+
+    formal = [formal_regressor(model, title) for title, model in models.items()]
+    relations = [relate(a, b) for a, b in combinations(formal, 2)]
+    return {
+        "models": [_describe_model(title, model, parameters, fs_hz) for title, model in models.items()],
+        "regressors": [
+            {"first": r.first, "second": r.second, "verdict": r.verdict, "rows": list(r.lines)}
+            for r in relations
+        ],
+    }
+
+
+def _describe_model(title: str, model: Model, parameters: str | None, fs_hz: float) -> dict[str, Any]:
+    from modelgen.runtime.compare import conditioning
+
+    described: dict[str, Any] = {
+        "model": title,
+        "rows": [{"name": r.name, "order": r.order, "differentiated": r.differentiated} for r in model.rows],
+        "order": max(row.order for row in model.rows),
+        "base_parameters": list(model.base_parameters),
+        "identifiable": list(model.identifiable),
+        "condition_number": None,
+        "gains": [],
+    }
+    chosen = parameters or next(iter(model.parameter_sets), None)
+    if chosen not in model.parameter_sets:
+        described["why"] = "no parameter set to simulate with" if chosen is None else f"no set {chosen}"
+        return described
+    say(f"simulating {title}")
+    try:
+        found = conditioning(model, str(chosen), fs_hz)
+    except ModelgenError as error:
+        described["why"] = "; ".join(str(problem) for problem in error.problems)
+        return described
+    return described | {
+        "parameter_set": found.parameter_set,
+        "condition_number": found.condition_number,
+        "cutoff_hz": found.cutoff_hz,
+        "filter_order": found.filter_order,
+        "gains": [{"channel": g.channel, "derivative": g.derivative, "gain": g.gain} for g in found.gains],
+    }
+
+
+def _estimates(
+    models: dict[str, Model],
+    data: Sequence[Path],
+    mapping: Sequence[str],
+    scale: Sequence[str],
+    fs: float | None,
+    method: str,
+) -> dict[str, Any]:
+    from modelgen.runtime.compare import consistency, estimates_of
+    from modelgen.runtime.mapping_options import parse_mapping, parse_scales
+    from modelgen.runtime.read import read_record
+
+    needed = tuple(dict.fromkeys(key for model in models.values() for key in model.channels))
+    columns, factors = parse_mapping(mapping), parse_scales(scale)
+    records = [read_record(path, columns, factors, fs, needed=needed) for path in data]
+    found = dict(zip(models, estimates_of(list(models.values()), records, method), strict=True))
+    return {
+        "parameters": {
+            title: {
+                name: {"value": estimate.params[name], "std": estimate.bse[name], "interval_95": interval}
+                for name, interval in estimate.conf_int().items()
+            }
+            for title, estimate in found.items()
+        },
+        "not_identifiable": {title: dict(e.not_identifiable) for title, e in found.items()},
+        "consistency": [
+            {
+                "first": c.first,
+                "second": c.second,
+                "names": list(c.names),
+                "deviations_in_std": list(c.deviations),
+                "chi2": c.statistic,
+                "p_value": c.p_value,
+                "consistent": c.consistent,
+            }
+            for c in consistency(found)
+        ],
+    }
+
+
+def comparison_tables(described: dict[str, Any]) -> Group:
+    """Lay out what `describe` says."""
+    from rich.console import Group
+    from rich.text import Text
+
+    from modelgen.tables import table
+
+    columns: list[tuple[str, Justify]] = [("model", "left"), ("order", "right"), ("condition", "right")]
+    columns += [("cut-off Hz", "right"), ("base parameters", "left")]
+    rows, gain_rows, notes = [], [], []
+    for m in described["models"]:
+        number = m["condition_number"]
+        shown = ("", "") if number is None else (f"{number:.4g}", f"{m['cutoff_hz']:.4g}")
+        rows.append((m["model"], str(m["order"]), *shown, ", ".join(m["base_parameters"])))
+        gain_rows += [
+            (m["model"], g["channel"], str(g["derivative"]), f"{g['gain']:.4g}") for g in m["gains"]
+        ]
+        notes += [Text(f"{m['model']}: {m['why']}")] if "why" in m else []
+    parts: list[Any] = [table("Models", columns, rows), *notes, Text("")]
+    gain_columns: list[tuple[str, Justify]] = [
+        ("model", "left"),
+        ("channel", "left"),
+        ("derivative", "right"),
+    ]
+    gain_columns.append(("gain 1/s^derivative", "right"))
+    parts += [
+        table("Noise: standard deviation after filter and differences, per unit", gain_columns, gain_rows)
+    ]
+    parts.append(Text("\nRegressors", style="bold"))
+    for r in described["regressors"]:
+        parts.append(Text(f"{r['first']} and {r['second']}: {r['verdict']}"))
+        parts += [Text(f"  {line}") for line in r["rows"]]
+    if "estimates" in described:
+        parts += _estimate_parts(described["estimates"])
+    return Group(*parts)
+
+
+def _estimate_parts(found: dict[str, Any]) -> list[Any]:
+    from rich.text import Text
+
+    from modelgen.tables import table
+
+    titles = list(found["parameters"])
+    names = dict.fromkeys(name for entry in found["parameters"].values() for name in entry)
+    columns: list[tuple[str, Justify]] = [("parameter", "left"), *((title, "right") for title in titles)]
+    rows = []
+    for name in names:
+        cells = [found["parameters"][title].get(name) for title in titles]
+        shown = [f"{c['interval_95'][0]:.4g} .. {c['interval_95'][1]:.4g}" if c else "-" for c in cells]
+        rows.append((name, *shown))
+    parts: list[Any] = [Text(""), table("Estimates, 95 % intervals", columns, rows), Text("")]
+    for c in found["consistency"]:
+        verdict = "consistent" if c["consistent"] else "NOT consistent"
+        line = (
+            f"{c['first']} and {c['second']}: {verdict} (chi2 {c['chi2']:.3g}, {len(c['names'])} parameters, "
+        )
+        parts.append(Text(f"{line}p {c['p_value']:.3g})"))
+    return parts

@@ -1,0 +1,87 @@
+"""Data files as the command line names them -> readings: --map, --scale, --map-file, --mend and the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from modelgen.errors import DataError
+
+if TYPE_CHECKING:
+    from modelgen.runtime.contract import Model
+    from modelgen.runtime.mapping_file import MappingFile
+    from modelgen.runtime.read import Reading
+
+MEND_HELP = "What to mend: duplicates, gaps, fill, uneven, clocks or offset=KEY; repeatable."
+
+
+@dataclass(frozen=True)
+class DataOptions:
+    """The options that say how data files are read; None and () stand for what was not given."""
+
+    mapping: Sequence[str] = ()
+    scales: Sequence[str] = ()
+    fs_hz: float | None = None
+    time: str | None = None
+    time_unit: str | None = None
+    map_file: Path | None = None
+    mend: Sequence[str] = ()
+
+
+def read_files(paths: Sequence[Path], model: Model, options: DataOptions) -> list[Reading]:
+    """Read one record a file, and report the mistakes of all of them at once.
+
+    Options given on the command line go before those of the mapping file.
+    """
+    from modelgen.runtime.data import missing_name
+    from modelgen.runtime.mapping_file import MappingFile, load_mapping
+    from modelgen.runtime.mapping_options import parse_mapping, parse_scales
+    from modelgen.runtime.read import read
+
+    given: MappingFile = load_mapping(options.map_file) if options.map_file else MappingFile()
+    columns = {**given.columns, **parse_mapping(options.mapping)}
+    factors = {**given.scales, **parse_scales(options.scales)}
+    # a misspelt key would leave the channel to a column that happens to have its name
+    known = [sensor.key for sensor in model.sensors] + [actuator.key for actuator in model.actuators]
+    channels = dict.fromkeys((*known, *model.channels))
+    where = str(options.map_file) if options.map_file else "--map"
+    problems = [missing_name(where, "channel", key, channels) for key in columns if key not in channels]
+    factors = {key: factor for key, factor in factors.items() if key in model.channels or key not in channels}
+    units = channel_units(model)
+    readings = []
+    for path in paths:
+        try:
+            readings.append(
+                read(
+                    path,
+                    columns,
+                    factors,
+                    options.fs_hz if options.fs_hz is not None else given.fs_hz,
+                    options.time or given.time,
+                    needed=model.channels,
+                    time_unit=options.time_unit or given.time_unit,
+                    mend=(*given.mend, *options.mend),
+                    units=units,
+                )
+            )
+        except DataError as error:
+            problems += error.problems
+    if problems:
+        raise DataError(*problems)
+    return readings
+
+
+def channel_units(model: Model) -> dict[str, str]:
+    """Return the SI unit of every channel of a model."""
+    return {entry.key: entry.unit for entry in (*model.sensors, *model.actuators)}
+
+
+def reading_lines(reading: Reading) -> list[str]:
+    """Return what was taken for what, what was found wrong, and what was mended."""
+    return [
+        *(f"took: {text}" for text in reading.took),
+        *(f"found: {finding.what} (--mend {finding.kind})" for finding in reading.findings),
+        *(f"mended: {text}" for text in reading.mended),
+    ]

@@ -1,0 +1,1 @@
+"""One self-contained HTML page that shows what an identification found, and what it rests on."""

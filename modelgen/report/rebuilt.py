@@ -1,0 +1,126 @@
+"""Measured and rebuilt left-hand side of every row on every record, as the estimate's own filter leaves them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.contract import Model
+from modelgen.runtime.data import Record
+from modelgen.runtime.estimate import Estimate
+from modelgen.runtime.filtered_record import FilteredRecord
+from modelgen.runtime.observation import RowBlock, observe
+from modelgen.runtime.pham2002 import observe_paper
+
+FloatArray = npt.NDArray[np.float64]
+
+CONFIDENCE_99 = 2.5758293035489004
+MOST_LAGS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Rebuilt:
+    """One row on one record: Y and W x, shape (grid,) each, NaN where masked; times in s."""
+
+    record: str
+    row: str
+    unit: str
+    start_s: float
+    step_s: float
+    measured: FloatArray
+    rebuilt: FloatArray
+    masked: int
+    has_force: bool
+
+    @property
+    def residual(self) -> FloatArray:
+        """Measured minus rebuilt, shape (grid,)."""
+        return self.measured - self.rebuilt
+
+
+@dataclass(frozen=True, eq=False)
+class Autocorrelation:
+    """Of a residual, lags 0 to the last; `bound` is that of 99 % of a white residual's."""
+
+    values: FloatArray
+    bound: float
+    step_s: float
+
+
+def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tuple[list[Rebuilt], FloatArray]:
+    """Return every row on every record, and the singular values of W with columns of unit length.
+
+    W is weighted as in the fit, and holds the columns that are identified.
+    """
+    x = _solution(model, estimate)
+    weights = {(entry.record, entry.row): entry.weight for entry in estimate.rows}
+    identified = np.isfinite(estimate.base)
+    observe_as = observe_paper if estimate.method == "pham2002" else observe
+    observation = observe_as(model, records, estimate.filtering)
+    found, stacked = [], []
+    for block in observation.blocks:
+        if (block.record_name, block.row_name) not in weights:
+            continue  # a row that this record was not allowed to feed
+        record = records[block.record]
+        found.append(_rebuilt(model, record, estimate, block, x))
+        weight = weights[block.record_name, block.row_name]
+        if np.isfinite(weight) and block.place.size:
+            stacked.append(np.linalg.qr(weight * block.W[:, identified], mode="r"))
+    return found, _singular_values(stacked)
+
+
+def autocorrelation(residual: FloatArray, step_s: float) -> Autocorrelation | None:
+    """Return the autocorrelation of a residual, masked samples left out; None where there is none."""
+    kept = np.isfinite(residual)
+    count = int(kept.sum())
+    if count < 20:
+        return None
+    centred = np.where(kept, residual - residual[kept].mean(), 0.0)
+    lags = min(MOST_LAGS, count // 4)
+    size = 1 << int(np.ceil(np.log2(2 * residual.size)))
+    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
+    products = np.fft.irfft(spectrum, size)[: lags + 1]
+    if products[0] <= 0.0:
+        return None
+    return Autocorrelation(products / products[0], CONFIDENCE_99 / float(np.sqrt(count)), step_s)
+
+
+def _solution(model: Model, estimate: Estimate) -> FloatArray:
+    """Return the base parameters with nuisances in their place; a column that is absent counts nothing."""
+    x = np.array(estimate.base, dtype=float)
+    for index, name in enumerate(model.base_parameters):
+        if not np.isfinite(x[index]):
+            x[index] = estimate.nuisance.get(name, 0.0)
+    return x
+
+
+def _rebuilt(model: Model, record: Record, estimate: Estimate, block: RowBlock, x: FloatArray) -> Rebuilt:
+    factor = estimate.filtering.decimation[block.record]
+    measured, rebuilt = np.full(block.grid, np.nan), np.full(block.grid, np.nan)
+    measured[block.place] = block.Y
+    rebuilt[block.place] = block.W @ x
+    start = 0.0
+    if estimate.method != "pham2002":
+        start = float(FilteredRecord(model, record, estimate.filtering, factor, 0).grid[0]) / record.fs
+    return Rebuilt(
+        record.name,
+        block.row_name,
+        block.unit,
+        start,
+        factor / record.fs,
+        measured,
+        rebuilt,
+        block.masked,
+        block.has_force,
+    )
+
+
+def _singular_values(triangles: Sequence[FloatArray]) -> FloatArray:
+    if not triangles:
+        return np.empty(0)
+    W = np.concatenate(triangles)
+    norms = np.linalg.norm(W, axis=0)
+    return np.asarray(np.linalg.svd(W / np.where(norms > 0.0, norms, 1.0), compute_uv=False))

@@ -1,0 +1,80 @@
+"""Channels: a record that is read in stretches, from memory or from a file that is never loaded whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+from modelgen.runtime.data import Record
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Channels(Protocol):
+    """What a record in stretches offers; `n` samples at `fs` in Hz of every channel."""
+
+    @property
+    def name(self) -> str:
+        """Names the record in messages."""
+
+    @property
+    def fs(self) -> float:
+        """Sampling frequency in Hz."""
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+
+    def read(self, channel: str, start: int, stop: int) -> FloatArray:
+        """Return samples start to stop, within the record, of a channel in SI."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordChannels:
+    """A record in memory, read in stretches."""
+
+    record: Record
+
+    @property
+    def name(self) -> str:
+        """Name of the record."""
+        return self.record.name
+
+    @property
+    def fs(self) -> float:
+        """Sampling frequency in Hz."""
+        return self.record.fs
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return self.record.n
+
+    def read(self, channel: str, start: int, stop: int) -> FloatArray:
+        """Return samples start to stop of a channel, without a copy."""
+        return self.record.signals[channel][start:stop]
+
+
+def read_continued(source: Channels, channel: str, start: int, stop: int) -> FloatArray:
+    """Return samples start to stop of a channel, continued beyond the record by its odd mirror image.
+
+    Raises
+    ------
+    DataError
+        When a sample is not finite.
+    """
+    low, high = max(start, 0), min(stop, source.n)
+    samples = np.asarray(source.read(channel, low, high), dtype=float)
+    # the sum is finite if and only if all are, but for an overflow that the second look settles
+    if not np.isfinite(samples.sum()) and not np.isfinite(samples).all():
+        bad = int(np.flatnonzero(~np.isfinite(samples))[0])
+        what = f"is {samples[bad]}"
+        remedy = "cut the record there, or interpolate the missing samples"
+        raise DataError.at(f"{source.name}: channel {channel}, sample {low + bad}", what, remedy)
+    if low == start and high == stop:
+        return samples
+    return np.pad(samples, (low - start, stop - high), mode="reflect", reflect_type="odd")

@@ -1,0 +1,95 @@
+"""Chunk: a stretch of a record with its halos; no state passes from one to the next.
+
+Chunks can therefore be worked on in any order, by threads, processes and machines, and the sum of their
+factors is that of the whole record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.channels import Channels, read_continued
+from modelgen.runtime.signal_plan import SignalPlan
+
+FloatArray = npt.NDArray[np.float64]
+
+# Samples between halos, all channels together; and per channel at least so many halos, lest they dominate.
+SAMPLES_IN_MEMORY = 1 << 18
+HALOS = 8
+
+
+class Chunk:
+    """Samples kept of a stretch of a record, and what lies around them.
+
+    Attributes
+    ----------
+    first, count : int
+        First sample kept, and how many, each `factor` samples after the other.
+    index : int
+        Position of the first one on the grid of the record.
+    start, stop : int
+        Samples of the record from the first to behind the last one kept.
+    """
+
+    def __init__(
+        self, source: Channels, plan: SignalPlan, first: int, index: int, count: int, halo: int
+    ) -> None:
+        self.source = source
+        self.plan = plan
+        self.first = first
+        self.index = index
+        self.count = count
+        self.start, self.stop = first, first + (count - 1) * plan.filtering.factor + 1
+        self.halo = halo
+        self._channels: dict[str, FloatArray] = {}
+        self._directions: dict[str, FloatArray] = {}
+
+    def read(self, channel: str, start: int, stop: int) -> FloatArray:
+        """Return samples of a channel, at most the plan's margin and `halo` beyond the chunk."""
+        margin = self.plan.margin + self.halo
+        if channel not in self._channels:
+            self._channels[channel] = read_continued(
+                self.source, channel, self.start - margin, self.stop + margin
+            )
+        low = self.start - margin
+        return self._channels[channel][start - low : stop - low]
+
+    def direction(self, key: str, start: int, stop: int) -> FloatArray:
+        """Return samples of a velocity whose sign is a direction of motion."""
+        margin = max(self.plan.feature_operator.reach, self.halo)
+        low = self.start - margin
+        if key not in self._directions:
+            self._directions[key] = self.plan.direction(self.read, key, low, self.stop + margin)
+        return self._directions[key][start - low : stop - low]
+
+    def signals(self) -> dict[str, FloatArray]:
+        """Return every signal, feature and the constant "1" at the samples kept."""
+        return self.plan.kept(self.read, self.direction, self.first, self.count)
+
+
+def chunks(
+    source: Channels, plan: SignalPlan, grid: range, halo: int = 0, samples: int | None = None
+) -> Iterator[Chunk]:
+    """Cut the grid of samples kept into chunks.
+
+    Parameters
+    ----------
+    source : Channels
+    plan : SignalPlan
+    grid : range
+        Samples of the record that are kept.
+    halo : int
+        Samples beyond the plan's margin that the masks look at.
+    samples : int, optional
+        Samples in a chunk; changes memory and speed, never the result.
+    """
+    size = samples or max(SAMPLES_IN_MEMORY // len(plan.operators), HALOS * (plan.margin + halo))
+    # whole blocks: the products are then the same whatever the size of a chunk
+    block = plan.feature_operator.block
+    count = -(-size // block) * block // plan.filtering.factor
+    for index in range(0, len(grid), count):
+        kept = grid[index : index + count]
+        yield Chunk(source, plan, kept[0], index, len(kept), halo)

@@ -1,0 +1,148 @@
+"""Instrumental variables: X = (Z^T W)^-1 Z^T Y with Z from a noise-free run of the model beside the record.
+
+Noise in the columns of W biases least squares, the more the higher the derivatives. Z is the same rows behind
+the same filters, at the same samples, built from a simulation with the present estimate: it correlates with
+the motion and not with the noise (Janot, Vandanjon and Gautier 2014). Estimate and simulation are repeated
+until they agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.beside import Loop, possible, run_beside
+from modelgen.runtime.choose import FilterChoice
+from modelgen.runtime.contract import Model
+from modelgen.runtime.covariance import hac_covariance
+from modelgen.runtime.data import Record
+from modelgen.runtime.filtered_record import FilteredRecord
+from modelgen.runtime.physical import Covariances, physical_parameters
+from modelgen.runtime.wls import Fit, least_squares
+
+FloatArray = npt.NDArray[np.float64]
+
+ROUNDS = 20
+# Converged: no parameter moves by more than this share of its standard deviation, or of its value.
+SMALL_MOVE = 0.01
+SMALL_CHANGE = 1e-6
+# A correlation of W with its instruments below this makes them useless.
+LEAST_STRENGTH = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What the model is run beside."""
+
+    model: Model
+    records: Sequence[Record]
+    choice: FilterChoice
+    drop: int = 0
+    loop: Loop | None = None
+
+
+def fit_iv(start: Fit, setting: Setting) -> Fit:
+    """Iterate instruments and estimate from a least-squares fit until the estimate stands still.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When the iteration diverges, or does not come to rest.
+    DataError
+        When the model cannot be simulated.
+    """
+    fit, moves = start, list[float]()
+    for _ in range(ROUNDS):
+        try:
+            Z = instruments(fit, setting)
+        except DataError as error:
+            raise diverged(f"its simulation fails ({error.problems[0].what})") from error
+        following = solve_with(fit, Z)
+        if not np.all(np.isfinite(following.solution.x)):
+            raise diverged("its estimate is not finite")
+        move = _largest_move(fit, following)
+        fit = following
+        moves.append(move)
+        if move < 1.0:
+            return replace(fit, notes=_iv_notes(len(moves)))
+    raise diverged(f"after {ROUNDS} rounds an estimate still moves by {SMALL_MOVE * moves[-1]:.2g} standard deviations")
+
+
+def diverged(what: str) -> IdentifiabilityError:
+    """Return the error that tells that the iteration of instruments failed."""
+    remedy = "use method wls, give better first values by another cutoff_hz, or check the model"
+    return IdentifiabilityError.at("method iv", f"does not converge: {what}", remedy)
+
+
+def instruments(fit: Fit, setting: Setting) -> tuple[FloatArray, ...]:
+    """Return for every block of the fit its rows built from the simulation, shape (n, columns) each."""
+    model, choice = setting.model, setting.choice
+    parameters = possible(model, simulation_parameters(model, fit))
+    columns = [model.base_parameters.index(name) for name in fit.columns]
+    runs: dict[int, FilteredRecord] = {}
+    found = []
+    for block in fit.blocks:
+        if block.record not in runs:
+            record = run_beside(model, parameters, setting.records[block.record], choice, setting.loop)
+            runs[block.record] = FilteredRecord(model, record, choice, choice.decimation[block.record], setting.drop)
+        run = runs[block.record]
+        Z = np.zeros((len(block.place), len(columns)))
+        for place, column in enumerate(columns):
+            terms = model.column_terms(block.row, column)
+            if terms:
+                Z[:, place] = run.sum_of(terms)[block.place]
+        found.append(Z)
+    return tuple(found)
+
+
+def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
+    """Return the instrumental-variable fit: weights from the residuals, Z projected onto W.
+
+    The projection Z P with P = (Z^T Z)^-1 Z^T W gives the same X and keeps everything symmetric
+    (two-stage least squares).
+    """
+    weights = tuple(1.0 / max(float(np.sqrt(np.mean(e**2))), np.finfo(float).tiny) for e in fit.residuals)
+    stacked = np.concatenate([w * z for w, z in zip(weights, Z, strict=True)])
+    W = np.concatenate([w * b.W for w, b in zip(weights, fit.blocks, strict=True)])
+    Y = np.concatenate([w * b.Y for w, b in zip(weights, fit.blocks, strict=True)])
+    scale = np.linalg.norm(stacked, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    P = np.linalg.lstsq(stacked / scale, W, rcond=None)[0] / scale[:, None]
+    solution = least_squares(stacked @ P, Y)
+    residuals = tuple(block.Y - block.W @ solution.x for block in fit.blocks)
+    projected = tuple(z @ P for z in Z)
+    return replace(fit, solution=solution, weights=weights, residuals=residuals, projected=projected, notes=())
+
+
+def simulation_parameters(model: Model, fit: Fit) -> dict[str, float]:
+    """Return physical parameters for the simulation, nuisances of the fit included; 0 for what it lacks."""
+    base = np.zeros(len(model.base_parameters))
+    for name, value in zip(fit.columns, fit.solution.x, strict=True):
+        base[model.base_parameters.index(name)] = value
+    found = dict(model.physical_from_base(base))
+    if model.composites:
+        covariance = hac_covariance(fit)
+        nothing = np.zeros_like(covariance)
+        zero = dict.fromkeys(fit.absent, "absent")
+        with_gaps = base.copy()
+        with_gaps[[model.base_parameters.index(name) for name in fit.absent]] = np.nan
+        covariances = Covariances(covariance, covariance, nothing, covariance)
+        better, _ = physical_parameters(model, with_gaps, covariances, zero, {})
+        found |= {entry.name: entry.value for entry in better}
+    return {name: found.get(name, 0.0) for name in model.parameters}
+
+
+def _largest_move(before: Fit, after: Fit) -> float:
+    """Return how far the estimate moved: the largest share of what counts as standing still."""
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(after)), 0.0))
+    small = np.maximum(SMALL_MOVE * spread, SMALL_CHANGE * np.abs(after.solution.x))
+    move = np.abs(after.solution.x - before.solution.x)
+    return float(np.max(move / np.maximum(small, np.finfo(float).tiny)))
+
+
+def _iv_notes(rounds: int) -> tuple[str, ...]:
+    return (f"instruments and estimate agreed after {rounds} rounds",)

@@ -1,0 +1,62 @@
+"""The text of the options --map and --scale -> columns and factors; every mistake is explained."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+from modelgen.errors import DataError, Problem
+
+T = TypeVar("T")
+CHANNEL_KEY = r"[A-Za-z][A-Za-z0-9_]{0,63}"
+
+
+def parse_mapping(options: Iterable[str]) -> dict[str, str]:
+    """Return the mapping that options such as ``"q_m=theta_mx"`` and ``"q_c=-theta_my"`` spell.
+
+    Raises
+    ------
+    DataError
+        With one problem per option that is not KEY=COLUMN or repeats a key.
+    """
+    form = "write KEY=COLUMN, with a minus before COLUMN to negate it: --map q_c=-theta_my"
+    return _parse("--map", options, form, lambda text: text if text.removeprefix("-") else None)
+
+
+def parse_scales(options: Iterable[str]) -> dict[str, float | str]:
+    """Return the factors that options such as ``"F=35.15"`` or ``"F=gtau"`` (a scalar in the file) spell.
+
+    Raises
+    ------
+    DataError
+        With one problem per option that is not KEY=FACTOR or repeats a key.
+    """
+    form = "write KEY=FACTOR, a number other than zero or the name of a scalar in the file: --scale q_m=0.001"
+    return _parse("--scale", options, form, _factor_from_text)
+
+
+def _parse(option: str, items: Iterable[str], form: str, value_of: Callable[[str], T | None]) -> dict[str, T]:
+    parsed: dict[str, T] = {}
+    problems = []
+    for item in items:
+        key, _, text = (part.strip() for part in item.partition("="))
+        value = value_of(text)
+        if value is None or not re.fullmatch(CHANNEL_KEY, key):
+            problems.append(Problem(f"{option} {item}", "cannot be read", form))
+        elif key in parsed:
+            problems.append(Problem(f"{option} {item}", f"gives {key} a second time", "give every key once"))
+        else:
+            parsed[key] = value
+    if problems:
+        raise DataError(*problems)
+    return parsed
+
+
+def _factor_from_text(text: str) -> float | str | None:
+    try:
+        factor = float(text)
+    except ValueError:
+        return text if re.fullmatch(r"[A-Za-z_]\w*", text) else None
+    return factor if math.isfinite(factor) and factor != 0.0 else None

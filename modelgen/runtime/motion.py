@@ -1,0 +1,157 @@
+"""Plant, controller, drive and excitation -> the motion, and all exact signals at the sample instants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.closed_loop import PositionVelocityController, closed_loop, open_loop
+from modelgen.runtime.drive import VELOCITIES, Drive, whole_steps
+from modelgen.runtime.excitation import Excitation
+from modelgen.runtime.flow import Event, Flow, refinement
+from modelgen.runtime.plant import Plant
+from modelgen.runtime.stepping import Sampling, follow_controller
+from modelgen.runtime.stick_slip import integrate
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """States, shape (N, 2 bodies), modes, shape (N, sticking), driving force and its command, shape (N,)."""
+
+    states: FloatArray
+    modes: npt.NDArray[np.int8]
+    events: tuple[Event, ...]
+    force: FloatArray
+    command: FloatArray
+
+
+def move(
+    plant: Plant,
+    controller: PositionVelocityController,
+    drive: Drive,
+    excitation: Excitation,
+    initial: FloatArray,
+    oversample: int,
+) -> Motion:
+    """Return the motion at every `oversample`-th step of the excitation.
+
+    `initial` holds all positions, then all velocities, shape (2 bodies,); a current loop starts at no force.
+    """
+    run = _sampled if drive.sampled else _continuous
+    return run(plant, controller, drive, excitation, np.r_[initial, [0.0] * drive.lags], oversample)
+
+
+def _continuous(
+    plant: Plant,
+    controller: PositionVelocityController,
+    drive: Drive,
+    excitation: Excitation,
+    initial: FloatArray,
+    oversample: int,
+) -> Motion:
+    rate = controller.rate_gain * excitation.reference_rate
+    inputs = controller.kp * excitation.reference + controller.kv * rate + excitation.feedforward
+    system = closed_loop(plant, controller, drive.bandwidth_hz)
+    path = integrate(system, initial, inputs[:, None], 1.0 / excitation.rate_hz, oversample)
+    n = len(plant.bodies)
+    x = path.states[:, : 2 * n]
+    q, v = x[:, plant.driven], x[:, n + plant.driven]
+    # summed up from differences: the large numbers of a long travel cancel before they are multiplied
+    r, r_rate, feedforward = (
+        array[::oversample] for array in (excitation.reference, rate, excitation.feedforward)
+    )
+    command = controller.kp * (r - q) + controller.kv * (r_rate - v) + feedforward
+    return Motion(x, path.modes, path.events, path.states[:, -1] if drive.lags else command, command)
+
+
+def _sampled(
+    plant: Plant,
+    controller: PositionVelocityController,
+    drive: Drive,
+    excitation: Excitation,
+    initial: FloatArray,
+    oversample: int,
+) -> Motion:
+    """The controller acts at its own rate, at a whole number of internal steps."""
+    system = open_loop(plant, drive.bandwidth_hz)
+    internal_hz = excitation.rate_hz
+    tick_hz = drive.rate_hz or internal_hz / oversample
+    refine = refinement(system, 1.0 / internal_hz)
+    per_tick = whole_steps("rate_hz", 1.0 / tick_hz, internal_hz)
+    delay = refine * whole_steps("delay_s", drive.delay_s, internal_hz)
+    flow = Flow(system, 1.0 / (internal_hz * refine))
+    n, k = len(plant.bodies), np.arange(0, excitation.reference.size, oversample) * refine
+    law = (
+        controller.kp,
+        controller.kv,
+        drive.encoder_step,
+        drive.limit,
+        float(VELOCITIES[drive.velocity]),
+        float(plant.driven),
+        float(n + plant.driven),
+        1.0 / tick_hz,
+        flow.step_s,
+    )
+    reference = np.column_stack(
+        (excitation.reference, controller.rate_gain * excitation.reference_rate, excitation.feedforward)
+    )[::per_tick]
+    sampling = Sampling(law, reference, per_tick * refine, delay)
+    steps = (excitation.reference.size - 1) * refine
+    path, commands = follow_controller(flow, initial, sampling, oversample * refine, steps)
+    command = commands[k // sampling.per_tick]
+    held = np.where(k >= delay, commands[(k - delay) // sampling.per_tick], 0.0)
+    return Motion(
+        path.states[:, : 2 * n], path.modes, path.events, path.states[:, -1] if drive.lags else held, command
+    )
+
+
+def true_signals(plant: Plant, motion: Motion) -> dict[str, FloatArray]:
+    """Return the exact signals at the sample instants, channels of the record first."""
+    model, n = plant.model, len(plant.bodies)
+    x, modes = motion.states, motion.modes
+    forces = np.zeros((len(x), len(model.actuators)))
+    forces[:, plant.actuator] = motion.force
+    acceleration, friction, sensed = _outputs(plant, x, modes, forces)
+    true = {entry.key: forces[:, i] for i, entry in enumerate(model.actuators)}
+    true |= {sensor.key: sensed[:, i] for i, sensor in enumerate(model.sensors)}
+    for i, body in enumerate(plant.bodies):
+        for prefix, array in (("q", x[:, i]), ("v", x[:, n + i]), ("a", acceleration[:, i])):
+            true.setdefault(f"{prefix}_{body}", array)
+        true.setdefault(f"sign_{body}", np.sign(x[:, n + i]))
+    for j, entry in enumerate(model.friction):
+        true.setdefault(f"friction_{entry.body}", friction[:, j])
+    for i, j in enumerate(plant.sticking):
+        true.setdefault(f"mode_{model.friction[j].body}", modes[:, i].astype(float))
+    true.setdefault(f"command_{model.actuators[plant.actuator].key}", motion.command)
+    return true
+
+
+def _outputs(
+    plant: Plant, x: FloatArray, modes: npt.NDArray[np.int8], forces: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return accelerations of the bodies, friction forces and sensor readings, one column each."""
+    n = len(plant.bodies)
+    acceleration = np.empty((len(x), n))
+    friction = np.tile(plant.offsets, (len(x), 1))
+    sensed = np.empty((len(x), len(plant.model.sensors)))
+    for mode in np.unique(modes, axis=0):
+        rows = (modes == mode).all(axis=1)
+        space = plant.space(tuple(int(sign) for sign in mode))
+        free = x[rows] @ space.A.T + forces[rows] @ space.B.T
+        f = friction[rows]
+        for j, body, sign in zip(plant.sticking, plant.coulomb_bodies, mode, strict=True):
+            if sign:
+                f[:, j] += body.plus if sign > 0 else -body.minus
+            else:
+                f[:, j] = free[:, body.velocity] * body.inertia  # what holds it
+        acceleration[rows] = (free + f @ space.E.T)[:, n:]
+        # exactly, where the line above leaves rounding errors
+        held = [b.velocity - n for b, sign in zip(plant.coulomb_bodies, mode, strict=True) if sign == 0]
+        acceleration[np.ix_(rows, held)] = 0.0
+        sensed[rows] = x[rows] @ space.C.T + forces[rows] @ space.D.T + f @ space.F.T
+        friction[rows] = f
+    return acceleration, friction, sensed

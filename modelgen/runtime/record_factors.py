@@ -1,0 +1,156 @@
+"""RecordFactors: a record in constant memory -> one small triangle for each row of the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+from modelgen.runtime.channels import Channels
+from modelgen.runtime.chunk import Chunk, chunks
+from modelgen.runtime.choose import FilterChoice
+from modelgen.runtime.contract import Model
+from modelgen.runtime.filtered_record import SUPPORT_TOLERANCE
+from modelgen.runtime.filtering import matched_filtering
+from modelgen.runtime.filters import support_samples
+from modelgen.runtime.row_factor import RowFactor, empty_factor
+from modelgen.runtime.row_mask import RowMask, row_masks
+from modelgen.runtime.row_terms import RowTerms, row_terms
+from modelgen.runtime.signal_plan import SignalPlan, force_power_key, signal_plan
+from modelgen.runtime.survey import NOTHING, Survey, survey_record
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One record and what is to be done with it, chunk by chunk.
+
+    Attributes
+    ----------
+    source : Channels
+    plan : SignalPlan
+    grid : range
+        Samples of the record that are kept.
+    masks : tuple of RowMask
+        One a row; empty where nothing is masked.
+    survey : Survey
+        What the masks need to know of the whole record.
+    samples : int, optional
+        Samples in a chunk; changes memory and speed, never the result.
+    """
+
+    source: Channels
+    plan: SignalPlan
+    grid: range
+    masks: tuple[RowMask, ...] = ()
+    survey: Survey = NOTHING
+    samples: int | None = None
+
+    @property
+    def rows(self) -> tuple[RowTerms, ...]:
+        """Rows of the model."""
+        return row_terms(self.plan.model)
+
+    @property
+    def halo(self) -> int:
+        """Samples around a chunk that the masks look at."""
+        return max((mask.halo for mask in self.masks), default=0)
+
+    def chunks(self) -> list[Chunk]:
+        """Return the chunks of the samples kept; none has read anything yet."""
+        return list(chunks(self.source, self.plan, self.grid, self.halo, self.samples))
+
+    def places(self, chunk: Chunk) -> list[IntArray | None]:
+        """Return for each row the places in the chunk that it may use; None for all."""
+        if not self.masks:
+            return [None] * len(self.plan.model.rows)
+        found: list[IntArray | None] = []
+        for mask in self.masks:
+            masked = mask.of(chunk, self.survey.thresholds)
+            found.append(np.flatnonzero(~masked).astype(np.int64) if masked.any() else None)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class RecordFactors:
+    """The rows of one record: a triangle each, and the number of samples on its grid."""
+
+    name: str
+    grid: int
+    rows: tuple[RowFactor, ...]
+
+    def joined(self, other: RecordFactors) -> RecordFactors:
+        """Return the factors of both stretches of the record."""
+        rows = tuple(a.joined(b) for a, b in zip(self.rows, other.rows, strict=True))
+        return replace(self, grid=self.grid + other.grid, rows=rows)
+
+
+def matched_task(
+    model: Model, source: Channels, choice: FilterChoice, factor: int, drop: int = 0, samples: int | None = None
+) -> Task:
+    """Return the task of matched filtering, masks and grid as `modelgen.identify` has them.
+
+    Raises
+    ------
+    DataError
+        When the record is too short for the filter.
+    """
+    plan = signal_plan(model, matched_filtering(choice, source.fs, factor))
+    deepest = max(signal.derivative for signal in model.signals)
+    order, cutoff_hz = choice.filter_order, choice.cutoff_hz
+    edge = max(
+        support_samples(order, cutoff_hz, source.fs, k, SUPPORT_TOLERANCE) for k in range(deepest + 1)
+    )
+    start = max(edge, drop)
+    needed = start + edge + factor * (len(model.base_parameters) + 1)
+    if source.n < needed:
+        raise DataError.at(
+            source.name,
+            f"has {source.n} samples; a filter of {cutoff_hz:.4g} Hz needs at least {needed}",
+            "give a longer record, or a higher cutoff_hz",
+        )
+    masks = row_masks(model, choice, source.fs)
+    task = Task(source, plan, range(start, source.n - edge, factor), masks, samples=samples)
+    if not plan.directions:
+        return task
+    every = Task(source, full_rate(plan), range(source.n), samples=samples)
+    return replace(task, survey=survey_record(iter(every.chunks()), plan, source.n))
+
+
+def full_rate(plan: SignalPlan) -> SignalPlan:
+    """Return the plan for walking through every sample of a record; its directions are the same."""
+    return replace(plan, filtering=replace(plan.filtering, factor=1))
+
+
+def record_factors(task: Task) -> RecordFactors:
+    """Return the factors of a record, chunk after chunk."""
+    total: RecordFactors | None = None
+    for chunk in task.chunks():
+        part = chunk_factors(task, chunk)
+        total = part if total is None else total.joined(part)
+    assert total is not None  # a grid holds at least one sample, see matched_task
+    return total
+
+
+def chunk_factors(task: Task, chunk: Chunk) -> RecordFactors:
+    """Return the factors of one chunk."""
+    signals = chunk.signals()
+    factors = []
+    for terms, place in zip(task.rows, task.places(chunk), strict=True):
+        lines = terms.evaluate(signals)
+        used = lines if place is None else lines[:, place]
+        info = task.plan.model.rows[terms.row]
+        power = float(np.sum(signals[force_power_key(info.differentiated)]))
+        factor = replace(
+            empty_factor(terms.row, terms.columns),
+            masked=chunk.count - used.shape[1],
+            force_power=power,
+        )
+        factors.append(factor.with_rows(used) if used.shape[1] else factor)
+    return RecordFactors(task.source.name, chunk.count, tuple(factors))

@@ -1,0 +1,94 @@
+"""RowFactor: all that least squares needs of one row of a model on one record, in a small triangle.
+
+[1 W Y] = Q R: whatever a fit asks of the rows (solution, residual, spread of a term about its mean) it can ask
+of R. Triangles of two stretches are joined by the QR of both, in any order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+# Rows to one QR: with eight columns they stay in the cache.
+ROWS_AT_A_TIME = 8192
+
+
+@dataclass(frozen=True, eq=False)
+class RowFactor:
+    """R of [1 W Y] for one row of the model, W reduced to the columns that the row touches.
+
+    Attributes
+    ----------
+    row : int
+        Index of the model's row.
+    columns : tuple of int
+        Base parameters the row touches.
+    R : array, shape (k + 2, k + 2)
+        Upper triangular; columns 1, W, Y.
+    samples, masked : int
+        Samples used, and left out.
+    force_power : float
+        Sum over all samples kept, masked or not, of the squared forces, differentiated as often as the row.
+    """
+
+    row: int
+    columns: tuple[int, ...]
+    R: FloatArray
+    samples: int = 0
+    masked: int = 0
+    force_power: float = 0.0
+
+    @property
+    def triangle(self) -> FloatArray:
+        """R of [W Y], shape (k + 1, k + 1)."""
+        return np.asarray(np.linalg.qr(self.R[:, 1:], mode="r"), dtype=float)
+
+    def with_rows(self, transposed: FloatArray) -> RowFactor:
+        """Return the factor with more samples, given as rows 1, W, Y of an array of shape (k + 2, n)."""
+        R = self.R
+        for first in range(0, transposed.shape[1], ROWS_AT_A_TIME):
+            part = transposed[:, first : first + ROWS_AT_A_TIME]
+            R = np.linalg.qr(np.hstack([R.T, part]).T, mode="r")
+        return replace(self, R=_square(R), samples=self.samples + transposed.shape[1])
+
+    def joined(self, other: RowFactor) -> RowFactor:
+        """Return the factor of both stretches."""
+        return replace(
+            self,
+            R=_square(np.linalg.qr(np.vstack([self.R, other.R]), mode="r")),
+            samples=self.samples + other.samples,
+            masked=self.masked + other.masked,
+            force_power=self.force_power + other.force_power,
+        )
+
+    def residual_rms(self, x: FloatArray) -> float:
+        """Return the rms of Y - W x; x holds the values of all base parameters."""
+        short = self.R[:, -1] - self.R[:, 1:-1] @ x[list(self.columns)]
+        return float(np.linalg.norm(short) / np.sqrt(max(self.samples, 1)))
+
+    def terms_norm(self, x: FloatArray) -> float:
+        """Return how much the largest term W_j x_j varies about its mean (its norm)."""
+        spread = np.linalg.norm(self.R[1:, 1:-1], axis=0) * np.abs(x[list(self.columns)])
+        return float(np.max(spread, initial=0.0))
+
+    @property
+    def force_norm(self) -> float:
+        """Norm of Y."""
+        return float(np.linalg.norm(self.R[:, -1]))
+
+
+def empty_factor(row: int, columns: Sequence[int]) -> RowFactor:
+    """Return the factor of no samples."""
+    size = len(columns) + 2
+    return RowFactor(row, tuple(columns), np.zeros((size, size)))
+
+
+def _square(R: FloatArray) -> FloatArray:
+    """Return R with rows of zeros where fewer rows than columns went into it."""
+    missing = R.shape[1] - R.shape[0]
+    return np.vstack([R, np.zeros((missing, R.shape[1]))]) if missing > 0 else np.asarray(R)

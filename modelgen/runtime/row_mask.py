@@ -1,0 +1,90 @@
+"""Which samples of a chunk a row must not use: the masks of `observation`, in stretches of a record.
+
+A mask looks at velocities around a sample, and at one number of the whole record: the speed below which a
+mass stands still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.choose import FilterChoice
+from modelgen.runtime.chunk import Chunk
+from modelgen.runtime.contract import Model
+from modelgen.runtime.filtered_record import DIRECTION_TOLERANCE, SUPPORT_TOLERANCE
+from modelgen.runtime.filters import support_samples
+from modelgen.runtime.reversals import reversals, standstills, widen
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# sign() is meaningless while a mass sticks for longer than this many periods of the cut-off.
+STANDSTILL_PERIODS = 2.0
+
+
+@dataclass(frozen=True)
+class RowMask:
+    """The rule of one row: velocities to look at, how far around, and how long a standstill must last.
+
+    `shortest` is None where every reversal counts.
+    """
+
+    keys: tuple[str, ...]
+    reach: int
+    shortest: int | None
+
+    @property
+    def halo(self) -> int:
+        """Samples around a chunk within which velocities matter."""
+        return self.reach + (self.shortest or 1) + 1 if self.keys else 0
+
+    def of(self, chunk: Chunk, thresholds: Mapping[str, float]) -> BoolArray:
+        """Return which of the chunk's samples kept are masked, shape (count,)."""
+        masked = np.zeros(chunk.count, dtype=bool)
+        for key in self.keys:
+            velocity = chunk.direction(key, chunk.start - self.halo, chunk.stop + self.halo)
+            if self.shortest is None:
+                marked = reversals(velocity, thresholds[key])
+            else:
+                marked = standstills(velocity, self.shortest, thresholds[key])
+            if marked.any():
+                wide = widen(marked, self.reach)[self.halo : -self.halo]
+                masked |= wide[:: chunk.plan.filtering.factor]
+        return masked
+
+
+def row_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, ...]:
+    """Return the mask of every row, for matched filtering at a sampling frequency in Hz."""
+    order = choice.filter_order
+
+    def reach(derivative: int) -> int:
+        return support_samples(order, choice.cutoff_hz, fs, derivative, SUPPORT_TOLERANCE)
+
+    late = support_samples(order, choice.direction_cutoff_hz, fs, 0, DIRECTION_TOLERANCE)
+    shortest = int(np.ceil(STANDSTILL_PERIODS * fs / choice.cutoff_hz))
+    found = []
+    for row, info in enumerate(model.rows):
+        if info.reversals:
+            # the row differentiates the friction as often as its order exceeds that of a motion: a jump enters
+            # as an impulse, differentiated once less
+            far = max(reach(k) for k in range(max(1, info.order - 2))) + late
+            found.append(RowMask(tuple(info.reversals), far, None))
+        else:
+            found.append(RowMask(direction_keys(model, row), reach(0) + late, shortest))
+    return tuple(found)
+
+
+def direction_keys(model: Model, row: int) -> tuple[str, ...]:
+    """Return the signals whose sign enters a row."""
+    used = dict.fromkeys(key for terms in model.regressor_columns[row].values() for _, key in terms)
+    signs = [feature.of for feature in model.features if feature.key in used and isinstance(feature.of, str)]
+    brought = [
+        signal.key
+        for signal in model.signals
+        if signal.key in used and signal.sensor is None and signal.actuator is None
+    ]
+    return tuple(dict.fromkeys(signs + brought))

@@ -1,0 +1,186 @@
+"""SignalPlan: the operators that take the channels of a record to the signals and features of a model.
+
+Each channel is filtered once, all its derivatives together; only features are filtered as signals of their
+own, because they are formed at the full rate from what is not linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.contract import Feature, Model, Signal
+from modelgen.runtime.derivatives import differentiate
+from modelgen.runtime.filtering import Filtering
+from modelgen.runtime.fused import FusedOperator, fused_operator
+from modelgen.runtime.two_sided import squared_gain
+
+FloatArray = npt.NDArray[np.float64]
+# (channel or velocity, start, stop) -> samples, continued beyond the ends of the record
+Reader = Callable[[str, int, int], FloatArray]
+
+# An unfiltered derivative is off this near to the ends of what it is made from, per order.
+DIFFERENCE_MARGIN = 8
+
+
+@dataclass(frozen=True, eq=False)
+class SignalPlan:
+    """What is to be done with each channel; made once for a model and a filtering.
+
+    Attributes
+    ----------
+    operators : dict
+        Channel to the operator that gives the derivatives the rows are linear in.
+    signals : dict
+        Signal key to (channel, column of its operator's output).
+    features : dict
+        Feature key to the feature.
+    feature_operator : FusedOperator
+        Filters and decimates a feature.
+    directions : dict
+        Velocity key to (channel, its operator at the full rate); None where the record brings the direction.
+    forces : dict
+        Times a row is differentiated to the forces, differentiated as often, as in `signals`.
+    constant : float
+        What the filter leaves of the constant 1.
+    margin : int
+        Samples that a kept one is felt from, on each side.
+    """
+
+    model: Model
+    filtering: Filtering
+    operators: dict[str, FusedOperator]
+    signals: dict[str, tuple[str, int]]
+    features: dict[str, Feature]
+    feature_operator: FusedOperator
+    directions: dict[str, tuple[str, FusedOperator | None]]
+    forces: dict[int, tuple[tuple[str, int], ...]]
+    constant: float
+    margin: int
+
+    def kept(self, read: Reader, direction: Reader, start: int, count: int) -> dict[str, FloatArray]:
+        """Return every signal, feature and the constant "1" at count samples kept, the first at `start`."""
+        stop = start + (count - 1) * self.filtering.factor + 1
+        found: dict[str, FloatArray] = {"1": np.full(count, self.constant)}
+        tables = {}
+        for channel, operator in self.operators.items():
+            samples = read(channel, start - operator.reach, stop + operator.reach)
+            tables[channel] = operator.apply(samples, operator.reach, count)
+        for key, (channel, column) in self.signals.items():
+            found[key] = tables[channel][:, column]
+        for times, places in self.forces.items():
+            found[force_power_key(times)] = sum(
+                (tables[channel][:, column] ** 2 for channel, column in places), np.zeros(count)
+            )
+        reach = self.feature_operator.reach
+        for key, feature in self.features.items():
+            samples = self._feature(feature, read, direction, start - reach, stop + reach)
+            found[key] = self.feature_operator.apply(samples, reach, count)[:, 0]
+        return found
+
+    def direction(self, read: Reader, key: str, start: int, stop: int) -> FloatArray:
+        """Return the velocity whose sign is a direction of motion, at the full rate, shape (stop - start,)."""
+        channel, operator = self.directions[key]
+        if operator is None:
+            return read(channel, start, stop)
+        samples = read(channel, start - operator.reach, stop + operator.reach)
+        return operator.apply(samples, operator.reach, stop - start)[:, 0]
+
+    def _feature(
+        self, feature: Feature, read: Reader, direction: Reader, start: int, stop: int
+    ) -> FloatArray:
+        """Return a feature at the full rate, from directions and unfiltered signals."""
+        factor = 1.0 if feature.times is None else self._raw(feature.times, read, start, stop)
+        if not isinstance(feature.of, str):
+            total = np.zeros(stop - start)
+            for coefficient, key in feature.of:
+                total += coefficient * self._raw(key, read, start, stop)
+            return np.asarray(total**3 * factor)
+        velocity = direction(feature.of, start, stop)
+        if feature.function == "sign":
+            value = np.sign(velocity)
+        else:
+            value = (velocity > 0.0 if feature.function == "forward" else velocity < 0.0).astype(float)
+        return value if feature.times is None else np.asarray(value * factor)
+
+    def _raw(self, key: str, read: Reader, start: int, stop: int) -> FloatArray:
+        signal = next(signal for signal in self.model.signals if signal.key == key)
+        margin = DIFFERENCE_MARGIN * signal.derivative
+        samples = read(channel_of(signal), start - margin, stop + margin)
+        slope = differentiate(samples, 1.0 / self.filtering.fs, signal.derivative)
+        return slope[margin : len(slope) - margin]
+
+
+def signal_plan(model: Model, filtering: Filtering) -> SignalPlan:
+    """Return the plan of a model's signals; operators are shared by channels that need the same.
+
+    Raises
+    ------
+    DataError
+        When a filter is too slow for its sampling frequency.
+    """
+    used = _used_keys(model)
+    made: dict[tuple[object, ...], FusedOperator] = {}
+
+    def operator(sections: object, orders: tuple[int, ...], factor: int) -> FusedOperator:
+        key = (sections, orders, factor)
+        if key not in made:
+            made[key] = fused_operator(sections, filtering.fs, orders, factor, filtering.stencil)  # type: ignore[arg-type]
+        return made[key]
+
+    orders: dict[str, list[int]] = {}
+    signals: dict[str, tuple[str, int]] = {}
+    sections: dict[str, object] = {}
+    for signal in model.signals:
+        if signal.key not in used:
+            continue
+        channel = channel_of(signal)
+        signals[signal.key] = (channel, len(orders.setdefault(channel, [])))
+        orders[channel].append(signal.derivative)
+        sections[channel] = filtering.sensors if signal.sensor else filtering.forces
+    forces: dict[int, tuple[tuple[str, int], ...]] = {}
+    actuated = dict.fromkeys(signal.actuator for signal in model.signals if signal.actuator in orders)
+    for times in dict.fromkeys(row.differentiated for row in model.rows):
+        for force in actuated:
+            if times not in orders[str(force)]:
+                orders[str(force)].append(times)
+        forces[times] = tuple((str(force), orders[str(force)].index(times)) for force in actuated)
+    operators = {c: operator(sections[c], tuple(orders[c]), filtering.factor) for c in orders}
+    features = {feature.key: feature for feature in model.features if feature.key in used}
+    feature_operator = operator(filtering.features, (0,), filtering.factor)
+    directions: dict[str, tuple[str, FusedOperator | None]] = {}
+    for signal in model.signals:
+        if signal.key in model.direction_keys:
+            brought = signal.sensor is None and signal.actuator is None
+            smooth = None if brought else operator(filtering.directions, (signal.derivative,), 1)
+            directions[signal.key] = (channel_of(signal), smooth)
+    late = max((one.reach for _, one in directions.values() if one), default=0)
+    deepest = max(signal.derivative for signal in model.signals)
+    margin = max(
+        max(one.reach for one in operators.values()),
+        feature_operator.reach + max(late, DIFFERENCE_MARGIN * deepest),
+    )
+    # a constant times one pass forward and one backward
+    gain = float(squared_gain(np.asarray(filtering.features, dtype=float), np.zeros(1))[0])
+    return SignalPlan(
+        model, filtering, operators, signals, features, feature_operator, directions, forces, gain, margin
+    )
+
+
+def force_power_key(times: int) -> str:
+    """Return the key of the summed squares of the forces, differentiated so often; no signal has it."""
+    return f"force power {times}"
+
+
+def channel_of(signal: Signal) -> str:
+    """Return the record's channel that a signal derives from."""
+    return signal.sensor or signal.actuator or signal.key
+
+
+def _used_keys(model: Model) -> frozenset[str]:
+    """Return the keys that some row is linear in."""
+    terms = [*model.measurement_columns, *(t for row in model.regressor_columns for t in row.values())]
+    return frozenset(key for pairs in terms for _, key in pairs)

@@ -1,0 +1,45 @@
+"""Parquet tables (.parquet) -> Source; needs pyarrow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from modelgen.runtime.channel_units import split_name
+from modelgen.runtime.missing_reader import reader_library, unreadable
+from modelgen.runtime.source import Columns, Source
+
+
+def open_parquet(path: Path) -> Source:
+    """Return the source of a Parquet table; a field's metadata or its name may state a unit.
+
+    A missing value becomes NaN, which a record refuses.
+
+    Raises
+    ------
+    DataError
+        When pyarrow is missing or the file is none.
+    """
+    parquet = reader_library("pyarrow.parquet", path)
+    if not path.is_file():
+        path.open("rb").close()
+    try:
+        schema = parquet.read_schema(path)
+    except Exception as error:  # the library's own exceptions derive from several built-in ones
+        raise unreadable(path, "Parquet file", error) from error
+    fields, units = {}, {}
+    for field in schema:
+        name, unit = split_name(field.name)
+        fields[name] = field.name
+        stated = (field.metadata or {}).get(b"unit")
+        unit = stated.decode() if stated else unit
+        if unit:
+            units[name] = unit
+
+    def load(names: Sequence[str]) -> Columns:
+        table = parquet.read_table(path, columns=[fields[name] for name in names])
+        return {name: np.asarray(table.column(fields[name]).to_numpy()) for name in names}
+
+    return Source(path, tuple(fields), load, units=units)

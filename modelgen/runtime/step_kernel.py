@@ -1,0 +1,272 @@
+"""One exact step after another through stick and slip: the arithmetic of `flow`, written for a compiler.
+
+The same mathematics as `friction_mode`, `crossing` and `flow`, in plain loops over arrays, so that numba can
+compile it; without numba it runs as it stands, only slowly. Between steps a sampled controller may form the
+input from the state. Matrices come from `stepping`, everything in time units of steps.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from modelgen.runtime.flow import MOST_EVENTS_A_STEP
+
+# as in crossing.py: 2^24 / 24! is below rounding
+TERMS = 24
+INTERVALS = 8
+DONE, EVENTS_FULL, UNBOUNDED, TOO_MANY = 0, 1, 2, 3
+TRUE_VELOCITY, BACKWARD, CENTRAL = 0, 1, 2
+
+
+def dot(a: Any, b: Any) -> float:
+    """Return the inner product of two vectors."""
+    total = 0.0
+    for i in range(len(b)):
+        total += a[i] * b[i]
+    return total
+
+
+def row_dot(table: Any, m: int, row: int, z: Any) -> float:
+    """Return table[m, row] @ z, without the cost of a view."""
+    total = 0.0
+    for i in range(len(z)):
+        total += table[m, row, i] * z[i]
+    return total
+
+
+def horner(p: Any, u: float) -> float:
+    """Return the value at u of a polynomial, lowest order first."""
+    total = 0.0
+    for i in range(len(p) - 1, -1, -1):
+        total = total * u + p[i]
+    return total
+
+
+def root_between(p: Any, low: float, high: float) -> float:
+    """Return the root of a polynomial between two values of u where its signs differ: Newton in brackets."""
+    falling = horner(p, low) > 0.0
+    u = 0.5 * (low + high)
+    for _ in range(100):
+        value, slope = 0.0, 0.0
+        for i in range(len(p) - 1, -1, -1):
+            slope = slope * u + value
+            value = value * u + p[i]
+        if value == 0.0:
+            return u
+        if (value > 0.0) == falling:
+            low = u
+        else:
+            high = u
+        after = u - value / slope if slope != 0.0 else low
+        if not low < after < high:
+            after = 0.5 * (low + high)
+        if abs(after - u) <= 1e-16:
+            return after
+        u = after
+    return u
+
+
+def first_root(p: Any) -> float:
+    """Return the first root in (0, 1] of a polynomial that is positive at 0, or 2."""
+    slope = np.empty(len(p) - 1)
+    for i in range(len(slope)):
+        slope[i] = (i + 1) * p[i + 1]
+    for i in range(INTERVALS):
+        low, high = i / INTERVALS, (i + 1) / INTERVALS
+        if horner(p, high) < 0.0:
+            return root_between(p, low, high)
+        if horner(slope, low) < 0.0 and horner(slope, high) > 0.0:
+            lowest = root_between(slope, low, high)
+            if horner(p, lowest) < 0.0:
+                return root_between(p, low, lowest)
+    return 2.0
+
+
+def when_negative(p: Any) -> float:
+    """Return the first u in [0, 1] after which a polynomial is negative, or 2; as in `crossing`."""
+    rest = 0.0
+    for i in range(1, len(p)):
+        rest += abs(p[i])
+    if p[0] > rest:
+        return 2.0
+    first = 0
+    if p[0] <= 0.0:
+        first = 1
+        while first < len(p) and p[first] == 0.0:
+            first += 1
+        if first == len(p):
+            return 2.0
+        if p[first] < 0.0:
+            return 0.0
+    return first_root(p[first:])
+
+
+def mode_at_rest(free: Any, z: Any, inertia: float, plus: float, minus: float) -> int:
+    """Return the mode of a body whose velocity is zero: the net force on it decides."""
+    force = dot(free, z) * inertia
+    return int(force > plus) - int(force < -minus)
+
+
+def cross(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple[int, int]:
+    """Go through step k from event to event: z becomes the state at its end.
+
+    Return the mode at its end, and the number of events; -1 for too many of them.
+    """
+    _, guards, M, free, owners, guard_count, bodies = tables
+    size, body_count = len(z), len(bodies)
+    series = np.empty((TERMS, size))
+    polynomial = np.empty(TERMS)
+    released = np.zeros(body_count, dtype=np.bool_)
+    left, first_count = 1.0, count
+    while left > 0.0:
+        for i in range(size):
+            series[0, i] = z[i]
+        for order in range(1, TERMS):
+            for i in range(size):
+                series[order, i] = dot(M[m, i], series[order - 1]) * left / order
+        u, guard = 1.0, -1
+        for g in range(guard_count[m]):
+            for order in range(TERMS):
+                polynomial[order] = dot(guards[m, g], series[order])
+            if released[owners[m, g, 0]]:
+                polynomial[1] = 0.0
+            found = when_negative(polynomial)
+            if found <= 1.0 and (found < u or guard < 0):
+                u, guard = found, g
+        for i in range(size):
+            z[i] = horner(series[:, i], u)
+        left -= u * left
+        if guard < 0:
+            break
+        body, sign = owners[m, guard, 0], owners[m, guard, 1]
+        if u != 0.0:
+            released[:] = False
+        place = 3**body
+        now = m // place % 3 - 1
+        if now == 0:
+            released[body] = True
+        else:
+            follow = mode_at_rest(free[m, body], z, bodies[body, 1], bodies[body, 2], bodies[body, 3])
+            # its velocity has just left this direction: only rounding could send it back there
+            sign = 0 if follow == sign else follow
+            z[int(bodies[body, 0])] = 0.0
+        m += (sign - now) * place
+        if count == len(events) or count - first_count >= MOST_EVENTS_A_STEP:
+            return m, -1
+        events[count, 0], events[count, 1], events[count, 2] = k + 1.0 - left, body, sign
+        count += 1
+    return m, count
+
+
+def release(z: Any, m: int, free: Any, bodies: Any, events: Any, count: int, k: int) -> tuple[int, int]:
+    """Let go of sticking bodies that a jump of the command at step k overcomes; return as `cross` does."""
+    for j in range(len(bodies)):
+        if m // 3**j % 3 == 1:
+            follow = mode_at_rest(free[m, j], z, bodies[j, 1], bodies[j, 2], bodies[j, 3])
+            if follow != 0:
+                if count == len(events):
+                    return m, -1
+                m += follow * 3**j
+                events[count, 0], events[count, 1], events[count, 2] = float(k), j, follow
+                count += 1
+    return m, count
+
+
+def command(x: Any, seen: Any, law: Any, reference: Any, tick: int) -> float:
+    """Return the sampled controller's command, and shift what it has seen; see `drive.Drive`."""
+    kp, kv, step, limit, velocity_kind, position_row, velocity_row, tick_s, step_s = law
+    q = x[int(position_row)]
+    if step > 0.0:
+        q = step * np.floor(q / step + 0.5)
+    v = x[int(velocity_row)] / step_s
+    if velocity_kind == BACKWARD:
+        v = (q - seen[0]) / tick_s
+    elif velocity_kind == CENTRAL:
+        v = 0.5 * (q - seen[1]) / tick_s
+    seen[1] = seen[0]
+    seen[0] = q
+    force = kp * (reference[tick, 0] - q) + kv * (reference[tick, 1] - v) + reference[tick, 2]
+    return float(min(max(force, -limit), limit))
+
+
+def run(
+    x: Any, m: int, tables: Any, inputs: Any, sampling: Any, stride: int, steps: int, outputs: Any
+) -> tuple[int, int, int]:
+    """Take all steps; fill states, modes, commands and events.
+
+    `inputs` is the known input at every node (linear in between), or empty: then `sampling` is (law,
+    reference at the ticks, steps per tick, delay in steps, what the controller has seen). Return a status,
+    the number of events, and the step reached. Indices are counted, not divided: that is most of the time.
+    """
+    ahead, guards, _, free, _, guard_count, bodies = tables
+    states, modes, commands, events = outputs
+    law, reference, per_tick, delay, seen = sampling
+    nx, known, count = len(x), len(inputs) > 0, 0
+    z, out = np.zeros(nx + 3), np.zeros(nx)
+    z[-1] = 1.0
+    row, tick, acting, until_row, until_tick, until_acting = 0, 0, -1, 0, 0, delay
+    w0, w1 = 0.0, 0.0
+    for k in range(steps + 1):
+        if not known:
+            if until_tick == 0:
+                commands[tick] = command(x, seen, law, reference, tick)
+                tick, until_tick = tick + 1, per_tick
+            if until_acting == 0:
+                acting, until_acting = acting + 1, per_tick
+                w0 = w1 = commands[acting]
+            until_tick -= 1
+            until_acting -= 1
+        elif k < steps:
+            w0, w1 = inputs[k], inputs[k + 1]
+        if until_row == 0:
+            until_row = stride
+            for i in range(nx):
+                states[row, i] = x[i]
+            modes[row] = m
+            row += 1
+        until_row -= 1
+        if k == steps:
+            break
+        for i in range(nx):
+            z[i] = x[i]
+        z[nx], z[nx + 1] = w0, w1 - w0
+        if not known:
+            m, count = release(z, m, free, bodies, events, count, k)
+            if count < 0:
+                return EVENTS_FULL, count, k
+        for i in range(nx):
+            out[i] = row_dot(ahead, m, i, z)
+        crossed = ends_within(z, m, ahead, guards, guard_count[m])
+        if crossed:
+            m, count = cross(z, m, tables, events, count, k)
+            if count < 0:
+                return (TOO_MANY if events[-1, 0] < 0.0 else EVENTS_FULL), count, k
+        total = 0.0
+        for i in range(nx):
+            x[i] = z[i] if crossed else out[i]
+            total += x[i]
+        if not np.isfinite(total):
+            return UNBOUNDED, count, k
+    return DONE, count, steps
+
+
+def ends_within(z: Any, m: int, ahead: Any, guards: Any, guard_count: int) -> bool:
+    """Return whether a guard may turn negative in the step that begins at z; see `ModeMotion`.
+
+    Behind the rows of the next state, `ahead` holds three of each guard: its value at the end of the step,
+    its rate at the start, its rate at the end.
+    """
+    first = ahead.shape[1] - 3 * guards.shape[1]
+    for g in range(guard_count):
+        place = first + 3 * g
+        after = row_dot(ahead, m, place, z)
+        if after < 0.0:
+            return True
+        falling = row_dot(ahead, m, place + 1, z)
+        if falling < 0.0:
+            rising = row_dot(ahead, m, place + 2, z)
+            if rising > 0.0 and min(row_dot(guards, m, g, z) + falling, after - rising) < 0.0:
+                return True
+    return False

@@ -1,0 +1,192 @@
+"""From a Flow to the arrays that `step_kernel` works on, and back; compiled where numba is installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.util import find_spec
+from itertools import product
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.flow import Event, Flow, Trajectory, too_many_events, unbounded
+from modelgen.runtime.friction_mode import FrictionSystem
+from modelgen.runtime.step_kernel import (
+    EVENTS_FULL,
+    TOO_MANY,
+    UNBOUNDED,
+    command,
+    cross,
+    dot,
+    ends_within,
+    first_root,
+    horner,
+    mode_at_rest,
+    release,
+    root_between,
+    row_dot,
+    run,
+    when_negative,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+# All modes are tabulated in advance, three a body: beyond so many bodies with friction that would be a waste.
+MOST_BODIES = 5
+FIRST_EVENTS = 4096
+PARTS = (
+    dot,
+    row_dot,
+    horner,
+    root_between,
+    first_root,
+    when_negative,
+    mode_at_rest,
+    cross,
+    release,
+    command,
+    ends_within,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Sampling:
+    """What a sampled controller brings to the kernel.
+
+    Attributes
+    ----------
+    law : tuple of 9 floats (SI)
+        kp, kv, encoder step, limit, kind of velocity, rows of position and velocity in x, period of the
+        controller, internal step.
+    reference : ndarray, shape (ticks, 3)
+        Reference, its rate (times its gain), feedforward at the controller's instants (SI).
+    per_tick, delay : int
+        Steps per tick of the controller, and from a tick until its command acts.
+    """
+
+    law: tuple[float, ...]
+    reference: FloatArray
+    per_tick: int
+    delay: int
+
+
+def can_compile(system: FrictionSystem) -> bool:
+    """Return whether `follow_input` would be compiled, and may be used at all."""
+    return has_numba() and len(system.bodies) <= MOST_BODIES and system.B.shape[1] == 1
+
+
+@lru_cache(maxsize=1)
+def has_numba() -> bool:
+    """Return whether numba is installed."""
+    return find_spec("numba") is not None
+
+
+def follow_input(flow: Flow, initial: FloatArray, w: FloatArray, stride: int) -> Trajectory:
+    """Return the motion under an input known at every step, shape (steps + 1,), linear in between."""
+    nothing = Sampling((0.0,) * 7 + (1.0, 1.0), np.zeros((1, 3)), 1, 0)
+    return _run(flow, initial, np.ascontiguousarray(w), nothing, stride, len(w) - 1)[0]
+
+
+def follow_controller(
+    flow: Flow, initial: FloatArray, sampling: Sampling, stride: int, steps: int
+) -> tuple[Trajectory, FloatArray]:
+    """Return the motion under a sampled controller, and its commands at the ticks."""
+    return _run(flow, initial, np.empty(0), sampling, stride, steps)
+
+
+def _run(
+    flow: Flow, initial: FloatArray, w: FloatArray, sampling: Sampling, stride: int, steps: int
+) -> tuple[Trajectory, FloatArray]:
+    bodies = len(flow.system.bodies)
+    x = initial * flow.scale
+    q = x[int(sampling.law[5])]
+    # what the controller saw before the start: the axis coming along at its speed
+    before = q - np.array([1.0, 2.0]) * sampling.law[7] * initial[int(sampling.law[6])]
+    first = np.array([w[0] if w.size else 0.0])
+    index = _index(flow.start(x, first))
+    capacity = FIRST_EVENTS
+    tables = _tables(flow)
+    while True:
+        states = np.empty((steps // stride + 1, x.size))
+        modes = np.empty(len(states), dtype=np.int16)
+        commands = np.zeros(0 if w.size else steps // sampling.per_tick + 1)
+        events = np.full((capacity, 3), -1.0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            status, count, k = _kernel()(
+                x.copy(), index, tables, w,
+                (sampling.law, sampling.reference, sampling.per_tick, sampling.delay, before.copy()),
+                stride, steps, (states, modes, commands, events),
+            )  # fmt: skip
+        if status != EVENTS_FULL:
+            break
+        capacity *= 4
+    if status == UNBOUNDED:
+        raise unbounded((k + 1) * flow.step_s)
+    if status == TOO_MANY:
+        raise too_many_events((k + 1) * flow.step_s)
+    found = tuple(Event(float(t) * flow.step_s, int(j), int(sign)) for t, j, sign in events[:count])
+    states /= flow.scale
+    signs = np.array(_modes(bodies), dtype=np.int8).reshape(3**bodies, bodies)
+    return Trajectory(states, signs[modes], found), commands
+
+
+def _tables(flow: Flow) -> tuple[Any, ...]:
+    """Return what one step needs of every mode, guards, M, free accelerations, owners, and the bodies."""
+    bodies = flow.system.bodies
+    motions = [flow.motion(mode) for mode in _modes(len(bodies))]
+    most = max(len(motion.owners) for motion in motions)
+    size, nx = len(motions[0].M), flow.scale.size
+    guards, rates = np.zeros((2, len(motions), most, size))
+    owners = np.zeros((len(motions), most, 2), dtype=np.int64)
+    ahead = np.empty((len(motions), nx + 3 * most, size))
+    for i, motion in enumerate(motions):
+        here = len(motion.owners)
+        guards[i, :here], rates[i, :here] = motion.guards, motion.rates
+        owners[i, :here] = np.array(motion.owners, dtype=np.int64).reshape(here, 2)
+        # z at the end of a step: x moves, the input by its slope
+        end = np.eye(size)
+        end[:nx] = motion.step
+        end[nx, nx + 1] = 1.0
+        ahead[i, :nx] = motion.step
+        ahead[i, nx::3], ahead[i, nx + 1 :: 3], ahead[i, nx + 2 :: 3] = (
+            guards[i] @ end,
+            rates[i],
+            rates[i] @ end,
+        )
+    numbers = [[body.velocity, body.inertia, body.plus, body.minus] for body in bodies]
+    return (
+        ahead,
+        guards,
+        np.array([motion.M for motion in motions]),
+        np.array([motion.free for motion in motions]).reshape(len(motions), len(bodies), size),
+        owners,
+        np.array([len(motion.owners) for motion in motions]),
+        np.array(numbers, dtype=float).reshape(len(bodies), 4),
+    )
+
+
+def _modes(bodies: int) -> list[tuple[int, ...]]:
+    """Return all modes in the order of the tables."""
+    return [mode[::-1] for mode in product((-1, 0, 1), repeat=bodies)]
+
+
+def _index(mode: tuple[int, ...]) -> int:
+    """Return a mode's place in the tables: its signs as digits to the base 3."""
+    return sum((sign + 1) * 3**j for j, sign in enumerate(mode))
+
+
+@lru_cache(maxsize=1)
+def _kernel() -> Callable[..., tuple[int, int, int]]:
+    """Return the kernel, compiled where numba is installed; the machine code is kept beside the module."""
+    if not has_numba():
+        return run
+    import numba
+    from numba.extending import register_jitable
+
+    for part in PARTS:
+        register_jitable(part)
+    compiled: Callable[..., tuple[int, int, int]] = numba.njit(run, cache=True)
+    return compiled

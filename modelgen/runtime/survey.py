@@ -1,0 +1,68 @@
+"""Survey: the numbers of a whole record that its chunks need, gathered in constant memory.
+
+The speed below which a mass stands still is a share of the 99th percentile of its speed: an exact one, for
+which only the fastest hundredth of the samples is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.chunk import Chunk
+from modelgen.runtime.filtered_record import DIFFERENCE_GAIN, ROUNDING
+from modelgen.runtime.reversals import STANDSTILL_SHARE
+from modelgen.runtime.signal_plan import SignalPlan
+
+FloatArray = npt.NDArray[np.float64]
+
+PERCENTILE = 0.99
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Speeds below which a mass stands still, and velocities that are nothing but rounding error."""
+
+    thresholds: Mapping[str, float]
+    resting: frozenset[str]
+
+
+NOTHING = Survey({}, frozenset())
+
+
+def survey_record(parts: Iterator[Chunk], plan: SignalPlan, n: int) -> Survey:
+    """Return the survey of a record of n samples, from chunks that keep every sample of it."""
+    index = PERCENTILE * (n - 1)
+    low = int(index)
+    fastest: dict[str, FloatArray] = {key: np.zeros(0) for key in plan.directions}
+    largest = dict.fromkeys(plan.directions, 0.0)
+    for chunk in parts:
+        for key, (channel, _) in plan.directions.items():
+            speed = np.abs(chunk.direction(key, chunk.start, chunk.stop))
+            fastest[key] = _largest(np.concatenate([fastest[key], speed]), n - low)
+            reading = chunk.read(channel, chunk.start, chunk.stop)
+            largest[key] = max(largest[key], float(np.max(np.abs(reading))))
+    thresholds, resting = {}, []
+    for key, values in fastest.items():
+        ordered = np.sort(values)
+        percentile = ordered[0] + (index - low) * (ordered[min(1, len(ordered) - 1)] - ordered[0])
+        thresholds[key] = STANDSTILL_SHARE * float(percentile)
+        derivative = next(signal.derivative for signal in plan.model.signals if signal.key == key)
+        if ordered[-1] <= rounding_level(largest[key], plan.filtering.fs, derivative):
+            resting.append(key)
+            thresholds[key] = 0.0
+    return Survey(thresholds, frozenset(resting))
+
+
+def rounding_level(largest: float, fs: float, derivative: int) -> float:
+    """Return what rounding of the readings alone can make of a derivative, in its unit."""
+    return ROUNDING * largest * (DIFFERENCE_GAIN * fs) ** derivative
+
+
+def _largest(values: FloatArray, count: int) -> FloatArray:
+    if len(values) <= count:
+        return values
+    return np.partition(values, len(values) - count)[len(values) - count :]

@@ -1,0 +1,101 @@
+"""The kernel of zero-phase filters in cascade, followed by central differences: one even or odd sequence.
+
+A cascade of sections H run forward and backward has the real spectrum |H|^2, a central difference the
+imaginary one 2j sum c_k sin(k w) / dt. Their product is sampled without cancellation, whatever the cut-off,
+so the kernel of a fourth derivative is as exact as that of the filter itself; differences of a filtered
+impulse would lose digits with every derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+
+FloatArray = npt.NDArray[np.float64]
+Sections = tuple[tuple[float, ...], ...]  # each b0, b1, b2, a0, a1, a2, as SciPy writes them
+
+# The response to one sample counts as over where it has fallen to this share of its peak.
+KERNEL_TOLERANCE = 1e-17
+# A slower pole than this would need tables of millions of samples.
+LONGEST_KERNEL = 1 << 20
+
+
+def squared_gain(sos: FloatArray, half_sine: FloatArray) -> FloatArray:
+    """Return |H|^2 of a cascade of second-order sections at the frequencies w, given sin(w / 2)^2.
+
+    Written in sin(w / 2)^2, |b0 + b1 z^-1 + b2 z^-2|^2 keeps its digits near w = 0, where numerator and
+    denominator of a low cut-off nearly vanish.
+    """
+    total = np.ones_like(half_sine)
+    for b0, b1, b2, a0, a1, a2 in sos:
+        total *= _squared(b0, b1, b2, half_sine) / _squared(a0, a1, a2, half_sine)
+    return total
+
+
+def kernels(sos: FloatArray, derivatives: Sequence[int], stencil: Sequence[float]) -> FloatArray:
+    """Return the kernels h_d[k] of filter and differences, k = 0 ... n - 1, shape (derivatives, n).
+
+    ``h_d[-k]`` is ``h_d[k]`` for even and ``-h_d[k]`` for odd orders d.
+
+    Parameters
+    ----------
+    sos : array, shape (sections, 6)
+        Of one pass; each section is run forward and backward.
+    derivatives : sequence of int
+        Orders d; the central difference is applied d times.
+    stencil : sequence of float
+        c_1, c_2, ... of f'(0) = sum c_k (f(k) - f(-k)) / dt; the kernels are those of dt = 1.
+
+    Raises
+    ------
+    DataError
+        When the response of the filter takes more than half a million samples to end.
+    """
+    n = _table_length(sos)
+    frequency = np.arange(n // 2 + 1) * (2.0 * np.pi / n)
+    gain = squared_gain(sos, np.sin(0.5 * frequency) ** 2)
+    slope = sum((2.0 * c * np.sin(k * frequency) for k, c in enumerate(stencil, start=1)), np.zeros(1))
+    # 1j**d exactly, no rounding of the other part
+    turns = (1.0, 1.0j, -1.0, -1.0j)
+    spectra = np.stack([gain * slope**d * turns[d % 4] for d in derivatives])
+    return np.asarray(np.fft.irfft(spectra, n)[:, : n // 2], dtype=float)
+
+
+def longest_radius(sos: FloatArray) -> float:
+    """Return the largest absolute value of the poles."""
+    return max(float(np.max(np.abs(np.roots(section[3:])), initial=0.0)) for section in sos)
+
+
+def kernel_reach(kernel: FloatArray, tolerance: float) -> int:
+    """Return the number of samples after which every kernel stays below `tolerance` times its peak.
+
+    Parameters
+    ----------
+    kernel : array, shape (derivatives, n)
+    tolerance : float
+    """
+    size = np.abs(kernel)
+    felt = np.any(size > tolerance * size.max(axis=1, keepdims=True), axis=0)
+    return int(np.flatnonzero(felt)[-1]) + 1
+
+
+def _squared(c0: float, c1: float, c2: float, half_sine: FloatArray) -> FloatArray:
+    """Return |c0 + c1 z^-1 + c2 z^-2|^2 on the unit circle, in powers of sin(w / 2)^2."""
+    at_zero = (c0 + c1) + c2
+    linear = (c0 - c2) ** 2 - at_zero * (c0 + c2)
+    return np.asarray(at_zero**2 + 4.0 * half_sine * linear + 16.0 * c0 * c2 * half_sine**2)
+
+
+def _table_length(sos: FloatArray) -> int:
+    """Return a power of two at which the tails of the response do not fold back into it."""
+    radius = longest_radius(sos)
+    # poles that lie close together decay like k^m r^k: half as long again
+    half = 1.5 * np.log(KERNEL_TOLERANCE) / np.log(radius) if 0.0 < radius < 1.0 else np.inf
+    if half > LONGEST_KERNEL // 2:
+        what = f"has a pole at {radius:.9g}, so its response takes too long to end"
+        raise DataError.at("filter", what, "give a higher cut-off frequency, or a stable filter")
+    return int(2 ** np.ceil(np.log2(2.0 * max(half, 64.0))))

@@ -1,0 +1,184 @@
+"""`modelgen validate`: simulated against measured signals, on records used and held out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from modelgen.errors import DataError
+from modelgen.output import print_json, say
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+    from modelgen.runtime.contract import Model
+    from modelgen.runtime.data import Record
+    from modelgen.runtime.validate import Validation
+
+
+def validate(
+    data: Annotated[list[Path], typer.Argument(metavar="DATA", help="One data file a record.")],
+    module: Annotated[Path, typer.Option("--model", metavar="MODULE.py", help="A generated module.")],
+    estimate: Annotated[
+        Path, typer.Option("--estimate", metavar="FILE.json", help="What identify -o wrote.")
+    ],
+    controller: Annotated[
+        Path, typer.Option(metavar="FILE.toml", help="The loop: tables [controller] and [drive].")
+    ],
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="KEY=COLUMN", help="Column of a channel, or of reference; repeatable."),
+    ] = None,
+    scale: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=FACTOR", help="Factor (or scalar of the file) to SI units; repeatable."),
+    ] = None,
+    fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of times in s.")] = None,
+    value: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="A parameter the estimate lacks, SI; repeatable."),
+    ] = None,
+    cutoff_hz: Annotated[
+        float | None, typer.Option(help="Cut-off in Hz before a reading is differentiated; 0.1 fs.")
+    ] = None,
+    oversample: Annotated[int | None, typer.Option(help="Internal steps per sample; 8, sampled 1.")] = None,
+    hold_out: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SHARE", help="Also identify from this first share alone, validate on the rest."
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
+    ] = False,
+) -> None:
+    """Validate an estimate in closed loop: simulate the records' reference, compare all signals.
+
+    A record is held out if its name is none of those that the estimate was identified from.
+    """
+    from modelgen.arguments import amounts
+    from modelgen.runtime.contract import load_model
+    from modelgen.runtime.controller_file import load_controller
+    from modelgen.runtime.identify import identify
+    from modelgen.runtime.validate import parameters_of, split
+    from modelgen.runtime.validate import validate as run
+    from modelgen.tables import console
+
+    model = load_model(module)
+    loop, drive = load_controller(controller)
+    saved = _load_json(estimate)
+    parameters = {**parameters_of(saved, model), **amounts("--set", value or ())}
+    records = _read(data, model, mapping or (), scale or (), fs, time)
+    options: dict[str, Any] = {"drive": drive, "cutoff_hz": cutoff_hz, "oversample": oversample}
+    say("simulating")
+    found = run(model, parameters, records, loop, used=tuple(saved.get("records", ())), **options)
+    if hold_out is not None:
+        first, rest = zip(*(split(record, hold_out) for record in records), strict=True)
+        again = identify(model, first, method=saved["method"], progress=say)
+        found += run(model, {**parameters, **again.physical}, rest, loop, **options)
+    described = describe(found)
+    if as_json:
+        print_json(described)
+    else:
+        console().print(validation_tables(described))
+
+
+def describe(validations: Sequence[Validation]) -> dict[str, Any]:
+    """Return validations as plain values."""
+    return {
+        "records": [
+            {
+                "record": v.record,
+                "held_out": v.held_out,
+                "fs_hz": v.fs,
+                "cutoff_hz": v.cutoff_hz,
+                "signals": [
+                    {
+                        "channel": c.channel,
+                        "signal": c.kind,
+                        "unit": c.unit,
+                        "derived": c.derived,
+                        "relative_error_percent": c.relative_error,
+                        "fit_percent": c.fit,
+                        "rms_error": c.rms_error,
+                    }
+                    for c in v.checks
+                ],
+            }
+            for v in validations
+        ]
+    }
+
+
+def validation_tables(described: Mapping[str, Any]) -> Group:
+    """Lay out what `describe` says, one table a record."""
+    from rich.console import Group
+
+    from modelgen.tables import table
+
+    parts = []
+    for entry in described["records"]:
+        kind = "held out" if entry["held_out"] else "used"
+        rows = [
+            (
+                f"{s['channel']}: {s['signal']}" + (" (derived)" if s["derived"] else ""),
+                f"{s['relative_error_percent']:.5g}",
+                f"{s['fit_percent']:.5g}",
+                f"{s['rms_error']:.3g} {s['unit']}",
+            )
+            for s in entry["signals"]
+        ]
+        heading = f"{entry['record']}, {kind}; derivatives below {entry['cutoff_hz']:.4g} Hz"
+        columns: list[tuple[str, Literal["left", "right"]]] = [
+            ("signal", "left"),
+            ("error %", "right"),
+            ("fit %", "right"),
+            ("rms error", "right"),
+        ]
+        parts.append(table(heading, columns, rows))
+    return Group(*parts)
+
+
+def _read(
+    paths: Sequence[Path],
+    model: Model,
+    mapping: Sequence[str],
+    scales: Sequence[str],
+    fs: float | None,
+    time: str | None,
+) -> list[Record]:
+    """Read one record a file, with the reference beside the model's channels."""
+    from modelgen.runtime.data import missing_name
+    from modelgen.runtime.mapping_options import parse_mapping, parse_scales
+    from modelgen.runtime.read import read_record
+
+    columns, factors = parse_mapping(mapping), parse_scales(scales)
+    optional = ("reference_rate", "feedforward")
+    known = (*model.channels, "reference", *optional)
+    problems = [missing_name("--map", "channel", key, known) for key in columns if key not in known]
+    needed = (*model.channels, "reference", *(key for key in optional if key in columns))
+    records = []
+    for path in paths:
+        try:
+            records.append(read_record(path, columns, factors, fs, time, needed=needed))
+        except DataError as error:
+            problems += error.problems
+    if problems:
+        raise DataError(*problems)
+    return records
+
+
+def _load_json(path: Path) -> dict[str, Any]:
+    remedy = "give a file that modelgen identify -o wrote"
+    try:
+        saved = json.loads(path.read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise DataError.at(str(path), f"is no JSON: {error}", remedy) from error
+    if not isinstance(saved, dict):
+        raise DataError.at(str(path), "is no saved estimate", remedy)
+    return saved
