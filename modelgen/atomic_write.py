@@ -1,4 +1,4 @@
-"""Write a file whole or not at all."""
+"""Write a file whole or not at all, and never through a link."""
 
 from __future__ import annotations
 
@@ -26,9 +26,11 @@ def write_whole(path: str | Path, data: bytes, *, overwrite: bool) -> None:
     Raises
     ------
     ModelgenError
-        When the file exists and may not be replaced, or cannot be written; nothing has changed then.
+        When the file exists and may not be replaced, is a link or no regular file (a device, say), or cannot
+        be written; nothing has changed then.
     """
     target = Path(path)
+    check_place(target)
     if target.exists() and not overwrite:
         raise ModelgenError.at(str(target), "exists already", "choose another name, or ask to overwrite it")
     if not target.parent.is_dir():
@@ -48,3 +50,41 @@ def write_whole(path: str | Path, data: bytes, *, overwrite: bool) -> None:
         ) from error
     finally:
         draft.unlink(missing_ok=True)
+
+
+def check_place(path: Path) -> None:
+    """Refuse to write where the file would be another one: at a link, a folder, a device or a pipe.
+
+    Raises
+    ------
+    ModelgenError
+        When the path is one of these, or cannot be a path.
+    """
+    where = str(path) if str(path).isprintable() else ascii(str(path))
+    try:
+        link, other = path.is_symlink(), path.exists() and not path.is_file()
+    except (
+        ValueError,
+        OSError,
+    ) as error:  # a null byte, a name that is too long, a folder that may not be read
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ModelgenError.at(where, f"cannot be written ({reason})", "choose another name") from error
+    if link:
+        raise ModelgenError.at(where, "is a link", "give the path of the file itself, or remove the link")
+    if other:
+        raise ModelgenError.at(where, "is no regular file", "choose another name")
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it, where they are absent.
+
+    Raises
+    ------
+    ModelgenError
+        When it cannot be made, or a file is in its place.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        what = f"cannot be made a folder ({getattr(error, 'strerror', None) or error})"
+        raise ModelgenError.at(str(folder), what, "check the path and its permissions") from error

@@ -22,8 +22,9 @@ from modelgen.arguments import (
     proof_of,
     sensor_sets,
 )
-from modelgen.data_arguments import MEND_HELP, DataOptions, read_files
 from modelgen.comparison_command import compare
+from modelgen.data_arguments import MEND_HELP, DataOptions, read_files, reading_lines
+from modelgen.design_command import design
 from modelgen.errors import ModelgenError, SpecError
 from modelgen.output import print_json, report, say
 from modelgen.validation_command import validate
@@ -240,6 +241,16 @@ def identify(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE.json", help="Save the estimate.")
     ] = None,
+    report_file: Annotated[
+        Path | None, typer.Option("--report", metavar="FILE.html", help="Write everything as one HTML page.")
+    ] = None,
+    spec: Annotated[
+        str | None, typer.Option(metavar="SPEC", help="The chain, for the report's table of sensor sets.")
+    ] = None,
+    controller: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.toml", help="The loop, for the report's overlay; needs column reference."),
+    ] = None,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
@@ -248,12 +259,15 @@ def identify(
     What is "chosen" is chosen from the records and explained in the output, unless it is given.
     """
     from modelgen.atomic_write import write_whole
+    from modelgen.reporting import check_report_path, write_report
     from modelgen.runtime.contract import load_model
     from modelgen.runtime.identify import identify as run
 
     model = load_model(module)
     options = DataOptions(mapping or (), scale or (), fs, time, time_unit, map_file, mend or ())
-    readings = read_files(data, model, options, lambda line: typer.echo(line, err=True))
+    if report_file is not None:
+        check_report_path(report_file, overwrite)
+    readings = read_files(data, model, options, ("reference",) if controller and report_file else ())
     estimate = run(
         model,
         [reading.record for reading in readings],
@@ -269,6 +283,13 @@ def identify(
     )
     if output is not None:
         write_whole(output, estimate.to_json().encode(), overwrite=overwrite)
+    if report_file is not None:
+        say("writing the report")
+        asked = {"--method": method, "data": [str(path) for path in data], "--mend": list(mend or ())}
+        write_report(report_file, model, module, readings, estimate, asked, spec, controller, overwrite)
+    for path, reading in zip(data, readings, strict=True):
+        for line in reading_lines(reading):
+            typer.echo(f"{path}: {line}", err=True)
     if as_json:
         print_json(estimate.to_dict())
     else:
@@ -346,3 +367,4 @@ def simulate(
 
 app.command()(validate)
 app.command()(compare)
+app.command()(design)

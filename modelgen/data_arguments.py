@@ -30,10 +30,13 @@ class DataOptions:
     mend: Sequence[str] = ()
 
 
-def read_files(paths: Sequence[Path], model: Model, options: DataOptions) -> list[Reading]:
+def read_files(
+    paths: Sequence[Path], model: Model, options: DataOptions, extra: Sequence[str] = ()
+) -> list[Reading]:
     """Read one record a file, and report the mistakes of all of them at once.
 
-    Options given on the command line go before those of the mapping file.
+    Options given on the command line go before those of the mapping file; `extra` names channels that the
+    records must bring besides the model's.
     """
     from modelgen.runtime.data import missing_name
     from modelgen.runtime.mapping_file import MappingFile, load_mapping
@@ -45,10 +48,11 @@ def read_files(paths: Sequence[Path], model: Model, options: DataOptions) -> lis
     factors = {**given.scales, **parse_scales(options.scales)}
     # a misspelt key would leave the channel to a column that happens to have its name
     known = [sensor.key for sensor in model.sensors] + [actuator.key for actuator in model.actuators]
-    channels = dict.fromkeys((*known, *model.channels))
+    wanted = (*model.channels, *extra)
+    channels = dict.fromkeys((*known, *wanted))
     where = str(options.map_file) if options.map_file else "--map"
     problems = [missing_name(where, "channel", key, channels) for key in columns if key not in channels]
-    factors = {key: factor for key, factor in factors.items() if key in model.channels or key not in channels}
+    factors = {key: factor for key, factor in factors.items() if key in wanted or key not in channels}
     units = channel_units(model)
     readings = []
     for path in paths:
@@ -60,7 +64,7 @@ def read_files(paths: Sequence[Path], model: Model, options: DataOptions) -> lis
                     factors,
                     options.fs_hz if options.fs_hz is not None else given.fs_hz,
                     options.time or given.time,
-                    needed=model.channels,
+                    needed=wanted,
                     time_unit=options.time_unit or given.time_unit,
                     mend=(*given.mend, *options.mend),
                     units=units,

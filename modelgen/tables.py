@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from modelgen.symbolic.overview import SetSummary
     from modelgen.symbolic.signals import Exact, Signal
 
+#: Coefficients with a larger denominator are shown as decimals.
+LARGEST_DENOMINATOR = 1000
 PRIMES = ("", "'", "''")
 Justify = Literal["left", "right"]
 Description = dict[str, Any]
@@ -235,13 +237,19 @@ def _product_text(parameter: str, parts: Sequence[tuple[Exact, str]]) -> str:
     if len(parts) > 1:
         return f"{parameter} ({_sum_text(parts)})"
     coefficient, signal = parts[0]
-    size = "" if abs(coefficient) == 1 else f"{abs(coefficient)} "
+    size = "" if abs(coefficient) == 1 else f"{_size_text(coefficient)} "
     return f"{'-' if coefficient < 0 else ''}{size}{parameter}{f' {signal}' if signal else ''}"
+
+
+def _size_text(coefficient: Exact) -> str:
+    """Return a magnitude as a short fraction, or rounded where the fraction is no help to the eye."""
+    size = abs(coefficient)
+    return str(size) if size.denominator <= LARGEST_DENOMINATOR else f"{float(size):.6g}"
 
 
 def _sum_text(parts: Sequence[tuple[Exact, str]]) -> str:
     parts = sorted(parts, key=lambda part: part[0] < 0)  # q_c - q_m reads better than -q_m + q_c
-    texts = [f"{'' if abs(c) == 1 else f'{abs(c)} '}{signal}" for c, signal in parts]
+    texts = [f"{'' if abs(c) == 1 else f'{_size_text(c)} '}{signal}" for c, signal in parts]
     signs = ["-" if c < 0 else "+" for c, _ in parts]
     first = f"{'-' if signs[0] == '-' else ''}{texts[0]}"
     return first + "".join(f" {sign} {text}" for sign, text in zip(signs[1:], texts[1:], strict=True))

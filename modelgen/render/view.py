@@ -16,6 +16,7 @@ from modelgen.symbolic.newton import motion_equations
 from modelgen.symbolic.row import Feature, IdentificationRows, NeededSignal, Row
 from modelgen.symbolic.signals import Exact
 from modelgen.symbolic.state_space import Entry, Output, StateSpace, state_space
+from modelgen.symbolic.sums import levers
 from modelgen.units import Motion, force_unit, signal_unit
 
 CONTRACT_VERSION = 1
@@ -178,6 +179,7 @@ def _as_floats(parts: Parts) -> tuple[tuple[float, str], ...]:
 
 def _constants(model: BaseModel, space: StateSpace, units: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     rows, spec = model.rows, model.rows.spec
+    lever_of = levers(spec)
     base_units = {base.name: units[base.combination[0][0]] for base in model.base}
     values: dict[str, object] = {
         "CONTRACT_VERSION": CONTRACT_VERSION,
@@ -187,7 +189,12 @@ def _constants(model: BaseModel, space: StateSpace, units: Mapping[str, str]) ->
         "SPEC_SHA256": spec.sha256,
         "SENSORS": tuple(_sensor(output, spec) for output in space.outputs),
         "ACTUATORS": tuple(
-            {"key": b.actuator, "body": b.name, "unit": force_unit(b.motion, 0)}
+            {
+                "key": b.actuator,
+                "body": b.name,
+                "unit": force_unit(b.motion, 0),
+                "lever": lever_of[b.name],
+            }
             for b in spec.bodies
             if b.actuator
         ),
@@ -204,7 +211,7 @@ def _constants(model: BaseModel, space: StateSpace, units: Mapping[str, str]) ->
         "FEATURES": tuple(
             {"key": f.key, "function": f.function, "of": f.of, "times": f.times} for f in rows.features
         ),
-        "ROWS": tuple(_row(row) for row in rows.rows),
+        "ROWS": tuple(_row(row, lever_of) for row in rows.rows),
         "FRICTION": tuple(
             {
                 "body": r.body,
@@ -259,7 +266,7 @@ def _motion(key: str, spec: ChainSpec, sensors: Iterable[Sensor]) -> Motion:
     return next(b.motion for b in spec.bodies if b.name == body)
 
 
-def _row(row: Row) -> dict[str, object]:
+def _row(row: Row, lever_of: Mapping[str, float]) -> dict[str, object]:
     return {
         "name": row.name,
         "origin": row.origin,
@@ -268,6 +275,7 @@ def _row(row: Row) -> dict[str, object]:
         "order": row.order,
         "reversals": row.reversals,
         "unit": row.unit,
+        "lever": lever_of[row.bodies[0]],
     }
 
 

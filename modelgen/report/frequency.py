@@ -21,6 +21,7 @@ ComplexArray = npt.NDArray[np.complex128]
 SEGMENTS = 8  # with half overlap 15 averages: a coherence of 0.26 and less may be chance (95 %)
 LOWEST_BIN = 2
 MOST_POINTS = 700
+NEEDED = ("inertia", "stiffness", "damping")
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +57,18 @@ def responses(model: Model, record: Record, estimate: Estimate) -> list[Response
 
 
 def missing_parameters(model: Model, estimate: Estimate) -> tuple[str, ...]:
-    """Return the physical parameters that the model's response needs and the estimate does not give."""
+    """Return the parameters without which there is no response, and the estimate does not give."""
+    return tuple(n for n in _absent(model, estimate) if model.roles[n].role in NEEDED)
+
+
+def taken_as_zero(model: Model, estimate: Estimate) -> tuple[str, ...]:
+    """Return the parameters that bend the response at low frequencies only, and are taken as zero."""
+    return tuple(n for n in _absent(model, estimate) if model.roles[n].role == "viscous")
+
+
+def _absent(model: Model, estimate: Estimate) -> tuple[str, ...]:
     given = {*estimate.physical, *model.known, *estimate.params}
-    # friction and offsets have no part in the response
-    idle = {"coulomb", "offset"}
-    return tuple(n for n in model.parameters if n not in given and model.roles[n].role not in idle)
+    return tuple(name for name in model.parameters if name not in given)
 
 
 def _welch(record: Record, force: str, sensor: str) -> tuple[FloatArray, ComplexArray, FloatArray]:

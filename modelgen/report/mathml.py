@@ -32,15 +32,18 @@ def row_equations(model: Model) -> list[tuple[str, Markup]]:
     ]
 
 
-def symbol(name: str) -> Markup:
-    """Return "J_m" as J with the index m; what is no plain name (a composite) as text."""
+def symbol(name: str, dots: str = "") -> Markup:
+    """Return "J_m" as J with the index m, dots above J; what is no plain name (a composite) as text."""
     match = re.fullmatch(r"([A-Za-z]+)_?([A-Za-z0-9_]*)", name)
     if not match:
         return Markup("<mtext>{}</mtext>").format(name)
     base = GREEK.get(match.group(1), match.group(1))
+    letter = Markup("<mi>{}</mi>").format(base)
+    if dots:
+        letter = Markup('<mover accent="true">{}<mo>{}</mo></mover>').format(letter, dots)
     if not match.group(2):
-        return Markup("<mi>{}</mi>").format(base)
-    return Markup("<msub><mi>{}</mi><mtext>{}</mtext></msub>").format(base, match.group(2).replace("_", ","))
+        return letter
+    return Markup("<msub>{}<mtext>{}</mtext></msub>").format(letter, match.group(2).replace("_", ","))
 
 
 def _equation(model: Model, row: int) -> Markup:
@@ -67,7 +70,8 @@ def _leading_sign(model: Model, terms: Terms, inner: Markup) -> tuple[str, Marku
 
 def _sum(model: Model, terms: Terms) -> Markup:
     parts = []
-    for coefficient, key in terms:
+    # q_c - q_m reads better than -q_m + q_c
+    for coefficient, key in sorted(terms, key=lambda term: term[0] < 0.0):
         size = abs(coefficient)
         factor = Markup("") if size == 1.0 else Markup("<mn>{}</mn>").format(f"{size:.6g}")
         parts.append(("-" if coefficient < 0.0 else "+", factor + _signal(model, key)))
@@ -94,12 +98,10 @@ def _signal(model: Model, key: str) -> Markup:
     signal = next((s for s in model.signals if s.key == key), None)
     if signal is None:
         return Markup("<mtext>{}</mtext>").format(key)
-    base = symbol(signal.sensor or signal.actuator or signal.key)
-    if signal.derivative == 0:
+    name = signal.sensor or signal.actuator or signal.key
+    base = symbol(name, DOTS.get(signal.derivative, ""))
+    if signal.derivative <= max(DOTS):
         return base
-    if signal.derivative in DOTS:
-        dots = DOTS[signal.derivative]
-        return Markup('<mover accent="true">{}<mo>{}</mo></mover>').format(base, dots)
     return Markup("<msup>{}<mrow><mo>(</mo><mn>{}</mn><mo>)</mo></mrow></msup>").format(
         base, signal.derivative
     )

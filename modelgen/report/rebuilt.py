@@ -53,11 +53,11 @@ class Autocorrelation:
 def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tuple[list[Rebuilt], FloatArray]:
     """Return every row on every record, and the singular values of W with columns of unit length.
 
-    W is weighted as in the fit, and holds the columns that are identified.
+    W is weighted as in the fit, and holds the columns that were in it.
     """
     x = _solution(model, estimate)
     weights = {(entry.record, entry.row): entry.weight for entry in estimate.rows}
-    identified = np.isfinite(estimate.base)
+    fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.nuisance))
     observe_as = observe_paper if estimate.method == "pham2002" else observe
     observation = observe_as(model, records, estimate.filtering)
     found, stacked = [], []
@@ -68,7 +68,7 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
         found.append(_rebuilt(model, record, estimate, block, x))
         weight = weights[block.record_name, block.row_name]
         if np.isfinite(weight) and block.place.size:
-            stacked.append(np.linalg.qr(weight * block.W[:, identified], mode="r"))
+            stacked.append(np.linalg.qr(weight * block.W[:, fitted], mode="r"))
     return found, _singular_values(stacked)
 
 

@@ -9,7 +9,7 @@ Where the record brings the reference and the controller is known, the closed lo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import pi
 
 import numpy as np
@@ -44,11 +44,15 @@ class Loop:
     """The controller that was at work during the records, where it is known; see `modelgen.simulate`."""
 
     controller: PositionVelocityController
-    drive: Drive = Drive()
+    drive: Drive = field(default_factory=Drive)
 
 
 def run_beside(
-    model: Model, parameters: Mapping[str, float], record: Record, choice: FilterChoice, loop: Loop | None = None
+    model: Model,
+    parameters: Mapping[str, float],
+    record: Record,
+    choice: FilterChoice,
+    loop: Loop | None = None,
 ) -> Record:
     """Return what the sensors and actuators would read if the model were right and nothing were noisy.
 
@@ -93,7 +97,9 @@ def run_beside(
 def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
     """Return parameters with which a chain can be simulated: signs that physics forbids are taken away."""
     inertias = [
-        value for name, value in parameters.items() if name in model.roles and model.roles[name].role == "inertia"
+        value
+        for name, value in parameters.items()
+        if name in model.roles and model.roles[name].role == "inertia"
     ]
     least = LEAST_INERTIA * max((abs(value) for value in inertias), default=1.0)
     lowest = {"inertia": least, "coulomb": 0.0, "stiffness": 0.0, "damping": 0.0, "viscous": 0.0}
@@ -106,8 +112,9 @@ def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
 
 
 def _is_reading(model: Model, key: str) -> bool:
-    """Return whether a channel is a sensor's or an actuator's: what else a record brings is no measurement."""
-    return any(entry.key == key for entry in (*model.sensors, *model.actuators))
+    """Return whether a channel is a sensor's or an actuator's; what else a record brings is not measured."""
+    readings = [entry.key for entry in model.sensors] + [entry.key for entry in model.actuators]
+    return key in readings
 
 
 def _weak_feedback(
@@ -145,7 +152,7 @@ def _nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, fl
     rigid = vibration(plant).lowest
     sensors = [sensor for sensor in plant.model.sensors if sensor.body and sensor.key in record.signals]
     if not sensors:
-        what = "has no sensor of a body, only of deflections: nothing shows where a model run beside it should be"
+        what = "has sensors of deflections only: nothing shows where a model run beside it should be"
         raise DataError.at(record.name, what, "use method wls")
     best = min(sensors, key=lambda sensor: (ORDER_OF[sensor.measures], sensor.body != body))
     ratio = rigid[plant.bodies.index(body)] / rigid[plant.bodies.index(best.body or "")]

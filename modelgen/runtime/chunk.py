@@ -17,7 +17,7 @@ from modelgen.runtime.signal_plan import SignalPlan
 FloatArray = npt.NDArray[np.float64]
 
 # Samples between halos, all channels together; and per channel at least so many halos, lest they dominate.
-SAMPLES_IN_MEMORY = 1 << 18
+SAMPLES_IN_MEMORY = 1 << 20
 HALOS = 8
 
 

@@ -60,6 +60,7 @@ TEXT_OR_NONE = Kind("a non-empty string or None", _or_none(_is_text))
 TEXTS = Kind("a tuple of strings", _is_texts)
 COUNT = Kind("an integer, zero or more", _is_count)
 PAIR_OR_NONE = Kind("a pair of strings or None", _or_none(lambda value: _is_names(value) and len(value) == 2))
+LEVER = Kind("a positive number", lambda value: is_number(value) and value > 0.0)
 NAMES = Kind("a tuple of different strings", _is_names)
 
 VALUES: dict[str, Kind] = {
@@ -89,7 +90,7 @@ ENTRIES: dict[str, dict[str, Kind]] = {
         "measures": _one_of(MEASURES),
         "unit": TEXT,
     },
-    "ACTUATORS": {"key": TEXT, "body": TEXT, "unit": TEXT},
+    "ACTUATORS": {"key": TEXT, "body": TEXT, "unit": TEXT, "lever": LEVER},
     "SIGNALS": {
         "key": TEXT,
         "sensor": TEXT_OR_NONE,
@@ -113,6 +114,7 @@ ENTRIES: dict[str, dict[str, Kind]] = {
         "order": COUNT,
         "reversals": TEXTS,
         "unit": TEXT,
+        "lever": LEVER,
     },
     "FRICTION": {
         "body": TEXT,

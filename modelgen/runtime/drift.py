@@ -29,12 +29,17 @@ LOAD_ROW_FACTORS = (0.5, 2.0)
 def cutoff_drift(
     fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Fit]
 ) -> FloatArray:
-    """Return the mean square of X's drift with the cut-off, shape (c, c).
+    """Return the mean square of X's drift with the cut-off, shape (c, c); parameters as `other_cutoffs`."""
+    return _mean_square(fit, [other for _, other in other_cutoffs(choice, lowest_fs, again)])
+
+
+def other_cutoffs(
+    choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Fit]
+) -> list[tuple[FilterChoice, Fit]]:
+    """Return the fits at 0.7 and 1.4 times the cut-off, with their settings, where the records allow them.
 
     Parameters
     ----------
-    fit : Fit
-        The fit at the cut-off in use.
     choice : FilterChoice
         The settings in use; decimation and directions stay.
     lowest_fs : float
@@ -48,10 +53,11 @@ def cutoff_drift(
         if factor > 1.0 and cutoff_hz <= choice.cutoff_hz:
             continue
         try:
-            others.append(again(replace(choice, cutoff_hz=cutoff_hz)))
+            other = replace(choice, cutoff_hz=cutoff_hz)
+            others.append((other, again(other)))
         except (DataError, IdentifiabilityError):
             continue  # a lower cut-off reaches farther: the record may be too short for it
-    return _mean_square(fit, others)
+    return others
 
 
 def load_row_drift(fit: Fit, observation: Observation) -> FloatArray:

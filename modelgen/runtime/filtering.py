@@ -8,6 +8,7 @@ for each sensor and the Chebyshev alone for the rest.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -62,6 +63,7 @@ def paper_filtering(order: int, cutoff_hz: float, fs: float, factor: int) -> Fil
     return Filtering(fs, factor, low_pass + columns, columns, columns, low_pass, SECOND_ORDER)
 
 
+@lru_cache(maxsize=128)
 def butterworth(order: int, cutoff_hz: float, fs: float) -> tuple[tuple[float, ...], ...]:
     """Return the sections of a Butterworth low-pass."""
     from scipy.signal import butter
@@ -69,6 +71,7 @@ def butterworth(order: int, cutoff_hz: float, fs: float) -> tuple[tuple[float, .
     return _rows(butter(order, cutoff_hz, output="sos", fs=fs))
 
 
+@lru_cache(maxsize=128)
 def decimation_filter(factor: int) -> tuple[tuple[float, ...], ...]:
     """Return the sections of the Chebyshev I low-pass of MATLAB's and SciPy's decimate."""
     if factor == 1:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from modelgen.errors import DataError
 from modelgen.runtime.allpass import allpass_states, responses
 from modelgen.runtime.derivatives import EIGHTH_ORDER
-from modelgen.runtime.scan import carry_backward, carry_forward
+from modelgen.runtime.scan import Scan, choose_scan
 from modelgen.runtime.two_sided import Sections, kernel_reach, kernels
 
 FloatArray = npt.NDArray[np.float64]
@@ -57,6 +57,8 @@ class FusedOperator:
         Transposed transition over 1, 2, 4, ... blocks.
     spread : array, shape (before + block + after + 2 * states, kept in a block * derivatives)
         Samples and states -> samples kept.
+    scan : callable
+        Carries the states from block to block.
     """
 
     factor: int
@@ -71,6 +73,7 @@ class FusedOperator:
     gather_back: FloatArray
     powers: FloatArray
     spread: FloatArray
+    scan: Scan
 
     def apply(self, samples: FloatArray, start: int, count: int) -> FloatArray:
         """Return the derivatives at the samples start, start + factor, ..., shape (count, derivatives).
@@ -85,8 +88,8 @@ class FusedOperator:
         kept_in_block = self.block // self.factor
         out = np.empty((-(-count // kept_in_block) * kept_in_block, len(self.derivatives)))
         # halos are read twice, so a panel is long against them
-        panels = -(-count * self.factor // max(PANEL, 16 * self.reach))
-        blocks = -(-len(out) // (kept_in_block * max(panels, 1)))
+        panels = max(1, round(count * self.factor / max(PANEL, 16 * self.reach)))
+        blocks = -(-len(out) // (kept_in_block * panels))
         for first in range(0, len(out), blocks * kept_in_block):
             panel = out[first : first + blocks * kept_in_block]
             self._panel(samples, start + first * self.factor - self.lead, panel)
@@ -94,23 +97,21 @@ class FusedOperator:
 
     def _panel(self, samples: FloatArray, origin: int, out: FloatArray) -> None:
         """Fill in consecutive blocks; the first begins at sample `origin`."""
-        block, count = self.block, len(out) * self.factor // self.block
-        states = len(self.powers[0])
-        halo = -(-self.reach // block) * block
-        length = count * block
-        near = origin - self.before
-        forward = window(samples, near - halo, near + length - block).reshape(-1, block) @ self.gather
-        far = origin + self.after
-        backward = window(samples, far + block, far + length + halo).reshape(-1, block) @ self.gather_back
-        carry_forward(forward, self.powers)
-        carry_backward(backward, self.powers)
-        wide = self.before + block + self.after
-        joined = np.empty((count, wide + 2 * states))
-        body = window(samples, near, far + length)
-        joined[:, :wide] = np.lib.stride_tricks.sliding_window_view(body, wide)[::block]
-        joined[:, wide : wide + states] = forward[halo // block - 1 :]
-        joined[:, wide + states :] = backward[:count]
-        np.matmul(joined, self.spread, out=out.reshape(count, -1))
+        block, count, states = self.block, len(out) * self.factor // self.block, self.powers.shape[1]
+        halo = -(-self.reach // block)
+        first, last = origin - self.before, origin + count * block + self.after
+        behind = window(samples, first - halo * block, first + (count - 1) * block)
+        forward = behind.reshape(-1, block) @ self.gather
+        ahead = window(samples, origin + self.after + block, last + halo * block)
+        backward = ahead.reshape(-1, block) @ self.gather_back
+        self.scan(forward, backward, self.powers)
+        wide = block + self.before + self.after
+        body = window(samples, first, last)
+        near = body.reshape(count, block) if wide == block else _overlapping(body, block, wide)
+        flat = out.reshape(count, -1)
+        np.matmul(near, self.spread[:wide], out=flat)
+        flat += forward[halo - 1 :] @ self.spread[wide : wide + states]
+        flat += backward[:count] @ self.spread[wide + states :]
 
 
 @lru_cache(maxsize=128)
@@ -121,6 +122,7 @@ def fused_operator(
     factor: int = 1,
     stencil: tuple[float, ...] = EIGHTH_ORDER,
     block: int | None = None,
+    fast: bool | None = None,
 ) -> FusedOperator:
     """Return the operator of a cascade of zero-phase sections with central differences and decimation.
 
@@ -139,6 +141,8 @@ def fused_operator(
         c_1, c_2, ... of the central difference f'(0) = fs * sum c_k (f(k) - f(-k)), applied once per order.
     block : int, optional
         Samples in a block (rounded up to a multiple of `factor`); changes the speed only.
+    fast : bool, optional
+        Whether to use compiled code; by default wherever numba is installed.
 
     Raises
     ------
@@ -179,6 +183,7 @@ def fused_operator(
         gather=one_sample[::-1].copy(),
         gather_back=one_sample,
         powers=hops,
+        scan=choose_scan(fast),
         spread=(spread.reshape(len(spread), -1, len(orders)) * scale).reshape(len(spread), -1),
     )
 
@@ -194,12 +199,17 @@ def window(samples: FloatArray, start: int, stop: int) -> FloatArray:
     return padded
 
 
+def _overlapping(body: FloatArray, block: int, wide: int) -> FloatArray:
+    """Return blocks with their margins, copied, because a matrix product wants lines that do not overlap."""
+    return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(body, wide)[::block])
+
+
 def _powers(A: FloatArray, block: int) -> FloatArray:
     """Return the transposes of A^block, A^(2 block), ... down to rounding, shape (levels, states, states)."""
     power = np.linalg.matrix_power(A, block).T
     found = [power]
-    while np.linalg.norm(found[-1]) > REACH_TOLERANCE:
-        found.append(found[-1] @ found[-1])
+    while np.linalg.norm(power := power @ power) > REACH_TOLERANCE:
+        found.append(power)
     return np.stack(found)
 
 

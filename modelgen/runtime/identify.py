@@ -10,16 +10,18 @@ from types import ModuleType
 import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError, Problem
-from modelgen.runtime.choose import choose_filter
+from modelgen.runtime.choose import FilterChoice, choose_filter
 from modelgen.runtime.contract import Model, model_from_module
 from modelgen.runtime.data import Record, missing_name
 from modelgen.runtime.direction_sources import direction_problems, wanted_directions, with_directions
-from modelgen.runtime.drift import cutoff_drift, load_row_drift
+from modelgen.runtime.drift import cutoff_drift, load_row_drift, other_cutoffs
 from modelgen.runtime.estimate import Estimate
 from modelgen.runtime.identifiability import not_identifiable
 from modelgen.runtime.judge import Solved, judge
 from modelgen.runtime.methods import METHODS, Job
+from modelgen.runtime.model_error import disagreement_notes, disagreements, significant_drift
 from modelgen.runtime.pairing import PAPER, rows_for_tags
+from modelgen.runtime.wls import Fit
 
 Progress = Callable[[str], None]
 
@@ -113,8 +115,18 @@ def identify(
     if drift_check and chosen.matched:
         say("changing cut-off and weights")
         lowest_fs = min(record.fs for record in given)
-        drift += cutoff_drift(fit, choice, lowest_fs, lambda other: chosen.run(replace(job, choice=other))[1])
-        drift += load_row_drift(fit, observation)
+
+        def again(other: FilterChoice) -> Fit:
+            return chosen.run(replace(job, choice=other))[1]
+
+        if chosen.consistent:
+            found = disagreements(fit, choice, other_cutoffs(choice, lowest_fs, again))
+            drift += significant_drift(found, len(fit.columns))
+            told = [name for name in fit.columns if name not in refused]
+            notes = disagreement_notes(found, fit.columns, fit.solution.x, told)
+            fit = replace(fit, notes=fit.notes + notes)
+        else:
+            drift += cutoff_drift(fit, choice, lowest_fs, again) + load_row_drift(fit, observation)
     say("judging the fit")
     solved = Solved(job, method, observation, fit, refused, drift)
     return judge(solved, residual_dof, prune_percent)

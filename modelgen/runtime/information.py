@@ -4,8 +4,8 @@ The rows Y = W x hold exactly for the noise-free record. Every instrument adds w
 differences turn into coloured noise of W and Y with known correlations. From these follow
 
 - the covariance of the estimate: the noise of the residual Y - W x seen through the columns of W (the
-  adjoint of filters and differences takes each weighted column back to the raw samples), and for least squares
-  also the noise of W times that of the residual (fourth moments of Gaussian noise);
+  adjoint of filters and differences takes each weighted column back to the raw samples), and for least
+  squares also the noise of W times that of the residual (fourth moments of Gaussian noise);
 - the bias of least squares, which comes from noise in W: (W'W + E[dW'dW])^-1 E[dW'(dY - dW x)]. Instrumental
   variables have none.
 
@@ -113,12 +113,12 @@ def information(
         for part in parts:
             total += part.pull(x)
         biased = M + extra
-        bias = np.linalg.solve(biased, total)
-        inverse = np.linalg.inv(biased)
+        bias = np.asarray(np.linalg.solve(biased, total), dtype=float)
+        inverse = np.asarray(np.linalg.inv(biased), dtype=float)
         for part in parts:
             spread += part.linear_spread(x + bias, -bias) + part.product_spread(x + bias)
     else:
-        bias, inverse = np.zeros(c), np.linalg.inv(M)
+        bias, inverse = np.zeros(c), np.asarray(np.linalg.inv(M), dtype=float)
         for part in parts:
             spread += part.linear_spread(x, np.zeros(c))
     return Information(model.base_parameters, x, inverse @ spread @ inverse.T, bias, M)
@@ -174,7 +174,7 @@ class _RecordNoise:
         return found
 
     def linear_spread(self, x: FloatArray, offset: FloatArray) -> FloatArray:
-        """Return the covariance of W'(dY - dW x) + dW' W offset, by the adjoint of filters and differences."""
+        """Return the covariance of W'(dY - dW x) + dW' W offset: adjoint of filters and differences."""
         c, n = len(x), self._record.n
         back: dict[tuple[str, int], FloatArray] = {}
         for b, block in enumerate(self._blocks):
@@ -250,13 +250,13 @@ class _RecordNoise:
         size = 2 * block.grid
         counts = np.fft.irfft(np.fft.rfft(used[0], size) * np.conj(np.fft.rfft(used[1], size)), size)
         lags = self._lags()
-        found: FloatArray = np.round(np.where(np.abs(lags) < block.grid, counts[lags % size], 0.0))
-        return found
+        inside = np.abs(lags) < block.grid
+        return np.asarray(np.round(np.where(inside, counts[lags % size], 0.0)), dtype=float)
 
     def _lags(self) -> npt.NDArray[np.int64]:
         """Return all lags in kept samples over which the filtered noise is correlated, 0 first."""
         reach = 2 * self._start // self._factor + 1
-        return np.r_[0 : reach + 1, -reach:0]
+        return np.concatenate([np.arange(reach + 1), np.arange(-reach, 0)])
 
     def _covariance(self, first: Linear, second: Linear) -> FloatArray:
         """Return E[first(t + lag) second(t)] at all lags."""

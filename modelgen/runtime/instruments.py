@@ -69,7 +69,9 @@ def fit_iv(start: Fit, setting: Setting) -> Fit:
         moves.append(move)
         if move < 1.0:
             return replace(fit, notes=_iv_notes(len(moves)))
-    raise diverged(f"after {ROUNDS} rounds an estimate still moves by {SMALL_MOVE * moves[-1]:.2g} standard deviations")
+    raise diverged(
+        f"after {ROUNDS} rounds an estimate still moves by {SMALL_MOVE * moves[-1]:.2g} standard deviations"
+    )
 
 
 def diverged(what: str) -> IdentifiabilityError:
@@ -88,7 +90,9 @@ def instruments(fit: Fit, setting: Setting) -> tuple[FloatArray, ...]:
     for block in fit.blocks:
         if block.record not in runs:
             record = run_beside(model, parameters, setting.records[block.record], choice, setting.loop)
-            runs[block.record] = FilteredRecord(model, record, choice, choice.decimation[block.record], setting.drop)
+            runs[block.record] = FilteredRecord(
+                model, record, choice, choice.decimation[block.record], setting.drop
+            )
         run = runs[block.record]
         Z = np.zeros((len(block.place), len(columns)))
         for place, column in enumerate(columns):
@@ -115,7 +119,9 @@ def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
     solution = least_squares(stacked @ P, Y)
     residuals = tuple(block.Y - block.W @ solution.x for block in fit.blocks)
     projected = tuple(z @ P for z in Z)
-    return replace(fit, solution=solution, weights=weights, residuals=residuals, projected=projected, notes=())
+    return replace(
+        fit, solution=solution, weights=weights, residuals=residuals, projected=projected, notes=()
+    )
 
 
 def simulation_parameters(model: Model, fit: Fit) -> dict[str, float]:

@@ -100,7 +100,10 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         rows=row_diagnostics(solved.observation, fit),
         pruning=_prune(solved, residual_dof, prune_percent),
         filtering=solved.job.choice,
-        notes=solved.observation.notes + fit.notes + _drift_notes(parameters) + solution_notes(others),
+        notes=solved.observation.notes
+        + fit.notes
+        + (() if method.consistent else _drift_notes(parameters))
+        + solution_notes(others),
     )
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from modelgen.runtime.beside import Loop
 from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
+from modelgen.runtime.instruments import Setting, fit_iv
 from modelgen.runtime.observation import Observation, observe, rows_by_tag
 from modelgen.runtime.pham2002 import observe_paper
+from modelgen.runtime.reversal_mask import without_reversals
 from modelgen.runtime.wls import Fit, fit_matched, fit_paper
 
 
@@ -22,6 +25,7 @@ class Job:
     choice: FilterChoice
     drop: int = 0
     rows_for_tag: Mapping[str, Sequence[str]] | None = None
+    loop: Loop | None = None
 
     def only_rows_for_tag(self, observation: Observation) -> Observation:
         """Return the rows that the records' tags may feed."""
@@ -36,12 +40,14 @@ class Method:
 
     `matched`: every signal goes through the same filter, so that moving the cut-off is a fair check.
     `covariance_kind`: "hac" or "printed", what its standard deviations rest on.
+    `consistent`: noise of the sensors does not bias it, so that what moves with the cut-off is model error.
     """
 
     title: str
     run: Callable[[Job], tuple[Observation, Fit]]
     matched: bool
     covariance_kind: str
+    consistent: bool = False
 
 
 def run_wls(job: Job) -> tuple[Observation, Fit]:
@@ -49,6 +55,15 @@ def run_wls(job: Job) -> tuple[Observation, Fit]:
     observation = observe(job.model, job.records, job.choice, job.drop)
     observation = job.only_rows_for_tag(observation)
     return observation, fit_matched(observation)
+
+
+def run_iv(job: Job) -> tuple[Observation, Fit]:
+    """Instrumental variables on matched-filtered rows, started from their least-squares fit."""
+    observation = observe(job.model, job.records, job.choice, job.drop)
+    observation = without_reversals(observation, job.model, job.records, job.choice, job.drop)
+    observation = job.only_rows_for_tag(observation)
+    setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
+    return observation, fit_iv(fit_matched(observation), setting)
 
 
 def run_pham2002(job: Job) -> tuple[Observation, Fit]:
@@ -60,5 +75,6 @@ def run_pham2002(job: Job) -> tuple[Observation, Fit]:
 
 METHODS: Mapping[str, Method] = {
     "wls": Method("weighted least squares on matched-filtered rows", run_wls, True, "hac"),
+    "iv": Method("instrumental variables from a noise-free simulation", run_iv, True, "hac", True),
     "pham2002": Method("the paper to the letter, forces not filtered", run_pham2002, False, "printed"),
 }

@@ -51,6 +51,8 @@ class RowBlock:
         where its actuator rests.
     force_scale : float
         Rms on the grid of the forces, differentiated as often as the row: the size of what a row balances.
+    start : int
+        Sample of the record at the grid's first point.
     """
 
     record: int
@@ -66,6 +68,7 @@ class RowBlock:
     has_force: bool
     force_scale: float
     differentiated: int
+    start: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,15 +166,18 @@ def _block(model: Model, signals: FilteredRecord, index: int, row: int) -> RowBl
         has_force=bool(np.linalg.norm(Y) > LEAST_FORCE * force_scale * np.sqrt(len(Y))),
         force_scale=force_scale,
         differentiated=info.differentiated,
+        start=int(signals.grid[0]),
     )
 
 
 def _force_scale(model: Model, signals: FilteredRecord, info: RowInfo) -> float:
-    """Return the rms of all forces on the grid, differentiated as often as the row."""
-    used = dict.fromkeys(signal.actuator for signal in model.signals if signal.actuator is not None)
+    """Return the rms of all forces on the grid, differentiated as often as the row and in its unit."""
+    used = {signal.actuator for signal in model.signals if signal.actuator is not None}
     power = 0.0
-    for key in used:
-        power += float(np.mean(signals.smooth(key, info.differentiated)[signals.grid] ** 2))
+    for actuator in model.actuators:
+        if actuator.key in used:
+            force = signals.smooth(actuator.key, info.differentiated)[signals.grid]
+            power += float(np.mean((actuator.lever / info.lever * force) ** 2))
     return float(np.sqrt(power))
 
 

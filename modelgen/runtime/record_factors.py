@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +26,6 @@ from modelgen.runtime.survey import NOTHING, Survey, survey_record
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +63,9 @@ class Task:
         """Samples around a chunk that the masks look at."""
         return max((mask.halo for mask in self.masks), default=0)
 
-    def chunks(self) -> list[Chunk]:
-        """Return the chunks of the samples kept; none has read anything yet."""
-        return list(chunks(self.source, self.plan, self.grid, self.halo, self.samples))
+    def chunks(self) -> Iterator[Chunk]:
+        """Yield the chunks of the samples kept; each reads when asked, and is to be let go after that."""
+        return chunks(self.source, self.plan, self.grid, self.halo, self.samples)
 
     def places(self, chunk: Chunk) -> list[IntArray | None]:
         """Return for each row the places in the chunk that it may use; None for all."""
@@ -120,7 +121,7 @@ def matched_task(
     if not plan.directions:
         return task
     every = Task(source, full_rate(plan), range(source.n), samples=samples)
-    return replace(task, survey=survey_record(iter(every.chunks()), plan, source.n))
+    return replace(task, survey=survey_record(every.chunks(), plan, source.n))
 
 
 def full_rate(plan: SignalPlan) -> SignalPlan:
@@ -128,14 +129,14 @@ def full_rate(plan: SignalPlan) -> SignalPlan:
     return replace(plan, filtering=replace(plan.filtering, factor=1))
 
 
-def record_factors(task: Task) -> RecordFactors:
-    """Return the factors of a record, chunk after chunk."""
-    total: RecordFactors | None = None
-    for chunk in task.chunks():
-        part = chunk_factors(task, chunk)
-        total = part if total is None else total.joined(part)
-    assert total is not None  # a grid holds at least one sample, see matched_task
-    return total
+def record_factors(task: Task, threads: int = 1) -> RecordFactors:
+    """Return the factors of a record; `threads` chunks are worked on at a time, the result is the same."""
+    parts = task.chunks()
+    if threads == 1:
+        return reduce(RecordFactors.joined, (chunk_factors(task, chunk) for chunk in parts))
+    with ThreadPoolExecutor(threads) as pool:
+        # joined in the order of the record, so that nothing depends on who was first
+        return reduce(RecordFactors.joined, pool.map(lambda chunk: chunk_factors(task, chunk), parts))
 
 
 def chunk_factors(task: Task, chunk: Chunk) -> RecordFactors:

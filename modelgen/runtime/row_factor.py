@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
-# Rows to one QR: with eight columns they stay in the cache.
-ROWS_AT_A_TIME = 8192
+# Rows to one QR: with eight columns they stay in the innermost cache.
+ROWS_AT_A_TIME = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +50,11 @@ class RowFactor:
 
     def with_rows(self, transposed: FloatArray) -> RowFactor:
         """Return the factor with more samples, given as rows 1, W, Y of an array of shape (k + 2, n)."""
-        R = self.R
-        for first in range(0, transposed.shape[1], ROWS_AT_A_TIME):
-            part = transposed[:, first : first + ROWS_AT_A_TIME]
-            R = np.linalg.qr(np.hstack([R.T, part]).T, mode="r")
+        count = transposed.shape[1] // ROWS_AT_A_TIME
+        whole = transposed[:, : count * ROWS_AT_A_TIME].reshape(len(transposed), count, ROWS_AT_A_TIME)
+        small = np.linalg.qr(whole.transpose(1, 2, 0), mode="r").reshape(-1, len(transposed))
+        rest = transposed[:, count * ROWS_AT_A_TIME :].T
+        R = np.linalg.qr(np.vstack([self.R, small, rest]), mode="r")
         return replace(self, R=_square(R), samples=self.samples + transposed.shape[1])
 
     def joined(self, other: RowFactor) -> RowFactor:

@@ -16,7 +16,7 @@ from modelgen.runtime.contract import Feature, Model, Signal
 from modelgen.runtime.derivatives import differentiate
 from modelgen.runtime.filtering import Filtering
 from modelgen.runtime.fused import FusedOperator, fused_operator
-from modelgen.runtime.two_sided import squared_gain
+from modelgen.runtime.two_sided import Sections, squared_gain
 
 FloatArray = npt.NDArray[np.float64]
 # (channel or velocity, start, stop) -> samples, continued beyond the ends of the record
@@ -114,8 +114,8 @@ class SignalPlan:
         return slope[margin : len(slope) - margin]
 
 
-def signal_plan(model: Model, filtering: Filtering) -> SignalPlan:
-    """Return the plan of a model's signals; operators are shared by channels that need the same.
+def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) -> SignalPlan:
+    """Return the plan of a model's signals; `fast` as for `modelgen.runtime.fused.fused_operator`.
 
     Raises
     ------
@@ -123,17 +123,13 @@ def signal_plan(model: Model, filtering: Filtering) -> SignalPlan:
         When a filter is too slow for its sampling frequency.
     """
     used = _used_keys(model)
-    made: dict[tuple[object, ...], FusedOperator] = {}
 
-    def operator(sections: object, orders: tuple[int, ...], factor: int) -> FusedOperator:
-        key = (sections, orders, factor)
-        if key not in made:
-            made[key] = fused_operator(sections, filtering.fs, orders, factor, filtering.stencil)  # type: ignore[arg-type]
-        return made[key]
+    def operator(sections: Sections, orders: tuple[int, ...], factor: int) -> FusedOperator:
+        return fused_operator(sections, filtering.fs, orders, factor, filtering.stencil, fast=fast)
 
     orders: dict[str, list[int]] = {}
     signals: dict[str, tuple[str, int]] = {}
-    sections: dict[str, object] = {}
+    sections: dict[str, Sections] = {}
     for signal in model.signals:
         if signal.key not in used:
             continue

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.covariance import bandwidth_from_moments
+from modelgen.runtime.covariance import bandwidth_from_moments, fixed_b_factor
 from modelgen.runtime.factor_fit import FactorFit
 from modelgen.runtime.record_factors import Task
 
@@ -40,9 +40,11 @@ def stream_hac_covariance(fit: FactorFit, tasks: Sequence[Task]) -> FloatArray:
     whole inverse.
     """
     series = [_kept(fit, index, task) for index, task in enumerate(tasks)]
-    bandwidth = bandwidth_of([moments(one) for one in series])
+    found = [moments(one) for one in series]
+    bandwidth = bandwidth_of(found)
     total = sum((bartlett_sum(one, bandwidth) for one in series), np.zeros((len(fit.columns),) * 2))
-    return total * (fit.samples / (fit.samples - len(fit.columns)))
+    small_sample = fit.samples / (fit.samples - len(fit.columns))
+    return total * small_sample * fixed_b_factor(bandwidth, sum(one.n for one in found))
 
 
 def bandwidth_of(found: Sequence[Moments]) -> float:

@@ -223,12 +223,12 @@ def _rms(residuals: tuple[FloatArray, ...]) -> list[float]:
 def _force_scales(blocks: tuple[RowBlock, ...]) -> list[float]:
     """Return for every block the rms over all records of the forces, differentiated as often as its row."""
     scale_of: dict[int, float] = {}
-    for times in dict.fromkeys(block.differentiated for block in blocks):
-        alike = [block for block in blocks if block.differentiated == times]
+    for row in dict.fromkeys(block.row for block in blocks):
+        alike = [block for block in blocks if block.row == row]
         samples = sum(block.grid for block in alike)
         power = sum(block.grid * block.force_scale**2 for block in alike)
-        scale_of[times] = float(np.sqrt(power / samples)) or 1.0
-    return [scale_of[block.differentiated] for block in blocks]
+        scale_of[row] = float(np.sqrt(power / samples)) or 1.0
+    return [scale_of[block.row] for block in blocks]
 
 
 def _runaway_notes(fit: Fit, scales: list[float]) -> tuple[str, ...]:

@@ -1,15 +1,14 @@
 """Base parameters: the smallest set of combinations that the rows can tell apart.
 
 As Gautier (1991): draw a random regressor, decompose it by QR, and regroup the dependent columns on the
-independent ones, beta = x_1 + R_1^-1 R_2 x_2. The regrouping is restored to exact rationals and checked by
-exact arithmetic on the rows themselves, and the numerical rank must agree with the exact one.
+independent ones, beta = x_1 + R_1^-1 R_2 x_2. Exact elimination on the rows themselves gives the same
+regrouping in exact rationals; both must agree in rank and in every factor, and the rationals are kept.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +21,8 @@ from modelgen.symbolic.signals import Exact, quotient
 SEED = 2002
 #: |R_ii| below this fraction of |R_11| counts as zero; the random columns have unit scale.
 RANK_TOLERANCE = 1e-9
-LARGEST_DENOMINATOR = 10**6
+#: A factor of the numerical regrouping may differ from its exact rational by this share.
+REGROUPING_TOLERANCE = 1e-6
 #: The dense QR costs (number of parameters)^3; longer chains rely on the exact elimination alone.
 LARGEST_QR = 600
 
@@ -119,7 +119,7 @@ def regroup(rows: IdentificationRows, names: Sequence[str]) -> tuple[BaseParamet
     independent = [i for i in range(len(names)) if i not in exact]
     if len(names) <= LARGEST_QR:
         numerical = _numerical_dependencies(rows, names)
-        if numerical != exact:
+        if not _agree(numerical, exact):
             raise ModelError.at(
                 f"{rows.spec.source}: sensors.{rows.sensor_set}",
                 f"the numerical rank of the random regressor ({len(names) - len(numerical)}) and the exact "
@@ -173,11 +173,13 @@ def _eliminate(
             del recipe[index]
 
 
-def _numerical_dependencies(rows: IdentificationRows, names: Sequence[str]) -> dict[int, dict[int, Exact]]:
-    """Return the dependent columns of a random regressor and their regrouping, restored to rationals."""
+def _numerical_dependencies(rows: IdentificationRows, names: Sequence[str]) -> dict[int, dict[int, float]]:
+    """Return the dependent columns of a random regressor and how they regroup, R_1^-1 R_2."""
     from scipy.linalg import qr, solve_triangular
 
     regressor = random_regressor(rows, names)
+    scale = np.linalg.norm(regressor, axis=0)  # gear ratios spread the columns over many powers of ten
+    regressor = regressor / scale
     pivoted = np.abs(np.diag(qr(regressor, mode="r", pivoting=True)[0]))
     rank = int(np.sum(pivoted > RANK_TOLERANCE * pivoted[0]))
     if rank == len(names):
@@ -191,12 +193,25 @@ def _numerical_dependencies(rows: IdentificationRows, names: Sequence[str]) -> d
     recipes = solve_triangular(upper[:size, :size], upper[:size, size:])
     return {
         column: {
-            independent[k]: Fraction(float(value)).limit_denominator(LARGEST_DENOMINATOR)
+            independent[k]: float(value) * scale[column] / scale[independent[k]]
             for k, value in enumerate(recipes[:, n])
             if abs(value) > RANK_TOLERANCE
         }
         for n, column in enumerate(dependent)
     }
+
+
+def _agree(numerical: Mapping[int, Mapping[int, float]], exact: Mapping[int, Mapping[int, Exact]]) -> bool:
+    """Tell whether rounding the numerical regrouping to the exact rationals changes nothing but rounding."""
+    if numerical.keys() != exact.keys():
+        return False
+    for column, recipe in exact.items():
+        found = numerical[column]
+        if found.keys() != recipe.keys():
+            return False
+        if any(abs(found[i] / float(factor) - 1.0) > REGROUPING_TOLERANCE for i, factor in recipe.items()):
+            return False
+    return True
 
 
 def random_regressor(

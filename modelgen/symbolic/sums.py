@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from modelgen.spec import ChainSpec, Link
+from modelgen.chain import GROUND, ChainSpec, Link
 from modelgen.symbolic.signals import Exact, Term, collect, quotient
 
 NEVER = 99  # level of a link whose deflection the sensors never give
@@ -51,14 +51,31 @@ def groups(spec: ChainSpec, level_of_link: Sequence[int | None]) -> Iterator[tup
         yield from ((level, group) for group in _components(spec, tied))
 
 
-def _components(spec: ChainSpec, links: Sequence[Link]) -> Iterator[Group]:
-    """Yield the connected groups of two bodies or more, as far as gear ratios around loops are consistent."""
+def levers(spec: ChainSpec) -> dict[str, float]:
+    """Return how far each body moves when the chain moves as a rigid one, the first body by 1.
+
+    A force on a body counts, at the first body, as force times lever: that makes forces and rows on both
+    sides of a gear comparable. Around a loop of contradictory ratios the shortest way counts.
+    """
+    weights, _ = _weights(spec.bodies[0].name, _neighbours(spec.links))
+    return {body: abs(float(weight)) for body, weight in weights.items()}
+
+
+def _neighbours(links: Sequence[Link]) -> dict[str, list[tuple[str, Exact]]]:
     neighbours: dict[str, list[tuple[str, Exact]]] = {}
     for link in links:
         first, second = link.bodies
+        if GROUND in link.bodies:
+            continue
         # w_first / N = w_second makes the link's two forces cancel in the sum.
         neighbours.setdefault(first, []).append((second, quotient(1, link.ratio)))
         neighbours.setdefault(second, []).append((first, quotient(link.ratio, 1)))
+    return neighbours
+
+
+def _components(spec: ChainSpec, links: Sequence[Link]) -> Iterator[Group]:
+    """Yield the connected groups of two bodies or more, as far as gear ratios around loops are consistent."""
+    neighbours = _neighbours(links)
     seen: set[str] = set()
     for body in spec.bodies:
         if body.name in seen or body.name not in neighbours:
@@ -74,7 +91,7 @@ def _weights(start: str, neighbours: Mapping[str, list[tuple[str, Exact]]]) -> t
     consistent, queue = True, deque([start])
     while queue:
         body = queue.popleft()
-        for other, factor in neighbours[body]:
+        for other, factor in neighbours.get(body, ()):
             weight = weights[body] * factor
             if other not in weights:
                 weights[other] = weight

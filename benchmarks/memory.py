@@ -1,0 +1,118 @@
+"""What a record of ten million samples takes in memory, and whether the cost of a sample grows with the record.
+
+    python benchmarks/memory.py
+
+A record of 1e7 samples is written to .npy files (here, deleted afterwards), then identified in a process of
+its own: once in chunks from the mapped files, once by the chain written by hand (`throughput.py`). Printed is
+how far each process's resident memory rises above what it was before it touched the record.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import argparse
+import math
+import multiprocessing
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from throughput import FS, by_hand, made_record, seconds, two_bodies
+
+from modelgen.runtime.data import Record
+from modelgen.runtime.mapped import open_npy
+from modelgen.runtime.stream import identify_stream
+
+CHANNELS = ("q_m", "q_c", "Gamma_m")
+PIECE = 1_000_000
+
+
+def write_record(folder: Path, n: int) -> None:
+    """Write a record of n samples: the one of `throughput.py`, again and again."""
+    piece = made_record(two_bodies(), min(n, PIECE))
+    for channel in CHANNELS:
+        target = np.lib.format.open_memmap(
+            folder / f"{channel}.npy", mode="w+", dtype=np.float64, shape=(n,)
+        )
+        for start in range(0, n, PIECE):
+            stop = min(start + PIECE, n)
+            target[start:stop] = piece.signals[channel][: stop - start]
+        target.flush()
+
+
+def resident_mb(field: str) -> float:
+    """Return a field of the process's memory, in MB (Linux)."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith(field):
+            return int(line.split()[1]) / 1000.0
+    raise RuntimeError(f"no {field} in /proc/self/status")
+
+
+def in_chunks(folder: Path) -> object:
+    """Identify from the mapped files, masks, both covariances and all."""
+    source = open_npy({channel: folder / f"{channel}.npy" for channel in CHANNELS}, FS)
+    return identify_stream(two_bodies(), [source], cutoff_hz=400.0, filter_order=4, decimation=10)
+
+
+def all_at_once(folder: Path) -> object:
+    """Load the files and go through the chain written by hand."""
+    signals = {channel: np.load(folder / f"{channel}.npy") for channel in CHANNELS}
+    return by_hand(two_bodies(), Record(signals, FS))
+
+
+def rise_mb(work: Callable[[Path], object], folder: Path, warm: Path) -> float:
+    """Return how far the resident memory of a fresh process rises, in MB, after a short record has loaded the code."""
+    context = multiprocessing.get_context("spawn")
+    with context.Pool(1) as pool:
+        return pool.apply(_rise, (work, folder, warm))
+
+
+def _rise(work: Callable[[Path], object], folder: Path, warm: Path) -> float:
+    work(warm)
+    Path("/proc/self/clear_refs").write_text("5")  # the high-water mark starts from here
+    before = resident_mb("VmRSS")
+    work(folder)
+    return resident_mb("VmHWM") - before
+
+
+def main() -> None:
+    """Print the table."""
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
+    parser.add_argument("--samples", type=int, default=10_000_000)
+    parser.add_argument("--largest", type=int, default=100_000_000, help="record of the cost per sample")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder, warm = Path(name) / "long", Path(name) / "short"
+        for place, n in ((folder, options.samples), (warm, 20_000)):
+            place.mkdir()
+            write_record(place, n)
+        chunked = rise_mb(in_chunks, folder, warm)
+        print(f"in chunks:    {chunked:7.1f} MB above the start  (wanted: under 64)")
+        whole = rise_mb(all_at_once, folder, warm)
+        print(f"by hand:      {whole:7.1f} MB, {whole / chunked:.0f} times as much")
+    sizes = [10**k for k in range(5, round(math.log10(options.largest)) + 1)]
+    cost = {}
+    for n in sizes:
+        with tempfile.TemporaryDirectory() as name:
+            write_record(Path(name), n)
+            runs = max(1, min(7, 20_000_000 // n))
+            times = [seconds(lambda folder=Path(name): in_chunks(folder)) for _ in range(runs)]
+            cost[n] = statistics.median(times) / n
+            print(f"{n:.0e} samples: {1e9 * cost[n]:6.1f} ns a sample")
+    print(f"largest / smallest cost a sample: {max(cost.values()) / min(cost.values()):.2f}  (wanted: flat)")
+
+
+if __name__ == "__main__":
+    main()

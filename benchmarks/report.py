@@ -1,0 +1,67 @@
+"""The report of a million samples: its size, and how long a browser needs to show it.
+
+    python benchmarks/report.py
+
+The limits are 5 MB and 3 s. The time is that of a whole headless Chromium: start, parse, run the script, stop;
+beside it that of an empty page, both the median of interleaved runs.
+"""
+
+from __future__ import annotations
+
+import shutil
+import statistics
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+from modelgen.render.writer import generate
+from modelgen.report.page import report_page
+from modelgen.runtime.contract import model_from_text
+from modelgen.runtime.identify import identify
+from modelgen.runtime.simulate import simulate
+from modelgen.spec import catalog_path, load_spec
+
+SAMPLES = 1_000_000
+RUNS = 5
+NOISE = {"q_m": 2e-6, "a_c": 0.5, "Gamma_m": 1e-4}
+
+
+def main() -> None:
+    spec = load_spec(catalog_path("emps300"))
+    model = model_from_text(generate(spec, "qm_ac"), "emps300_qm_ac")
+    record = simulate(
+        model, spec.parameter_sets["light"], "chirp", fs=5000.0, duration_s=SAMPLES / 5000.0, noise=NOISE
+    ).record
+    for decimation in (None, 1):
+        estimate = identify(model, [record], decimation=decimation)
+        started = time.perf_counter()
+        page = report_page(model, [record], estimate)
+        made = time.perf_counter() - started
+        kept = estimate.filtering.decimation[0]
+        print(f"{record.n} samples, every {kept}: {len(page.encode()) / 1e6:.2f} MB, made in {made:.1f} s")
+        show(page)
+
+
+def show(page: str) -> None:
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        print("  chromium is not installed; no time to print")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        pages = {"report": page, "empty page": "<!DOCTYPE html><title>empty</title>"}
+        seconds: dict[str, list[float]] = {name: [] for name in pages}
+        for _ in range(RUNS):
+            for name, text in pages.items():
+                path = Path(folder) / f"{name.split()[0]}.html"
+                path.write_text(text, encoding="utf-8")
+                command = [chromium, "--headless=new", "--no-sandbox", "--disable-gpu", "--dump-dom", path.as_uri()]
+                started = time.perf_counter()
+                subprocess.run(command, capture_output=True, check=True, timeout=120)
+                seconds[name].append(time.perf_counter() - started)
+    for name, found in seconds.items():
+        print(f"  chromium, {name}: {statistics.median(found):.2f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,312 @@
+"""`modelgen design`: which sensors, and which excitation, before buying them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from modelgen.errors import DataError
+from modelgen.output import print_json, say
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+    from modelgen.chain import ChainSpec
+    from modelgen.runtime.contract import Model
+    from modelgen.runtime.design import Instrument, Prediction
+    from modelgen.runtime.excitation import Excitation
+
+Justify = Literal["left", "right"]
+
+
+def design(
+    spec: Annotated[str, typer.Argument(metavar="SPEC", help="A chain's TOML file, or a catalogue name.")],
+    candidates: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.toml", help="Instruments to choose from, with noise and price."),
+    ] = None,
+    most_sensors: Annotated[int, typer.Option(min=1, max=4, help="Largest set made of candidates.")] = 2,
+    sensors: Annotated[
+        str | None, typer.Option("--sensors", metavar="S", help="One sensor set; all of them if left out.")
+    ] = None,
+    noise: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=STD", help="White noise on a channel, SI; repeatable.")
+    ] = None,
+    resolution: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=STEP", help="Resolution of a channel, SI; repeatable.")
+    ] = None,
+    price: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=AMOUNT", help="Price of an instrument; repeatable.")
+    ] = None,
+    parameters: Annotated[
+        str | None, typer.Option(metavar="SET", help="A parameter set of the spec; the only one if left out.")
+    ] = None,
+    wanted_percent: Annotated[
+        float, typer.Option(help="Wanted error of every parameter in %: the cheapest set is named.")
+    ] = 1.0,
+    excitation: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KIND", help="chirp, trapezoid or a reference file; repeatable; both."),
+    ] = None,
+    optimise: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Optimise the excitation of the best set; write references."),
+    ] = None,
+    criterion: Annotated[
+        Literal["worst", "d-optimal", "condition"], typer.Option(help="What --optimise looks at.")
+    ] = "worst",
+    rounds: Annotated[int, typer.Option(min=1, help="Trials of --optimise.")] = 150,
+    fs_hz: Annotated[float, typer.Option(help="Sampling frequency in Hz.")] = 5000.0,
+    duration_s: Annotated[float, typer.Option(help="Duration in s of every record.")] = 2.0,
+    method: Annotated[
+        str | None, typer.Option(help="The estimator: wls or iv; iv where there is one.")
+    ] = None,
+    monte_carlo: Annotated[
+        int | None, typer.Option(metavar="N", help="Confirm every set by N simulated experiments.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace output files that exist.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
+    ] = False,
+) -> None:
+    """Predict the precision of every parameter for each sensor set, and rank the sets.
+
+    Prices, noise and resolution come from a file of candidates, or from the options for the spec's own sets.
+    """
+    from modelgen.arguments import load_chain, parameter_values
+    from modelgen.runtime.design import cheapest, default_method, rank
+    from modelgen.runtime.methods import METHODS
+    from modelgen.tables import console
+
+    if method is not None and method not in METHODS:
+        raise DataError.at("--method", f"{method!r} is unknown", f"choose one of {', '.join(METHODS)}")
+    chain = load_chain(spec)
+    values = parameter_values(chain, parameters)
+    models, instruments, refused = _sets(
+        chain, candidates, most_sensors, sensors, noise or (), resolution or (), price or ()
+    )
+    kinds = _excitations(excitation or ())
+    options: dict[str, Any] = {"fs": fs_hz, "duration_s": duration_s, "method": method}
+    ranked = rank(_predictions(models, values, instruments, kinds, options))
+    described: dict[str, Any] = {
+        "method": method or default_method(),
+        "fs_hz": fs_hz,
+        "sets": [describe(prediction) for prediction in ranked],
+        "refused": refused,
+        "wanted_percent": wanted_percent,
+        "cheapest": getattr(cheapest(ranked, wanted_percent), "sensor_set", None),
+    }
+    if monte_carlo:
+        described["monte_carlo"] = _confirm(ranked, models, values, instruments, kinds, options, monte_carlo)
+    if optimise is not None:
+        best = ranked[0]
+        described["excitation"] = _optimise(
+            models[best.sensor_set], values, instruments, options, criterion, rounds, optimise, overwrite
+        )
+    if as_json:
+        print_json(described)
+    else:
+        console().print(design_tables(described))
+
+
+def _sets(
+    chain: ChainSpec,
+    candidates: Path | None,
+    most_sensors: int,
+    sensors: str | None,
+    noise: Sequence[str],
+    resolution: Sequence[str],
+    price: Sequence[str],
+) -> tuple[dict[str, Model], dict[str, Instrument], dict[str, str]]:
+    """Return the models to compare by title, the instruments by channel, and sets without a model."""
+    from modelgen.arguments import amounts, sensor_sets
+    from modelgen.candidates import candidate_models, load_candidates, spec_model
+    from modelgen.runtime.data import missing_name
+    from modelgen.runtime.design import Instrument
+    from modelgen.runtime.readings import instrument_keys
+
+    if candidates is not None:
+        given = load_candidates(candidates, chain)
+        models, refused = candidate_models(chain, given, most_sensors)
+        return models, dict(given.instruments), refused
+    models = {name: spec_model(chain, name) for name in sensor_sets(chain, sensors)}
+    known = list(dict.fromkeys(key for model in models.values() for key in instrument_keys(model)))
+    levels = {
+        "noise": amounts("--noise", noise),
+        "resolution": amounts("--resolution", resolution),
+        "price": amounts("--price", price),
+    }
+    problems = [
+        missing_name(f"--{level}", "channel", key, known)
+        for level, table in levels.items()
+        for key in table
+        if key not in known
+    ]
+    if not any(levels["noise"].values()) and not any(levels["resolution"].values()):
+        remedy = "give --candidates FILE.toml, or --noise KEY=STD for every channel"
+        problems += DataError.at("instruments", "are all perfect", remedy).problems
+    if problems:
+        raise DataError(*problems)
+    instruments = {
+        key: Instrument(**{level: table.get(key, 0.0) for level, table in levels.items()}) for key in known
+    }
+    return models, instruments, {}
+
+
+def _excitations(given: Sequence[str]) -> list[str | Excitation]:
+    from modelgen.arguments import excitation_from
+
+    return [excitation_from(text)[0] for text in given or ("chirp", "trapezoid")]
+
+
+def _predictions(
+    models: Mapping[str, Model],
+    values: Mapping[str, float],
+    instruments: Mapping[str, Instrument],
+    kinds: Sequence[str | Excitation],
+    options: Mapping[str, Any],
+) -> list[Prediction]:
+    from modelgen.runtime.design import judge_set
+
+    found = []
+    for title, model in models.items():
+        say(f"predicting {title}")
+        found.append(judge_set(title, model, values, instruments, kinds, **options))
+    return found
+
+
+def _confirm(
+    ranked: Sequence[Prediction],
+    models: Mapping[str, Model],
+    values: Mapping[str, float],
+    instruments: Mapping[str, Instrument],
+    kinds: Sequence[str | Excitation],
+    options: Mapping[str, Any],
+    draws: int,
+) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from modelgen.runtime.design import experiment, monte_carlo
+
+    found = {}
+    for prediction in ranked:
+        if prediction.precisions:
+            planned = experiment(models[prediction.sensor_set], values, instruments, kinds, **options)
+            spreads = monte_carlo(planned, draws, say)
+            found[prediction.sensor_set] = [asdict(spread) for spread in spreads]
+    return {"experiments": draws, "sets": found}
+
+
+def _optimise(
+    model: Model,
+    values: Mapping[str, float],
+    instruments: Mapping[str, Instrument],
+    options: Mapping[str, Any],
+    criterion: str,
+    rounds: int,
+    path: Path,
+    overwrite: bool,
+) -> dict[str, Any]:
+    from modelgen.runtime.excitation_design import optimise, write_references
+
+    found = optimise(model, values, instruments, criterion=criterion, rounds=rounds, progress=say, **options)
+    written = write_references(path, found.excitations, options["fs"], overwrite=overwrite)
+    return {
+        "written": [str(p) for p in written],
+        "criterion": criterion,
+        "limits": {key: float(value) for key, value in found.limits.items()},
+        "reached": {key: float(value) for key, value in found.reached.items()},
+        "pair_worst_percent": found.pair_worst,
+        "worst_percent": found.worst,
+        "gain": found.pair_worst / found.worst,
+        "parameters": {name: {"pair_percent": a, "optimised_percent": b} for name, a, b in found.parameters},
+    }
+
+
+def describe(prediction: Prediction) -> dict[str, Any]:
+    """Return a prediction as plain values."""
+    return {
+        "sensor_set": prediction.sensor_set,
+        "channels": list(prediction.channels),
+        "price": prediction.price,
+        "worst_percent": prediction.worst,
+        "condition_number": prediction.condition_number,
+        "missing": list(prediction.missing),
+        "reason": prediction.reason,
+        "parameters": {
+            p.name: {"std_percent": p.std, "bias_percent": p.bias, "error_percent": p.error}
+            for p in prediction.precisions
+        },
+    }
+
+
+def design_tables(described: Mapping[str, Any]) -> Group:
+    """Lay out what was predicted, confirmed and optimised."""
+    from rich.console import Group
+    from rich.text import Text
+
+    from modelgen.tables import table
+
+    names = list(dict.fromkeys(name for entry in described["sets"] for name in entry["parameters"]))
+    columns: list[tuple[str, Justify]] = [("sensors", "left"), ("price", "right"), ("worst %", "right")]
+    columns += [(f"{name} %", "right") for name in names]
+    rows, notes = [], []
+    for entry in described["sets"]:
+        errors = [entry["parameters"].get(name, {}).get("error_percent") for name in names]
+        shown = ["-" if error is None else f"{error:.3g}" for error in errors]
+        rows.append((entry["sensor_set"], f"{entry['price']:g}", f"{entry['worst_percent']:.3g}", *shown))
+        notes += [Text(f"{entry['sensor_set']}: {entry['reason']}")] if entry["reason"] else []
+    notes += [Text(f"{name}: {reason}") for name, reason in described["refused"].items()]
+    title = f"Predicted relative errors ({described['method']}), most precise first"
+    wanted = f"{described['wanted_percent']:g} %"
+    cheapest = described["cheapest"]
+    verdict = f"cheapest within {wanted}: {cheapest}" if cheapest else f"no set reaches {wanted}"
+    parts: list[Any] = [table(title, columns, rows), Text(""), Text(verdict), *notes]
+    if "monte_carlo" in described:
+        parts += [Text(""), _confirmed(described["monte_carlo"])]
+    if "excitation" in described:
+        parts += [Text(""), *_optimised(described["excitation"])]
+    return Group(*parts)
+
+
+def _confirmed(found: Mapping[str, Any]) -> Any:
+    from modelgen.tables import table
+
+    columns: list[tuple[str, Justify]] = [("sensors", "left"), ("parameter", "left")]
+    columns += [("std %", "right"), ("predicted", "right"), ("bias %", "right"), ("predicted", "right")]
+    rows = [
+        (name, s["name"], f"{s['std']:.3g}", f"{s['predicted_std']:.3g}", f"{s['bias']:.3g}",
+         f"{s['predicted_bias']:.3g}")
+        for name, spreads in found["sets"].items()
+        for s in spreads
+    ]  # fmt: skip
+    return table(f"Monte Carlo, {found['experiments']} experiments", columns, rows)
+
+
+def _optimised(found: Mapping[str, Any]) -> list[Any]:
+    from rich.text import Text
+
+    from modelgen.tables import table
+
+    columns: list[tuple[str, Justify]] = [
+        ("parameter", "left"),
+        ("pair %", "right"),
+        ("optimised %", "right"),
+    ]
+    rows = [
+        (name, f"{e['pair_percent']:.3g}", f"{e['optimised_percent']:.3g}")
+        for name, e in found["parameters"].items()
+    ]
+    limits = ", ".join(
+        f"{key} {found['reached'][key]:.4g} of {value:.4g}" for key, value in found["limits"].items()
+    )
+    line = f"largest error {found['worst_percent']:.3g} % instead of {found['pair_worst_percent']:.3g} %"
+    return [
+        table("Optimised excitation against chirp and trapezoid", columns, rows),
+        Text(f"{line}: {found['gain']:.2f} times better"),
+        Text(f"peaks within the pair's: {limits}"),
+        *(Text(f"wrote {path}") for path in found["written"]),
+    ]

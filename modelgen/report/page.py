@@ -1,0 +1,214 @@
+"""Model, readings and estimate -> the text of one HTML page.
+
+The page carries everything it shows. Its policy allows the one script that is this program's own, by its hash,
+and no connection at all: a name in the data that tries to be a script stays a name.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from markupsafe import Markup, escape
+
+import modelgen
+from modelgen.render.environment import template_folder
+from modelgen.report.frequency import missing_parameters, responses, taken_as_zero
+from modelgen.report.mathml import row_equations, symbol
+from modelgen.report.plots import (
+    autocorrelation_plot,
+    correlation_plot,
+    filter_reach_ms,
+    response_plots,
+    singular_value_plot,
+    whiteness,
+    zoomable,
+)
+from modelgen.report.rebuilt import Rebuilt, autocorrelation, rebuild
+from modelgen.runtime.contract import Model
+from modelgen.runtime.data import Record
+from modelgen.runtime.estimate import Estimate, Parameter
+from modelgen.runtime.read import Reading
+from modelgen.runtime.summary import INTERVAL_KINDS
+from modelgen.runtime.validate import Validation
+
+Description = dict[str, Any]
+
+
+def report_page(
+    model: Model,
+    readings: Sequence[Reading | Record],
+    estimate: Estimate,
+    options: Mapping[str, str] | None = None,
+    sensor_sets: Sequence[Mapping[str, Any]] = (),
+    validations: Sequence[Validation] = (),
+) -> str:
+    """Return the report as HTML; the same inputs give the same bytes.
+
+    Parameters
+    ----------
+    model : Model
+    readings : sequence of Reading or Record
+        What the estimate was identified from, in that order.
+    estimate : Estimate
+    options : mapping of str to str, optional
+        What the user asked for, listed as it is given.
+    sensor_sets : sequence of mapping, optional
+        The chain's sensor sets side by side: name, rows, order, identifiable, lost, as texts.
+    validations : sequence of Validation, optional
+        Closed loops, measured and simulated.
+    """
+    records = [item.record if isinstance(item, Reading) else item for item in readings]
+    rows, singular = rebuild(model, records, estimate)
+    script, style = _asset("report.js"), _asset("report.css")
+    plots = zoomable(rows, validations)
+    return _environment().get_template("report.html.j2").render(
+        title=f"{estimate.chain}, sensors {estimate.sensor_set}",
+        estimate=estimate,
+        model=model,
+        style=Markup(style),
+        script=Markup(script),
+        policy=_policy(script),
+        data=_json(plots),
+        plots=plots,
+        row_plots=len(rows),
+        equations=row_equations(model),
+        symbols={name: symbol(name) for name in (*model.base_parameters, *model.parameters)},
+        interval=estimate.conf_int(),
+        physical=_physical_rows(estimate),
+        interval_kind=INTERVAL_KINDS[estimate.covariance_kind],
+        sensor_sets=sensor_sets,
+        residuals=_residuals(rows, estimate, records),
+        frequency=_frequency(model, records, estimate),
+        missing=missing_parameters(model, estimate),
+        zeroed=taken_as_zero(model, estimate),
+        correlation=correlation_plot(estimate),
+        singular=singular_value_plot(singular),
+        singular_values=[f"{value:.4g}" for value in singular],
+        readings=[_reading(item) for item in readings],
+        validations=validations,
+        provenance=_provenance(model, estimate, options or {}),
+    )
+
+
+def _environment() -> jinja2.Environment:
+    env = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(template_folder()),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    env.filters["number"] = _number
+    env.filters["unit"] = _unit
+    return env
+
+
+def _asset(name: str) -> str:
+    return (Path(template_folder()) / name).read_text(encoding="utf-8")
+
+
+def _policy(script: str) -> str:
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+    return f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'; img-src data:"
+
+
+def _json(value: Any) -> Markup:
+    """Return JSON that cannot end the element it stands in."""
+    text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+
+def _number(value: float | None, digits: int = 5) -> Markup:
+    if value is None or not np.isfinite(value):
+        return Markup("–")
+    mantissa, _, exponent = f"{value:.{digits}g}".replace("-", "−").partition("e")
+    power = exponent.replace("+", "").replace("−0", "−").lstrip("0")
+    return Markup("{}·10<sup>{}</sup>").format(mantissa, power) if exponent else Markup(mantissa)
+
+
+def _unit(text: str) -> Markup:
+    """Return "N m/s^2" with its powers raised."""
+    head, *rest = text.split("^")
+    return Markup("").join(
+        [escape(head), *(Markup("<sup>{}</sup>{}").format(part[:1], part[1:]) for part in rest)]
+    )
+
+
+def _physical_rows(estimate: Estimate) -> Sequence[Parameter]:
+    """Return the physical parameters, unless they would repeat the base parameters."""
+    if all(entry.name in estimate.params for entry in estimate.physical_parameters):
+        return ()
+    return estimate.physical_parameters
+
+
+def _residuals(rows: Sequence[Rebuilt], estimate: Estimate, records: Sequence[Record]) -> list[Description]:
+    fs_of = {record.name: record.fs for record in records}
+    found = []
+    for row in rows:
+        residual = row.residual
+        correlation = autocorrelation(residual, row.step_s)
+        if correlation is None:
+            continue
+        found.append(
+            {
+                "name": f"{row.record}, row {row.row}",
+                "plot": autocorrelation_plot(row, correlation),
+                "outside": whiteness(correlation),
+                "reach_ms": filter_reach_ms(estimate, fs_of[row.record]),
+            }
+        )
+    return found
+
+
+def _frequency(model: Model, records: Sequence[Record], estimate: Estimate) -> list[Description]:
+    return [
+        {
+            "name": f"{found.sensor} over {found.force}, {found.record}",
+            "modelled": found.modelled is not None,
+            "plots": response_plots(found, estimate),
+        }
+        for record in records
+        for found in responses(model, record, estimate)
+    ]
+
+
+def _reading(item: Reading | Record) -> Description:
+    record = item.record if isinstance(item, Reading) else item
+    said = item if isinstance(item, Reading) else None
+    return {
+        "name": record.name,
+        "tag": record.tag,
+        "fs": record.fs,
+        "n": record.n,
+        "duration_s": record.duration_s,
+        "channels": list(record.signals),
+        "took": list(said.took) if said else [],
+        "findings": [finding.what for finding in said.findings] if said else [],
+        "mended": list(said.mended) if said else [],
+    }
+
+
+def _provenance(model: Model, estimate: Estimate, options: Mapping[str, str]) -> list[tuple[str, str]]:
+    import scipy
+
+    filtering = estimate.filtering
+    return [
+        ("chain", f"{estimate.chain}: {model.title}"),
+        ("sensor set", estimate.sensor_set),
+        ("SHA-256 of the spec", model.spec_sha256),
+        ("modelgen", modelgen.__version__),
+        ("Python, NumPy, SciPy", f"{platform.python_version()}, {np.__version__}, {scipy.__version__}"),
+        ("method", f"{estimate.method}: {estimate.method_title}"),
+        ("filter order, cut-off", f"{filtering.filter_order}, {filtering.cutoff_hz:.6g} Hz"),
+        ("cut-off of directions", f"{filtering.direction_cutoff_hz:.6g} Hz"),
+        ("decimation", ", ".join(str(factor) for factor in filtering.decimation)),
+        *((name, text) for name, text in options.items()),
+    ]

@@ -1,0 +1,158 @@
+"""The plots of a report: what is drawn small as SVG, and what the page's script draws at any zoom."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup
+
+from modelgen.report.envelope import encoded_series
+from modelgen.report.frequency import Response
+from modelgen.report.rebuilt import Autocorrelation, Rebuilt
+from modelgen.report.svg import Axis, Line, axis_for, bar_plot, heat_map, line_plot, stem_plot
+from modelgen.runtime.estimate import Estimate
+from modelgen.runtime.filters import support_samples
+from modelgen.runtime.validate import Validation
+
+# 16-bit values the page may carry in all: 3.2 MB of base64
+BUDGET = 1_200_000
+MOST_BUCKETS = 60_000
+# below this the phase of a measured response is mere chance
+LEAST_COHERENCE = 0.3
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+
+def zoomable(rows: Sequence[Rebuilt], validations: Sequence[Validation]) -> list[dict[str, Any]]:
+    """Return the plots that the script draws: rows with measured, rebuilt and residual, and closed loops."""
+    checks = [(validation, check) for validation in validations for check in validation.checks]
+    series = 3 * (len(rows) + len(checks))
+    most = min(MOST_BUCKETS, BUDGET // max(2 * series, 1))
+    plots = [
+        {
+            "title": f"{row.record}, row {row.row}" + ("" if row.has_force else " (no force: measured is zero)"),
+            "unit": row.unit,
+            "start": row.start_s,
+            "step": row.step_s,
+            "count": int(row.measured.size),
+            "series": [
+                encoded_series("measured, filtered", "measured", row.measured, most),
+                encoded_series("rebuilt", "rebuilt", row.rebuilt, most),
+                encoded_series("residual", "residual", row.residual, most),
+            ],
+        }
+        for row in rows
+    ]
+    plots += [
+        {
+            "title": f"{validation.record}, closed loop: {check.kind} of {check.channel}, fit {check.fit:.2f} %",
+            "unit": check.unit,
+            "start": check.start / validation.fs,
+            "step": 1.0 / validation.fs,
+            "count": int(check.measured.size),
+            "series": [
+                encoded_series("measured", "measured", check.measured, most),
+                encoded_series("simulated", "rebuilt", check.simulated, most),
+                encoded_series("difference", "residual", check.measured - check.simulated, most),
+            ],
+        }
+        for validation, check in checks
+    ]
+    return plots
+
+
+def autocorrelation_plot(row: Rebuilt, found: Autocorrelation) -> Markup:
+    """Return the residual's autocorrelation with the 99 % bound of a white one."""
+    lags_ms = 1e3 * found.step_s * np.arange(found.values.size)
+    x_axis = Axis("lag in ms", 0.0, float(lags_ms[-1]) or 1.0)
+    lowest = min(-0.2, 1.1 * float(found.values.min()), -1.5 * found.bound)
+    y_axis = Axis("autocorrelation", lowest, 1.05)
+    title = f"autocorrelation of the residual: {row.record}, row {row.row}"
+    return stem_plot(x_axis, y_axis, lags_ms, found.values, found.bound, title)
+
+
+def response_plots(found: Response, estimate: Estimate) -> tuple[Markup, Markup, Markup]:
+    """Return magnitude, phase and coherence, with the cut-offs marked."""
+    f = found.frequency_hz
+    x_axis = Axis("frequency in Hz", float(f[0]), float(f[-1]), True)
+    marks = _marks(estimate)
+    unnamed = [(value, "") for value, _ in marks]
+    curves = [("measured", "measured", found.measured)]
+    if found.modelled is not None:
+        curves.append(("modelled", "rebuilt", found.modelled))
+    gains = [Line(name, kind, f, np.abs(H)) for name, kind, H in curves]
+    phases = [Line(name, kind, f, _phase(H, found.coherence, name)) for name, kind, H in curves]
+    title = f"{found.sensor} over {found.force}, {found.record}"
+    gain_axis = axis_for(found.unit, [line.y for line in gains], logarithmic=True)
+    magnitude = line_plot(x_axis, gain_axis, gains, marks, title=f"magnitude of {title}")
+    phase = line_plot(
+        x_axis, Axis("phase in deg", -280.0, 100.0), phases, unnamed, title=f"phase of {title}", height=180
+    )
+    coherence = line_plot(
+        x_axis,
+        Axis("coherence", 0.0, 1.05),
+        [Line("coherence", "residual", f, found.coherence)],
+        unnamed,
+        title=f"coherence of {title}",
+        height=150,
+    )
+    return magnitude, phase, coherence
+
+
+def _marks(estimate: Estimate) -> list[tuple[float, str]]:
+    """Return the frequencies to mark in Hz, each once, with all its words."""
+    filtering = estimate.filtering
+    named = [(filtering.cutoff_hz, "cut-off"), (filtering.direction_cutoff_hz, "directions")]
+    if filtering.dynamics_hz is not None:
+        named.append((filtering.dynamics_hz, "dynamics"))
+    words: dict[float, list[str]] = {}
+    for value, word in named:
+        words.setdefault(value, []).append(word)
+    return [(value, ", ".join(found)) for value, found in words.items()]
+
+
+def _phase(H: ComplexArray, coherence: FloatArray, name: str) -> FloatArray:
+    """Return the phase in degrees, -270 to 90, with gaps where it wraps or a measured one is mere chance."""
+    phase = np.mod(np.degrees(np.angle(H)) + 270.0, 360.0) - 270.0
+    phase[1:][np.abs(np.diff(phase)) > 180.0] = np.nan
+    if name == "measured":
+        phase[coherence < LEAST_COHERENCE] = np.nan
+    return np.asarray(phase)
+
+
+def correlation_plot(estimate: Estimate) -> Markup | None:
+    """Return the correlation of the parameters as a map of colours; None for fewer than two."""
+    if len(estimate.parameters) < 2:
+        return None
+    spread = np.sqrt(np.diag(estimate.covariance))
+    spread = np.where(spread > 0.0, spread, 1.0)
+    names = [entry.name for entry in estimate.parameters]
+    return heat_map(names, estimate.covariance / np.outer(spread, spread), "correlation of the parameters")
+
+
+def singular_value_plot(values: FloatArray) -> Markup | None:
+    """Return the singular values of the weighted W, columns of unit length."""
+    kept = values[values > 0.0]
+    if not kept.size:
+        return None
+    names = [str(index + 1) for index in range(kept.size)]
+    axis = Axis("singular value", float(kept.min()) / 2.0, float(kept.max()) * 1.3, True)
+    return bar_plot(axis, kept, names, "singular values of W with columns of unit length")
+
+
+def whiteness(found: Autocorrelation) -> float:
+    """Return which share of the lags lies outside the 99 % bound, in %."""
+    outside = np.abs(found.values[1:]) > found.bound
+    return 100.0 * float(np.mean(outside)) if outside.size else 0.0
+
+
+def filter_reach_ms(estimate: Estimate, fs: float) -> float:
+    """Return the reach of the low-pass in ms: residuals nearer than that are correlated by it alone."""
+    filtering = estimate.filtering
+    return 1e3 * support_samples(filtering.filter_order, filtering.cutoff_hz, fs, 0, 0.01) / fs
+
+

@@ -1,0 +1,406 @@
+"""Excitations optimised for a sensor set, within the limits that chirp and trapezoid keep.
+
+Every record runs at a few speeds, plus a finite Fourier series of the reference's rate (Swevers et al. 1997),
+for friction and inertia, under a multisine of the feedforward force with Schroeder's phases, for the elastic
+modes. A derivative-free search changes speeds, times, amplitudes and bands; every trial is scaled up to the
+limits. The criterion is what `information` predicts: no random numbers, so that small gains show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, inf, log, pi
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, ModelgenError, Problem
+from modelgen.runtime.closed_loop import bandwidth_hz, vibration
+from modelgen.runtime.contract import Model
+from modelgen.runtime.data import Record
+from modelgen.runtime.design import PAIR, Experiment, Instrument, Precision, experiment, predict
+from modelgen.runtime.excitation import Excitation
+from modelgen.runtime.plant import Plant, make_plant
+from modelgen.runtime.simulate import Simulation, simulate
+from modelgen.runtime.write import write_record
+
+FloatArray = npt.NDArray[np.float64]
+
+LIMITS = ("position", "velocity", "force", "deflection")
+CRITERIA = ("worst", "d-optimal", "condition")
+LINES = 40
+HARMONICS = 2
+PARTS = 4
+SHORTEST_PART = 0.05
+OVERSAMPLE = 2
+# Ramps at both ends, and the lowest line of a multisine, in periods of the loop's bandwidth.
+RAMP_PERIODS = 2.0
+HIGHEST_PART_OF_FS = 0.2
+SCALINGS = 4
+MOST_SHRINKS = 20
+# The scale of a trial is met to this share below the limit.
+SAFETY = 0.999
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One record: speeds in shares of the velocity limit, the multisine in shares of the force limit.
+
+    The record is divided by `times` (shares); every part has a speed and an amplitude of the multisine. To
+    the speeds are added sines and cosines of 1, 2, ... periods a record. Amplitudes of the multisine's lines
+    are proportional to frequency to the power of -tilt.
+    """
+
+    speeds: tuple[float, ...]
+    times: tuple[float, ...]
+    forces: tuple[float, ...]
+    sines: tuple[float, ...]
+    cosines: tuple[float, ...]
+    low_hz: float
+    high_hz: float
+    tilt: float
+
+
+@dataclass(frozen=True)
+class Optimised:
+    """The optimised excitations, the limits and what is reached of them, and the gain over the pair.
+
+    `worst` and `pair_worst` are the largest predicted errors in %; `parameters` holds (name, error with the
+    pair, error now), in %.
+    """
+
+    excitations: tuple[Excitation, ...]
+    shapes: tuple[Shape, ...]
+    limits: Mapping[str, float]
+    reached: Mapping[str, float]
+    pair_worst: float
+    worst: float
+    parameters: tuple[tuple[str, float, float], ...]
+
+
+def optimise(
+    model: Model,
+    parameters: Mapping[str, float],
+    instruments: Mapping[str, Instrument],
+    *,
+    criterion: str = "worst",
+    limits: Mapping[str, float] | None = None,
+    rounds: int = 150,
+    fs: float = 5000.0,
+    duration_s: float = 2.0,
+    method: str | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Optimised:
+    """Return two records that tell more than chirp and trapezoid of the same length within the same limits.
+
+    Parameters
+    ----------
+    model, parameters, instruments, method
+        As in `modelgen.runtime.design.experiment`.
+    criterion : str
+        "worst": largest predicted error of a parameter; "d-optimal": geometric mean of all; "condition":
+        condition number of the weighted observation matrix.
+    limits : mapping of str to float, optional
+        Peaks (SI) of "position" (travel from the start), "velocity", "force", "deflection"; what is not given
+        is what the pair reaches.
+    rounds : int
+        Trials.
+    fs, duration_s : float
+        Sampling frequency in Hz; duration in s of each of the two records.
+
+    Raises
+    ------
+    DataError
+        For an unknown criterion or limit.
+    """
+    _check(criterion, limits or {})
+    say = progress or (lambda _: None)
+    plant = make_plant(model, parameters)
+    pair = experiment(model, parameters, instruments, PAIR, fs=fs, duration_s=duration_s, method=method)
+    bounds = {**_peaks(plant, pair.simulations), **(limits or {})}
+    trial = _Trial(plant, instruments, bounds, criterion, fs, duration_s, method)
+    best = _search(trial, rounds, say)
+    before = {entry.name: entry.error for entry in predict(pair)[1]}
+    planned, precisions = trial.planned(best)
+    return Optimised(
+        tuple(found.reference for found in planned.simulations),
+        trial.shapes(best),
+        bounds,
+        _peaks(plant, planned.simulations),
+        max(before.values()),
+        max(entry.error for entry in precisions),
+        tuple((entry.name, before[entry.name], entry.error) for entry in precisions),
+    )
+
+
+def write_references(
+    path: Path, excitations: Sequence[Excitation], fs: float, *, overwrite: bool = False
+) -> tuple[Path, ...]:
+    """Write every excitation at the sampling frequency (Hz), for a controller to play.
+
+    Columns are reference, reference_rate and feedforward (SI); NAME.csv becomes NAME_1.csv, NAME_2.csv.
+    """
+    paths = tuple(path.with_stem(f"{path.stem}_{i}") for i in range(1, len(excitations) + 1))
+    taken = [p for p in paths if p.exists()]
+    if taken and not overwrite:
+        remedy = "choose another name, or ask to overwrite it"
+        raise DataError(*(Problem(str(p), "exists already", remedy) for p in taken))
+    for target, excitation in zip(paths, excitations, strict=True):
+        stride = round(excitation.rate_hz / fs)
+        columns = {
+            key: getattr(excitation, key)[::stride] for key in ("reference", "reference_rate", "feedforward")
+        }
+        write_record(target, Record(columns, fs, target.stem), overwrite=overwrite)
+    return paths
+
+
+def series_excitation(
+    shape: Shape,
+    plant: Plant,
+    limits: Mapping[str, float],
+    scale: tuple[float, float],
+    fs: float,
+    duration_s: float,
+) -> Excitation:
+    """Return the excitation of a shape, its rate and its multisine scaled as a whole each."""
+    t = np.arange((round(duration_s * fs) - 1) * OVERSAMPLE + 1) / (fs * OVERSAMPLE)
+    modes = vibration(plant)
+    ramp_s = min(RAMP_PERIODS / bandwidth_hz(modes), 0.5 * min(shape.times) * duration_s)
+    window = _smooth(t / ramp_s) * _smooth((t[-1] - t) / ramp_s)
+    rate, amplitude = np.zeros(t.size), np.zeros(t.size)
+    begin = 0.0
+    for speed, share, force in zip(shape.speeds, shape.times, shape.forces, strict=True):
+        end = begin + share * t[-1]
+        # neighbours overlap by half a ramp each; the multisine waits until the speed is reached
+        rate += speed * _smooth((t - begin) / ramp_s + 0.5) * _smooth((end - t) / ramp_s + 0.5)
+        amplitude += force * _smooth((t - begin) / ramp_s - 0.5) * _smooth((end - t) / ramp_s - 0.5)
+        begin = end
+    for k, (a, b) in enumerate(zip(shape.sines, shape.cosines, strict=True), start=1):
+        rate += a * np.sin(2.0 * pi * k * t / t[-1]) + b * np.cos(2.0 * pi * k * t / t[-1])
+    # in speeds of the driven body: the limit holds for the fastest one
+    rate *= scale[0] * limits["velocity"] / float(np.abs(modes.lowest).max()) * window
+    force_wave = (
+        scale[1] * limits["force"] * amplitude * multisine(t, shape.low_hz, shape.high_hz, shape.tilt)
+    )
+    reference = np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))))
+    return Excitation(reference, rate, force_wave, fs * OVERSAMPLE, "series")
+
+
+def multisine(
+    t: FloatArray, low_hz: float, high_hz: float, tilt: float = 0.0, lines: int = LINES
+) -> FloatArray:
+    """Return a multisine of peak 1: lines on whole periods of the record, Schroeder's phases.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times in s, from 0 to the end of the record.
+    low_hz, high_hz : float
+        Band in Hz.
+    tilt : float
+        Amplitudes are proportional to frequency to the power of -tilt.
+    lines : int
+        As many lines as fit, at most.
+    """
+    first, last = max(1, round(low_hz * t[-1])), max(1, round(high_hz * t[-1]))
+    count = min(lines, last - first + 1)
+    numbers = np.unique(np.round(np.linspace(first, last, count)))
+    amplitudes = numbers**-tilt
+    power = amplitudes**2 / (amplitudes**2).sum()
+    # Schroeder 1970: phases from the power below each line keep the peak low
+    phases = -2.0 * pi * np.cumsum(np.cumsum(power) - power)
+    wave = np.zeros(t.size)
+    for number, amplitude, phase in zip(numbers, amplitudes, phases, strict=True):
+        wave += amplitude * np.cos(2.0 * pi * number / t[-1] * t + phase)
+    return np.asarray(wave / np.abs(wave).max(), dtype=float)
+
+
+class _Trial:
+    """From a vector of search variables to shapes, excitations within the limits, and the criterion."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        instruments: Mapping[str, Instrument],
+        limits: Mapping[str, float],
+        criterion: str,
+        fs: float,
+        duration_s: float,
+        method: str | None,
+    ) -> None:
+        self._plant, self._instruments, self._limits = plant, instruments, limits
+        self._criterion, self._fs, self._duration_s, self._method = criterion, fs, duration_s, method
+        modes = vibration(plant)
+        elastic = modes.elastic_hz if modes.elastic_hz.size else np.array([5.0 * bandwidth_hz(modes)])
+        self._low_hz, self._high_hz = (
+            0.3 * float(elastic[0]),
+            min(1.5 * float(elastic[-1]), HIGHEST_PART_OF_FS * fs),
+        )
+
+    @property
+    def start(self) -> FloatArray:
+        """Search variables of the first trial: fast under the multisine, then slow, forward and backward."""
+        speeds, forces = [0.9, 0.08, -0.9, -0.08], [0.8, 0.0, 0.8, 0.0]
+        one = [
+            *speeds,
+            *[0.0] * PARTS,
+            *forces,
+            *[0.0] * (2 * HARMONICS),
+            log(self._low_hz),
+            log(self._high_hz),
+            0.0,
+        ]
+        return np.array(one + one)
+
+    def shapes(self, variables: FloatArray) -> tuple[Shape, ...]:
+        """Return the two shapes of a vector of search variables."""
+        found = []
+        highest = HIGHEST_PART_OF_FS * self._fs
+        for v in variables.reshape(2, -1):
+            speeds, times, forces, sines, cosines = np.split(
+                v[:-3], np.cumsum([PARTS, PARTS, PARTS, HARMONICS])
+            )
+            low = float(np.clip(exp(v[-3]), 2.0 / self._duration_s, 0.5 * highest))
+            high = float(np.clip(exp(v[-2]), 1.2 * low, highest))
+            shares = np.maximum(np.exp(times) / np.exp(times).sum(), SHORTEST_PART)
+            found.append(
+                Shape(
+                    tuple(speeds.tolist()), tuple((shares / shares.sum()).tolist()),
+                    tuple(np.maximum(forces, 0.0).tolist()), tuple(sines.tolist()), tuple(cosines.tolist()),
+                    low, high, float(v[-1]),
+                )
+            )  # fmt: skip
+        return tuple(found)
+
+    def excitations(self, variables: FloatArray) -> tuple[Excitation, ...]:
+        """Return the excitations, rate and multisine each scaled until a peak is at its limit."""
+        return tuple(self._scaled(shape) for shape in self.shapes(variables))
+
+    def _scaled(self, shape: Shape) -> Excitation:
+        rate, force = 1.0, 1.0
+        for _ in range(SCALINGS):
+            found = series_excitation(
+                shape, self._plant, self._limits, (rate, force), self._fs, self._duration_s
+            )
+            simulated = simulate(self._plant.model, self._plant.parameters, found, fs=self._fs)
+            peaks = _peaks(self._plant, [simulated])
+            share = {key: peaks[key] / self._limits[key] for key in LIMITS if self._limits[key] > 0.0}
+            slow = max(share.get("position", 0.0), share.get("velocity", 0.0))
+            fast = max(share.get("force", 0.0), share.get("deflection", 0.0))
+            if 0.98 < slow <= 1.0 and 0.98 < fast <= 1.0:
+                return found
+            rate *= SAFETY / slow
+            force *= SAFETY / fast
+        # where both depend on one another, stay on the safe side
+        for _ in range(MOST_SHRINKS):
+            found = series_excitation(
+                shape, self._plant, self._limits, (rate, force), self._fs, self._duration_s
+            )
+            peaks = _peaks(
+                self._plant, [simulate(self._plant.model, self._plant.parameters, found, fs=self._fs)]
+            )
+            share_of_all = max(peaks[key] / self._limits[key] for key in LIMITS if self._limits[key] > 0.0)
+            if share_of_all <= 1.0:
+                return found
+            rate, force = rate * SAFETY / share_of_all, force * SAFETY / share_of_all
+        raise DataError.at("limits", "cannot all be kept", "raise them, or leave some out")
+
+    def planned(self, variables: FloatArray) -> tuple[Experiment, tuple[Precision, ...]]:
+        """Return the experiment and what it promises."""
+        planned = experiment(
+            self._plant.model,
+            self._plant.parameters,
+            self._instruments,
+            self.excitations(variables),
+            fs=self._fs,
+            method=self._method,
+        )
+        return planned, predict(planned)[1]
+
+    def __call__(self, variables: FloatArray) -> float:
+        """Return the criterion's logarithm; large where the experiment fails."""
+        try:
+            planned = experiment(
+                self._plant.model,
+                self._plant.parameters,
+                self._instruments,
+                self.excitations(variables),
+                fs=self._fs,
+                method=self._method,
+            )
+            found, precisions = predict(planned)
+        except ModelgenError:
+            return 50.0
+        if self._criterion == "condition":
+            return log(found.condition_number)
+        errors = np.log([max(entry.error, 1e-300) for entry in precisions])
+        return float(errors.mean() if self._criterion == "d-optimal" else errors.max())
+
+
+def _search(trial: _Trial, rounds: int, say: Callable[[str], None]) -> FloatArray:
+    """Return the best vector of so many trials: random steps that grow with success and shrink without.
+
+    A (1+1) evolution strategy with the one-fifth rule (Rechenberg 1973); seeded.
+    """
+    rng = np.random.default_rng(0)
+    best = trial.start
+    value, step = trial(best), 0.3
+    for k in range(1, rounds):
+        # a few variables at a time: most improvements concern one record
+        move = rng.standard_normal(best.size) * (rng.random(best.size) < 0.4)
+        candidate = best + step * move
+        found = trial(candidate)
+        if found < value:
+            best, value, step = candidate, found, min(1.5 * step, 1.0)
+        else:
+            step = max(0.9 * step, 0.02)
+        if k % 10 == 0:
+            say(f"trial {k} of {rounds}: {exp(value):.4g}")
+    return best
+
+
+def _peaks(plant: Plant, simulations: Sequence[Simulation]) -> dict[str, float]:
+    """Return the largest travel, velocity, force and deflection of the simulations (SI)."""
+    gears = vibration(plant).lowest
+    key = plant.model.actuators[plant.actuator].key
+    peaks = dict.fromkeys(LIMITS, 0.0)
+    links = [
+        role.bodies
+        for role in plant.model.roles.values()
+        if role.role == "stiffness" and len(role.bodies) == 2
+    ]
+    for found in simulations:
+        q = {body: found.true[f"q_{body}"] for body in plant.bodies}
+        travel = {body: array - array[0] for body, array in q.items()}
+        rigid = {body: travel[body] / gears[i] for i, body in enumerate(plant.bodies) if gears[i]}
+        reached = {
+            "position": max(float(np.abs(array).max()) for array in travel.values()),
+            "velocity": max(float(np.abs(found.true[f"v_{body}"]).max()) for body in plant.bodies),
+            "force": float(np.abs(found.true[key]).max()),
+            "deflection": max(
+                (float(np.abs(rigid[a] - rigid[b]).max()) for a, b in links if a in rigid and b in rigid),
+                default=0.0,
+            ),
+        }
+        peaks = {name: max(peaks[name], reached[name]) for name in LIMITS}
+    return peaks
+
+
+def _smooth(ramp: FloatArray) -> FloatArray:
+    """Return a raised cosine: 0 up to ramp = 0, 1 from ramp = 1 on."""
+    return np.asarray(0.5 - 0.5 * np.cos(pi * np.clip(ramp, 0.0, 1.0)), dtype=float)
+
+
+def _check(criterion: str, limits: Mapping[str, float]) -> None:
+    problems = []
+    if criterion not in CRITERIA:
+        problems.append(Problem("criterion", f"is {criterion!r}", f"choose one of {', '.join(CRITERIA)}"))
+    for name, value in limits.items():
+        if name not in LIMITS:
+            problems.append(Problem("limits", f"{name!r} is unknown", f"choose from {', '.join(LIMITS)}"))
+        elif not 0.0 < value < inf:
+            problems.append(Problem(f"limits: {name}", f"is {value!r}", "give a finite positive number"))
+    if problems:
+        raise DataError(*problems)

@@ -1,0 +1,103 @@
+"""Does the estimate agree with itself at other cut-offs? Where it does not, the model lacks something.
+
+Instrumental variables are consistent at any cut-off as long as the model is right. A difference between two
+cut-offs is then noise, and its standard deviation follows from both fits' influence series (a test of the
+kind of Hausman 1978). What is more than noise is model error: it widens the intervals by what the estimate
+moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.choose import FilterChoice
+from modelgen.runtime.covariance import influence, long_run_covariance
+from modelgen.runtime.wls import Fit
+
+FloatArray = npt.NDArray[np.float64]
+
+# A move of more standard deviations of the difference than this is no chance.
+SIGNIFICANT = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Disagreement:
+    """How the estimate moves at one other cut-off, in the order of the fit's columns.
+
+    `move` is X there minus X here, `std` the standard deviation that noise would give it.
+    """
+
+    cutoff_hz: float
+    move: FloatArray
+    std: FloatArray
+
+    @property
+    def significant(self) -> npt.NDArray[np.bool_]:
+        """Which columns move by more than noise explains."""
+        return np.asarray(np.abs(self.move) > SIGNIFICANT * self.std)
+
+
+def disagreements(
+    fit: Fit, choice: FilterChoice, others: Sequence[tuple[FilterChoice, Fit]]
+) -> tuple[Disagreement, ...]:
+    """Compare a fit with those at other cut-offs; fits to other columns are left out."""
+    return tuple(
+        Disagreement(
+            setting.cutoff_hz,
+            other.solution.x - fit.solution.x,
+            np.sqrt(np.maximum(np.diag(_difference(fit, other, choice.decimation)), 0.0)),
+        )
+        for setting, other in others
+        if other.columns == fit.columns
+    )
+
+
+def significant_drift(found: Sequence[Disagreement], size: int) -> FloatArray:
+    """Return the mean square of the moves that noise does not explain, shape (size, size)."""
+    total = np.zeros((size, size))
+    for one in found:
+        move = np.where(one.significant, one.move, 0.0)
+        total += np.outer(move, move) / len(found)
+    return total
+
+
+def disagreement_notes(
+    found: Sequence[Disagreement], columns: Sequence[str], x: FloatArray, identified: Sequence[str]
+) -> tuple[str, ...]:
+    """Return one sentence that names what moves, or nothing."""
+    largest: dict[str, tuple[float, float]] = {}
+    for one in found:
+        for name, value, move, significant in zip(columns, x, one.move, one.significant, strict=True):
+            if significant and name in identified and value:
+                share = 100.0 * abs(float(move / value))
+                if share > largest.get(name, (0.0, 0.0))[0]:
+                    largest[name] = share, one.cutoff_hz
+    if not largest:
+        return ()
+    listed = ", ".join(f"{name} {share:.2g} % at {hz:.4g} Hz" for name, (share, hz) in largest.items())
+    return (
+        f"model error: other cut-offs move the estimate by more than noise explains ({listed}); the model "
+        "lacks dynamics, or a channel is late; the intervals include it",
+    )
+
+
+def _difference(fit: Fit, other: Fit, decimation: Sequence[int]) -> FloatArray:
+    """Return the covariance of the difference of two fits to the same records, shape (c, c)."""
+    series = []
+    starts = {block.record: block.start for block in fit.blocks}
+    theirs = {block.record: block.start for block in other.blocks}
+    pairs = zip(starts, influence(fit), influence(other), strict=True)
+    for record, mine, that in pairs:
+        # both grids on one: the nearest point of it, half a step off at most
+        shift = round((theirs[record] - starts[record]) / decimation[record])
+        first = min(0, shift)
+        length = max(len(mine), len(that) + shift) - first
+        joined = np.zeros((length, mine.shape[1]))
+        joined[shift - first : shift - first + len(that)] = that
+        joined[-first : -first + len(mine)] -= mine
+        series.append(joined)
+    return long_run_covariance(series)
