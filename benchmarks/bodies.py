@@ -2,8 +2,8 @@
 
     python benchmarks/bodies.py
 
-Every body has a position sensor and an actuator, an inertia and a viscous friction; every link a stiffness and
-a damping. By hand: the chain of `throughput.py` on all columns of W, the zeros of its rows included, and
+Every body has a position sensor and an actuator, an inertia and a viscous friction; every link a stiffness
+and a damping. By hand: the chain of `throughput.py` on all columns of W, the zeros of its rows included, and
 lstsq. Here: every signal once, a small triangle for each row, and the banded solution. The records are made
 here from sines that solve the equations of motion exactly, plus noise in the forces. One BLAS thread; both
 sides of a ratio alternate in one process and their medians are compared.

@@ -1,4 +1,4 @@
-"""What a record of ten million samples takes in memory, and whether the cost of a sample grows with the record.
+"""What ten million samples take in memory, and whether the cost of a sample grows with the record.
 
     python benchmarks/memory.py
 
@@ -20,7 +20,6 @@ import multiprocessing
 import statistics
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -42,9 +41,7 @@ def write_record(folder: Path, n: int) -> None:
     """Write a record of n samples: the one of `throughput.py`, again and again."""
     piece = made_record(two_bodies(), min(n, PIECE))
     for channel in CHANNELS:
-        target = np.lib.format.open_memmap(
-            folder / f"{channel}.npy", mode="w+", dtype=np.float64, shape=(n,)
-        )
+        target = np.lib.format.open_memmap(folder / f"{channel}.npy", mode="w+", dtype=np.float64, shape=(n,))
         for start in range(0, n, PIECE):
             stop = min(start + PIECE, n)
             target[start:stop] = piece.signals[channel][: stop - start]
@@ -72,7 +69,7 @@ def all_at_once(folder: Path) -> object:
 
 
 def rise_mb(work: Callable[[Path], object], folder: Path, warm: Path) -> float:
-    """Return how far the resident memory of a fresh process rises, in MB, after a short record has loaded the code."""
+    """Return how far the memory of a fresh process rises, in MB, once a short record has loaded the code."""
     context = multiprocessing.get_context("spawn")
     with context.Pool(1) as pool:
         return pool.apply(_rise, (work, folder, warm))

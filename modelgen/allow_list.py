@@ -72,11 +72,13 @@ def _bound_names(tree: ast.Module) -> frozenset[str]:
     }
     names |= {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
     names |= {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
-    return frozenset(names | {"np"})
+    return frozenset({*names, "np"})
 
 
 def _statement_problem(statement: ast.stmt, first: bool) -> str:
     """Return what is wrong with a statement outside all functions, or an empty text."""
+    if getattr(statement, "type_params", None):  # of Python 3.12
+        return "has type parameters"
     match statement:
         case ast.Expr(ast.Constant(str())) if first:
             return ""
@@ -86,9 +88,8 @@ def _statement_problem(statement: ast.stmt, first: bool) -> str:
         case ast.Assign([ast.Name(name)], value) if name in CONSTANTS:
             return "" if _is_literal(value) else f"computes {name} when it is imported"
         case ast.ClassDef("StateSpace", [ast.Name("NamedTuple")], [], body, []):
-            return (
-                "" if all(map(_is_field, body[1:])) and _is_text(body[0]) else "changes the class StateSpace"
-            )
+            same = _is_text(body[0]) and all(map(_is_field, body[1:]))
+            return "" if same else "changes the class StateSpace"
         case ast.FunctionDef(name) if name in FUNCTIONS:
             return ""
         case ast.FunctionDef("identify", arguments, [ast.Expr(ast.Constant()), *body], []):
@@ -135,4 +136,4 @@ def _plain_defaults(arguments: ast.arguments) -> bool:
 
 
 def _described(node: ast.AST) -> str:
-    return f"a {type(node).__name__} node"
+    return f"a node {type(node).__name__}"

@@ -2,34 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from modelgen.errors import DataError, Problem, SpecError
 
 if TYPE_CHECKING:
-    from modelgen.runtime.contract import Model
-    from modelgen.runtime.data import Record
     from modelgen.runtime.excitation import Excitation
     from modelgen.spec import ChainSpec
     from modelgen.symbolic.newton import MotionEquations
     from modelgen.symbolic.overview import SetSummary
-
-
-def read_records(
-    paths: Sequence[Path],
-    model: Model,
-    mapping: Sequence[str],
-    scales: Sequence[str],
-    fs: float | None,
-    time: str | None,
-) -> list[Record]:
-    """Read one record a file, and report the mistakes of all of them at once."""
-    from modelgen.data_arguments import DataOptions, read_files
-
-    options = DataOptions(mapping, scales, fs, time)
-    return [reading.record for reading in read_files(paths, model, options)]
 
 
 def load_chain(spec: str) -> ChainSpec:

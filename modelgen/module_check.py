@@ -71,9 +71,8 @@ def source_problems(text: str) -> list[Problem]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SyntaxWarning)
-            tree = ast.parse(text)
+            return list(allow_list_problems(ast.parse(text)))[:LISTED]
     except SyntaxError as error:
         return [Problem(f"line {error.lineno}", f"is no valid Python ({error.msg})", REMEDY)]
     except (ValueError, RecursionError, MemoryError) as error:
         return [Problem("file", f"cannot be parsed ({type(error).__name__})", REMEDY)]
-    return list(allow_list_problems(tree))[:LISTED]

@@ -49,13 +49,13 @@ def load_spec(path: str | os.PathLike[str]) -> ChainSpec:
         If the file cannot be read or is wrong; one problem for every mistake in it.
     """
     where, file = os.fspath(path), Path(path)
-    if file.is_dir():
-        raise SpecError.at(where, "is a folder", "name the TOML file in it")
-    if not file.is_file():
-        raise SpecError.at(
-            where, "is not a file that exists", "check the path, or start one with modelgen new"
-        )
+    where = where if where.isprintable() else ascii(where)
     try:
+        if file.is_dir():
+            raise SpecError.at(where, "is a folder", "name the TOML file in it")
+        if not file.is_file():
+            remedy = "check the path, or start one with modelgen new"
+            raise SpecError.at(where, "is not a file that exists", remedy)
         with file.open("rb") as stream:
             content = stream.read(MAX_BYTES + 1)
         _check_size(content, where)

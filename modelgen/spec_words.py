@@ -51,13 +51,14 @@ def suggest(name: str, names: Iterable[str], kind: str) -> str:
     known = list(names)
     close = nearest(name, known)
     if close is not None:
-        return f'did you mean "{close}"?'
+        return f"did you mean {shown(close)}?"
     return f"the {kind} are {listed(known)}" if known else f"there are no {kind} here"
 
 
 def listed(names: list[str], between: str = ", ") -> str:
     """Join names for a message, the first dozen of them."""
-    return between.join(names[:_NAMES_LISTED] + ["..."] * (len(names) > _NAMES_LISTED))
+    seen = [name if name.isprintable() and len(name) <= 64 else shown(name) for name in names[:_NAMES_LISTED]]
+    return between.join(seen + ["..."] * (len(names) > _NAMES_LISTED))
 
 
 def nearest(name: str, names: Iterable[str]) -> str | None:

@@ -6,7 +6,7 @@ factors is that of the whole record.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +16,8 @@ from modelgen.runtime.signal_plan import SignalPlan
 
 FloatArray = npt.NDArray[np.float64]
 
-# Samples between halos, all channels together; and per channel at least so many halos, lest they dominate.
-SAMPLES_IN_MEMORY = 1 << 20
+# Samples between halos; and at least so many halos, lest they dominate.
+CHUNK_SAMPLES = 1 << 18
 HALOS = 8
 
 
@@ -49,12 +49,12 @@ class Chunk:
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
         """Return samples of a channel, at most the plan's margin and `halo` beyond the chunk."""
+        if channel not in self.plan.full_rate_channels:
+            return read_continued(self.source, channel, start, stop)
         margin = self.plan.margin + self.halo
-        if channel not in self._channels:
-            self._channels[channel] = read_continued(
-                self.source, channel, self.start - margin, self.stop + margin
-            )
         low = self.start - margin
+        if channel not in self._channels:
+            self._channels[channel] = read_continued(self.source, channel, low, self.stop + margin)
         return self._channels[channel][start - low : stop - low]
 
     def direction(self, key: str, start: int, stop: int) -> FloatArray:
@@ -65,9 +65,46 @@ class Chunk:
             self._directions[key] = self.plan.direction(self.read, key, low, self.stop + margin)
         return self._directions[key][start - low : stop - low]
 
-    def signals(self) -> dict[str, FloatArray]:
-        """Return every signal, feature and the constant "1" at the samples kept."""
-        return self.plan.kept(self.read, self.direction, self.first, self.count)
+    def signals(self) -> KeptSignals:
+        """Return every signal, feature and the constant "1" at the samples kept; made when asked for."""
+        return KeptSignals(self)
+
+
+class KeptSignals(Mapping[str, FloatArray]):
+    """Signals, features and the constant "1" of a chunk at the samples kept, each made when first asked for.
+
+    `force_power` holds, per number of differentiations, the sum of the squared forces that have been made.
+    """
+
+    def __init__(self, chunk: Chunk) -> None:
+        self.chunk = chunk
+        self.force_power: dict[int, float] = {}
+        self._made: dict[str, FloatArray] = {"1": np.full(chunk.count, chunk.plan.constant)}
+
+    def __getitem__(self, key: str) -> FloatArray:
+        plan, chunk = self.chunk.plan, self.chunk
+        if key in plan.signals:
+            channel, column = plan.signals[key]
+            if channel not in self._made:
+                self._made[channel] = plan.table(chunk.read, channel, chunk.first, chunk.count)
+                for times, place in plan.forces.get(channel, {}).items():
+                    power = float(np.sum(self._made[channel][:, place] ** 2))
+                    self.force_power[times] = self.force_power.get(times, 0.0) + power
+            return self._made[channel][:, column]
+        if key not in self._made:
+            self._made[key] = plan.feature(chunk.read, chunk.direction, key, chunk.first, chunk.count)
+        return self._made[key]
+
+    def forget(self, row: int) -> None:
+        """Let go what no row after this one needs."""
+        for name in [name for name in self._made if self.chunk.plan.last_use.get(name, -1) == row]:
+            del self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.chunk.plan.signals, *self.chunk.plan.features, "1"))
+
+    def __len__(self) -> int:
+        return len(self.chunk.plan.signals) + len(self.chunk.plan.features) + 1
 
 
 def chunks(
@@ -86,7 +123,7 @@ def chunks(
     samples : int, optional
         Samples in a chunk; changes memory and speed, never the result.
     """
-    size = samples or max(SAMPLES_IN_MEMORY // len(plan.operators), HALOS * (plan.margin + halo))
+    size = samples or max(CHUNK_SAMPLES, HALOS * (plan.margin + halo))
     # whole blocks: the products are then the same whatever the size of a chunk
     block = plan.feature_operator.block
     count = -(-size // block) * block // plan.filtering.factor

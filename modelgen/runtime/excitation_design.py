@@ -1,7 +1,7 @@
 """Excitations optimised for a sensor set, within the limits that chirp and trapezoid keep.
 
 Every record runs at a few speeds, plus a finite Fourier series of the reference's rate (Swevers et al. 1997),
-for friction and inertia, under a multisine of the feedforward force with Schroeder's phases, for the elastic
+for friction and inertia, under a multisine of the feedforward force with a low crest, for the elastic
 modes. A derivative-free search changes speeds, times, amplitudes and bands; every trial is scaled up to the
 limits. The criterion is what `information` predicts: no random numbers, so that small gains show.
 """
@@ -9,7 +9,7 @@ limits. The criterion is what `information` predicts: no random numbers, so that
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, inf, log, pi
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.design import PAIR, Experiment, Instrument, Precision, experiment, predict
 from modelgen.runtime.excitation import Excitation
+from modelgen.runtime.multisine import multisine
 from modelgen.runtime.plant import Plant, make_plant
 from modelgen.runtime.simulate import Simulation, simulate
 from modelgen.runtime.write import write_record
@@ -30,13 +31,17 @@ FloatArray = npt.NDArray[np.float64]
 
 LIMITS = ("position", "velocity", "force", "deflection")
 CRITERIA = ("worst", "d-optimal", "condition")
-LINES = 40
 HARMONICS = 2
-PARTS = 4
+PARTS = 3
+CHANGED = 0.2
+# First trials: speeds in shares of the limit, bands in multiples of the elastic frequencies.
+START_SPEEDS = (0.9, 0.07, -0.9)
+START_TIMES = (-0.2, 0.3, -0.2)
+START_BANDS = ((0.3, 1.5), (0.6, 1.3), (0.8, 1.3))
 SHORTEST_PART = 0.05
 OVERSAMPLE = 2
 # Ramps at both ends, and the lowest line of a multisine, in periods of the loop's bandwidth.
-RAMP_PERIODS = 2.0
+RAMP_PERIODS = 1.5
 HIGHEST_PART_OF_FS = 0.2
 SCALINGS = 4
 MOST_SHRINKS = 20
@@ -188,35 +193,6 @@ def series_excitation(
     return Excitation(reference, rate, force_wave, fs * OVERSAMPLE, "series")
 
 
-def multisine(
-    t: FloatArray, low_hz: float, high_hz: float, tilt: float = 0.0, lines: int = LINES
-) -> FloatArray:
-    """Return a multisine of peak 1: lines on whole periods of the record, Schroeder's phases.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Times in s, from 0 to the end of the record.
-    low_hz, high_hz : float
-        Band in Hz.
-    tilt : float
-        Amplitudes are proportional to frequency to the power of -tilt.
-    lines : int
-        As many lines as fit, at most.
-    """
-    first, last = max(1, round(low_hz * t[-1])), max(1, round(high_hz * t[-1]))
-    count = min(lines, last - first + 1)
-    numbers = np.unique(np.round(np.linspace(first, last, count)))
-    amplitudes = numbers**-tilt
-    power = amplitudes**2 / (amplitudes**2).sum()
-    # Schroeder 1970: phases from the power below each line keep the peak low
-    phases = -2.0 * pi * np.cumsum(np.cumsum(power) - power)
-    wave = np.zeros(t.size)
-    for number, amplitude, phase in zip(numbers, amplitudes, phases, strict=True):
-        wave += amplitude * np.cos(2.0 * pi * number / t[-1] * t + phase)
-    return np.asarray(wave / np.abs(wave).max(), dtype=float)
-
-
 class _Trial:
     """From a vector of search variables to shapes, excitations within the limits, and the criterion."""
 
@@ -234,45 +210,32 @@ class _Trial:
         self._criterion, self._fs, self._duration_s, self._method = criterion, fs, duration_s, method
         modes = vibration(plant)
         elastic = modes.elastic_hz if modes.elastic_hz.size else np.array([5.0 * bandwidth_hz(modes)])
-        self._low_hz, self._high_hz = (
-            0.3 * float(elastic[0]),
-            min(1.5 * float(elastic[-1]), HIGHEST_PART_OF_FS * fs),
-        )
+        self._elastic_hz = float(elastic[0]), min(float(elastic[-1]), HIGHEST_PART_OF_FS * fs)
 
     @property
-    def start(self) -> FloatArray:
-        """Search variables of the first trial: fast under the multisine, then slow, forward and backward."""
-        speeds, forces = [0.9, 0.08, -0.9, -0.08], [0.8, 0.0, 0.8, 0.0]
-        one = [
-            *speeds,
-            *[0.0] * PARTS,
-            *forces,
-            *[0.0] * (2 * HARMONICS),
-            log(self._low_hz),
-            log(self._high_hz),
-            0.0,
-        ]
-        return np.array(one + one)
-
-    def shapes(self, variables: FloatArray) -> tuple[Shape, ...]:
-        """Return the two shapes of a vector of search variables."""
+    def starts(self) -> list[FloatArray]:
+        """Search variables of the first trials: a fast and a slow speed each way, several bands."""
         found = []
+        for low, high in START_BANDS:
+            band = [log(low * self._elastic_hz[0]), log(high * self._elastic_hz[1]), 0.0]
+            one = [*START_SPEEDS, *START_TIMES, *[0.8] * PARTS, *[0.0] * (2 * HARMONICS), *band]
+            found.append(np.array(one))
+        return found
+
+    def shapes(self, v: FloatArray) -> tuple[Shape, ...]:
+        """Return the shapes of a vector of search variables: one record, and its mirror image."""
         highest = HIGHEST_PART_OF_FS * self._fs
-        for v in variables.reshape(2, -1):
-            speeds, times, forces, sines, cosines = np.split(
-                v[:-3], np.cumsum([PARTS, PARTS, PARTS, HARMONICS])
-            )
-            low = float(np.clip(exp(v[-3]), 2.0 / self._duration_s, 0.5 * highest))
-            high = float(np.clip(exp(v[-2]), 1.2 * low, highest))
-            shares = np.maximum(np.exp(times) / np.exp(times).sum(), SHORTEST_PART)
-            found.append(
-                Shape(
-                    tuple(speeds.tolist()), tuple((shares / shares.sum()).tolist()),
-                    tuple(np.maximum(forces, 0.0).tolist()), tuple(sines.tolist()), tuple(cosines.tolist()),
-                    low, high, float(v[-1]),
-                )
-            )  # fmt: skip
-        return tuple(found)
+        speeds, times, forces, sines, cosines = np.split(v[:-3], np.cumsum([PARTS, PARTS, PARTS, HARMONICS]))
+        low = float(np.clip(exp(v[-3]), 2.0 / self._duration_s, 0.5 * highest))
+        high = float(np.clip(exp(v[-2]), 1.2 * low, highest))
+        shares = np.maximum(np.exp(times) / np.exp(times).sum(), SHORTEST_PART)
+        shares /= shares.sum()
+        one = Shape(
+            tuple(speeds.tolist()), tuple(shares.tolist()), tuple(np.maximum(forces, 0.0).tolist()),
+            tuple(sines.tolist()), tuple(cosines.tolist()), low, high, float(v[-1]),
+        )  # fmt: skip
+        mirrored = {key: tuple(-x for x in getattr(one, key)) for key in ("speeds", "sines", "cosines")}
+        return one, replace(one, **mirrored)
 
     def excitations(self, variables: FloatArray) -> tuple[Excitation, ...]:
         """Return the excitations, rate and multisine each scaled until a peak is at its limit."""
@@ -342,20 +305,21 @@ class _Trial:
 def _search(trial: _Trial, rounds: int, say: Callable[[str], None]) -> FloatArray:
     """Return the best vector of so many trials: random steps that grow with success and shrink without.
 
+    Each step changes a few variables only: most improvements concern one thing.
+
     A (1+1) evolution strategy with the one-fifth rule (Rechenberg 1973); seeded.
     """
     rng = np.random.default_rng(0)
-    best = trial.start
-    value, step = trial(best), 0.3
+    value, best = min(((trial(start), start) for start in trial.starts), key=lambda pair: pair[0])
+    step = 0.2
     for k in range(1, rounds):
-        # a few variables at a time: most improvements concern one record
-        move = rng.standard_normal(best.size) * (rng.random(best.size) < 0.4)
+        move = rng.standard_normal(best.size) * (rng.random(best.size) < CHANGED)
         candidate = best + step * move
         found = trial(candidate)
         if found < value:
             best, value, step = candidate, found, min(1.5 * step, 1.0)
         else:
-            step = max(0.9 * step, 0.02)
+            step = max(0.94 * step, 0.01)
         if k % 10 == 0:
             say(f"trial {k} of {rounds}: {exp(value):.4g}")
     return best

@@ -1,4 +1,4 @@
-"""The fit of `wls`, asked of triangles instead of rows: same weights, same bounds, a cost that no record's length adds to.
+"""The fit of `wls`, asked of triangles instead of rows: whatever the length of the records.
 
 Whatever a round of re-weighting needs is in the triangles; only the last one, of all rows together, is new in
 each round.
@@ -101,9 +101,13 @@ def fit_factors(model: Model, records: Sequence[RecordFactors], banded: bool | N
         for factor in record.rows
         if factor.samples
     }
+
+    def own_scale(key: tuple[int, int]) -> float:
+        return records[key[0]].force_scale(model.rows[key[1]].differentiated)
+
     scales = _force_scales(model, records, blocks)
     forced = {
-        key: block.force_norm > LEAST_FORCE * _own_scale(records, key, block) * np.sqrt(block.samples)
+        key: block.force_norm > LEAST_FORCE * own_scale(key) * np.sqrt(block.samples)
         for key, block in blocks.items()
     }
     columns = _columns(model, blocks)
@@ -194,11 +198,6 @@ def _solve(
     return _Solution(x, found.inverse, np.diag(found.inverse), found.undetermined, found.condition_number)
 
 
-def _own_scale(records: Sequence[RecordFactors], key: tuple[int, int], block: RowFactor) -> float:
-    """Return the rms of the forces of one record, differentiated as often as the row."""
-    return float(np.sqrt(block.force_power / records[key[0]].grid))
-
-
 def _force_scales(
     model: Model, records: Sequence[RecordFactors], blocks: dict[tuple[int, int], RowFactor]
 ) -> dict[tuple[int, int], float]:
@@ -207,6 +206,6 @@ def _force_scales(
     for times in dict.fromkeys(row.differentiated for row in model.rows):
         alike = [key for key in blocks if model.rows[key[1]].differentiated == times]
         samples = sum(records[key[0]].grid for key in alike)
-        power = sum(blocks[key].force_power for key in alike)
+        power = sum(records[key[0]].force_power.get(times, 0.0) for key in alike)
         scale_of[times] = (float(np.sqrt(power / samples)) if samples else 0.0) or 1.0
     return {key: scale_of[model.rows[key[1]].differentiated] for key in blocks}

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.runtime.triangle import triangle_of
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
@@ -112,16 +114,13 @@ def _taken(
     return union, grown
 
 
-def _eliminated(active: IntArray, rows: FloatArray, leaving: npt.NDArray[np.bool_]) -> tuple[
-    _Front, IntArray, FloatArray
-]:
+def _eliminated(
+    active: IntArray, rows: FloatArray, leaving: npt.NDArray[np.bool_]
+) -> tuple[_Front, IntArray, FloatArray]:
     """Return the equations of the columns that leave, and the front without them."""
     gone, staying = active[leaving], active[~leaving]
     place = np.concatenate([np.flatnonzero(leaving), np.flatnonzero(~leaving), [len(active)]])
-    R = np.linalg.qr(rows[:, place], mode="r")
-    missing = R.shape[1] - len(R)
-    if missing > 0:
-        R = np.vstack([R, np.zeros((missing, R.shape[1]))])
+    R = triangle_of(rows[:, place])
     k = len(gone)
     return _Front(gone, staying, R[:k, :k], R[:k, k:-1], R[:k, -1]), staying, R[k:, k:]
 

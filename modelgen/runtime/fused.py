@@ -2,8 +2,9 @@
 
 The kernel of filters and differences is a sum of decaying exponentials away from its middle. The record is
 cut into blocks; within a block the samples kept are one matrix product with the kernel itself, and all that
-lies farther away reaches them through two states, one that runs forward and one that runs backward. A sum over
-powers of two of blocks carries the states from block to block. Only samples that are kept are ever computed.
+lies farther away reaches them through two states, one that runs forward and one that runs backward. A sum
+over powers of two of blocks carries the states from block to block. Only samples that are
+kept are ever computed.
 """
 
 from __future__ import annotations

@@ -22,7 +22,8 @@ from modelgen.runtime.covariance import hac_covariance
 from modelgen.runtime.data import Record
 from modelgen.runtime.filtered_record import FilteredRecord
 from modelgen.runtime.physical import Covariances, physical_parameters
-from modelgen.runtime.wls import Fit, least_squares
+from modelgen.runtime.two_stage import two_stage
+from modelgen.runtime.wls import Fit
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -30,8 +31,6 @@ ROUNDS = 20
 # Converged: no parameter moves by more than this share of its standard deviation, or of its value.
 SMALL_MOVE = 0.01
 SMALL_CHANGE = 1e-6
-# A correlation of W with its instruments below this makes them useless.
-LEAST_STRENGTH = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +73,14 @@ def fit_iv(start: Fit, setting: Setting) -> Fit:
     )
 
 
+def starting_at(fit: Fit, start: Fit) -> Fit:
+    """Return the fit with the solution of another one to the same columns."""
+    if fit.columns != start.columns:
+        return fit
+    residuals = tuple(block.Y - block.W @ start.solution.x for block in fit.blocks)
+    return replace(fit, solution=start.solution, residuals=residuals)
+
+
 def diverged(what: str) -> IdentifiabilityError:
     """Return the error that tells that the iteration of instruments failed."""
     remedy = "use method wls, give better first values by another cutoff_hz, or check the model"
@@ -104,24 +111,9 @@ def instruments(fit: Fit, setting: Setting) -> tuple[FloatArray, ...]:
 
 
 def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
-    """Return the instrumental-variable fit: weights from the residuals, Z projected onto W.
-
-    The projection Z P with P = (Z^T Z)^-1 Z^T W gives the same X and keeps everything symmetric
-    (two-stage least squares).
-    """
+    """Return the instrumental-variable fit with weights from the residuals."""
     weights = tuple(1.0 / max(float(np.sqrt(np.mean(e**2))), np.finfo(float).tiny) for e in fit.residuals)
-    stacked = np.concatenate([w * z for w, z in zip(weights, Z, strict=True)])
-    W = np.concatenate([w * b.W for w, b in zip(weights, fit.blocks, strict=True)])
-    Y = np.concatenate([w * b.Y for w, b in zip(weights, fit.blocks, strict=True)])
-    scale = np.linalg.norm(stacked, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    P = np.linalg.lstsq(stacked / scale, W, rcond=None)[0] / scale[:, None]
-    solution = least_squares(stacked @ P, Y)
-    residuals = tuple(block.Y - block.W @ solution.x for block in fit.blocks)
-    projected = tuple(z @ P for z in Z)
-    return replace(
-        fit, solution=solution, weights=weights, residuals=residuals, projected=projected, notes=()
-    )
+    return two_stage(replace(fit, weights=weights, notes=()), Z)
 
 
 def simulation_parameters(model: Model, fit: Fit) -> dict[str, float]:
@@ -129,7 +121,10 @@ def simulation_parameters(model: Model, fit: Fit) -> dict[str, float]:
     base = np.zeros(len(model.base_parameters))
     for name, value in zip(fit.columns, fit.solution.x, strict=True):
         base[model.base_parameters.index(name)] = value
-    found = dict(model.physical_from_base(base))
+    try:
+        found = dict(model.physical_from_base(base))
+    except np.linalg.LinAlgError as error:
+        raise diverged("no physical parameters belong to its estimate") from error
     if model.composites:
         covariance = hac_covariance(fit)
         nothing = np.zeros_like(covariance)

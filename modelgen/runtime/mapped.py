@@ -65,7 +65,9 @@ def open_npy(
         listed = ", ".join(f"{channel} {length}" for channel, length in lengths.items())
         raise DataError.at("record", f"channels differ in length: {listed}", "cut all to the same samples")
     first = next(iter(files.values()))
-    return NpyChannels(files, float(fs), name or first.parent.name, next(iter(lengths.values())), factors or {})
+    return NpyChannels(
+        files, float(fs), name or first.parent.name, next(iter(lengths.values())), factors or {}
+    )
 
 
 def _mapped(path: Path) -> npt.NDArray[np.generic]:
@@ -76,5 +78,7 @@ def _mapped(path: Path) -> npt.NDArray[np.generic]:
         raise DataError.at(str(path), f"is no readable .npy file ({error})", remedy) from error
     if not isinstance(array, np.memmap) or array.ndim != 1 or array.dtype.kind not in "iuf":
         shape = getattr(array, "shape", None)
-        raise DataError.at(str(path), f"holds {getattr(array, 'dtype', 'something')} of shape {shape}", remedy)
+        raise DataError.at(
+            str(path), f"holds {getattr(array, 'dtype', 'something')} of shape {shape}", remedy
+        )
     return array

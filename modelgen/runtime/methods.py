@@ -9,7 +9,8 @@ from modelgen.runtime.beside import Loop
 from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
-from modelgen.runtime.instruments import Setting, fit_iv
+from modelgen.runtime.delays import fit_with_delays
+from modelgen.runtime.instruments import Setting, fit_iv, starting_at
 from modelgen.runtime.observation import Observation, observe, rows_by_tag
 from modelgen.runtime.pham2002 import observe_paper
 from modelgen.runtime.reversal_mask import without_reversals
@@ -18,7 +19,10 @@ from modelgen.runtime.wls import Fit, fit_matched, fit_paper
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """What is to be estimated from what; see `modelgen.identify` for the options."""
+    """What is to be estimated from what; see `modelgen.identify` for the options.
+
+    `late` names the force channels whose delay is estimated as well.
+    """
 
     model: Model
     records: tuple[Record, ...]
@@ -26,6 +30,7 @@ class Job:
     drop: int = 0
     rows_for_tag: Mapping[str, Sequence[str]] | None = None
     loop: Loop | None = None
+    late: tuple[str, ...] = ()
 
     def only_rows_for_tag(self, observation: Observation) -> Observation:
         """Return the rows that the records' tags may feed."""
@@ -52,18 +57,30 @@ class Method:
 
 def run_wls(job: Job) -> tuple[Observation, Fit]:
     """Weighted least squares on matched-filtered rows."""
-    observation = observe(job.model, job.records, job.choice, job.drop)
-    observation = job.only_rows_for_tag(observation)
-    return observation, fit_matched(observation)
+
+    def rows(records: tuple[Record, ...]) -> Observation:
+        return job.only_rows_for_tag(observe(job.model, records, job.choice, job.drop))
+
+    def run(records: tuple[Record, ...], _: Fit | None) -> tuple[Observation, Fit]:
+        observation = rows(records)
+        return observation, fit_matched(observation)
+
+    return fit_with_delays(job.records, job.late, run, rows) if job.late else run(job.records, None)
 
 
 def run_iv(job: Job) -> tuple[Observation, Fit]:
     """Instrumental variables on matched-filtered rows, started from their least-squares fit."""
-    observation = observe(job.model, job.records, job.choice, job.drop)
-    observation = without_reversals(observation, job.model, job.records, job.choice, job.drop)
-    observation = job.only_rows_for_tag(observation)
-    setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
-    return observation, fit_iv(fit_matched(observation), setting)
+
+    def rows(records: tuple[Record, ...]) -> Observation:
+        return job.only_rows_for_tag(observe(job.model, records, job.choice, job.drop))
+
+    def run(records: tuple[Record, ...], start: Fit | None) -> tuple[Observation, Fit]:
+        observation = without_reversals(rows(records), job.model, records, job.choice, job.drop)
+        setting = Setting(job.model, records, job.choice, job.drop, job.loop)
+        first = fit_matched(observation)
+        return observation, fit_iv(first if start is None else starting_at(first, start), setting)
+
+    return fit_with_delays(job.records, job.late, run, rows) if job.late else run(job.records, None)
 
 
 def run_pham2002(job: Job) -> tuple[Observation, Fit]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -12,8 +11,8 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError
 from modelgen.runtime.channels import Channels
-from modelgen.runtime.chunk import Chunk, chunks
 from modelgen.runtime.choose import FilterChoice
+from modelgen.runtime.chunk import Chunk, chunks
 from modelgen.runtime.contract import Model
 from modelgen.runtime.filtered_record import SUPPORT_TOLERANCE
 from modelgen.runtime.filtering import matched_filtering
@@ -21,7 +20,7 @@ from modelgen.runtime.filters import support_samples
 from modelgen.runtime.row_factor import RowFactor, empty_factor
 from modelgen.runtime.row_mask import RowMask, row_masks
 from modelgen.runtime.row_terms import RowTerms, row_terms
-from modelgen.runtime.signal_plan import SignalPlan, force_power_key, signal_plan
+from modelgen.runtime.signal_plan import SignalPlan, signal_plan
 from modelgen.runtime.survey import NOTHING, Survey, survey_record
 
 FloatArray = npt.NDArray[np.float64]
@@ -80,20 +79,46 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class RecordFactors:
-    """The rows of one record: a triangle each, and the number of samples on its grid."""
+    """The rows of one record.
+
+    Attributes
+    ----------
+    name : str
+        Of the record.
+    grid : int
+        Samples kept, masked or not.
+    rows : tuple of RowFactor
+        A triangle for each row of the model.
+    force_power : mapping of int to float
+        Number of differentiations to the sum over the grid of the squared forces, differentiated so often.
+    """
 
     name: str
     grid: int
     rows: tuple[RowFactor, ...]
+    force_power: Mapping[int, float]
+
+    def force_scale(self, times: int) -> float:
+        """Return the rms of the forces, differentiated so often."""
+        return float(np.sqrt(self.force_power.get(times, 0.0) / self.grid))
 
     def joined(self, other: RecordFactors) -> RecordFactors:
         """Return the factors of both stretches of the record."""
         rows = tuple(a.joined(b) for a, b in zip(self.rows, other.rows, strict=True))
-        return replace(self, grid=self.grid + other.grid, rows=rows)
+        power = {
+            times: self.force_power.get(times, 0.0) + other.force_power.get(times, 0.0)
+            for times in dict.fromkeys((*self.force_power, *other.force_power))
+        }
+        return replace(self, grid=self.grid + other.grid, rows=rows, force_power=power)
 
 
 def matched_task(
-    model: Model, source: Channels, choice: FilterChoice, factor: int, drop: int = 0, samples: int | None = None
+    model: Model,
+    source: Channels,
+    choice: FilterChoice,
+    factor: int,
+    drop: int = 0,
+    samples: int | None = None,
 ) -> Task:
     """Return the task of matched filtering, masks and grid as `modelgen.identify` has them.
 
@@ -105,9 +130,7 @@ def matched_task(
     plan = signal_plan(model, matched_filtering(choice, source.fs, factor))
     deepest = max(signal.derivative for signal in model.signals)
     order, cutoff_hz = choice.filter_order, choice.cutoff_hz
-    edge = max(
-        support_samples(order, cutoff_hz, source.fs, k, SUPPORT_TOLERANCE) for k in range(deepest + 1)
-    )
+    edge = max(support_samples(order, cutoff_hz, source.fs, k, SUPPORT_TOLERANCE) for k in range(deepest + 1))
     start = max(edge, drop)
     needed = start + edge + factor * (len(model.base_parameters) + 1)
     if source.n < needed:
@@ -129,14 +152,9 @@ def full_rate(plan: SignalPlan) -> SignalPlan:
     return replace(plan, filtering=replace(plan.filtering, factor=1))
 
 
-def record_factors(task: Task, threads: int = 1) -> RecordFactors:
-    """Return the factors of a record; `threads` chunks are worked on at a time, the result is the same."""
-    parts = task.chunks()
-    if threads == 1:
-        return reduce(RecordFactors.joined, (chunk_factors(task, chunk) for chunk in parts))
-    with ThreadPoolExecutor(threads) as pool:
-        # joined in the order of the record, so that nothing depends on who was first
-        return reduce(RecordFactors.joined, pool.map(lambda chunk: chunk_factors(task, chunk), parts))
+def record_factors(task: Task) -> RecordFactors:
+    """Return the factors of a record, chunk after chunk."""
+    return reduce(RecordFactors.joined, (chunk_factors(task, chunk) for chunk in task.chunks()))
 
 
 def chunk_factors(task: Task, chunk: Chunk) -> RecordFactors:
@@ -146,12 +164,7 @@ def chunk_factors(task: Task, chunk: Chunk) -> RecordFactors:
     for terms, place in zip(task.rows, task.places(chunk), strict=True):
         lines = terms.evaluate(signals)
         used = lines if place is None else lines[:, place]
-        info = task.plan.model.rows[terms.row]
-        power = float(np.sum(signals[force_power_key(info.differentiated)]))
-        factor = replace(
-            empty_factor(terms.row, terms.columns),
-            masked=chunk.count - used.shape[1],
-            force_power=power,
-        )
+        factor = replace(empty_factor(terms.row, terms.columns), masked=chunk.count - used.shape[1])
         factors.append(factor.with_rows(used) if used.shape[1] else factor)
-    return RecordFactors(task.source.name, chunk.count, tuple(factors))
+        signals.forget(terms.row)
+    return RecordFactors(task.source.name, chunk.count, tuple(factors), dict(signals.force_power))

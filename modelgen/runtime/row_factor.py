@@ -1,7 +1,7 @@
 """RowFactor: all that least squares needs of one row of a model on one record, in a small triangle.
 
-[1 W Y] = Q R: whatever a fit asks of the rows (solution, residual, spread of a term about its mean) it can ask
-of R. Triangles of two stretches are joined by the QR of both, in any order.
+[1 W Y] = Q R: whatever a fit asks of the rows (solution, residual, spread of a term about its mean) it can
+ask of R. Triangles of two stretches are joined by the QR of both, in any order.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+
+from modelgen.runtime.triangle import triangle_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -32,8 +34,6 @@ class RowFactor:
         Upper triangular; columns 1, W, Y.
     samples, masked : int
         Samples used, and left out.
-    force_power : float
-        Sum over all samples kept, masked or not, of the squared forces, differentiated as often as the row.
     """
 
     row: int
@@ -41,30 +41,28 @@ class RowFactor:
     R: FloatArray
     samples: int = 0
     masked: int = 0
-    force_power: float = 0.0
 
     @property
     def triangle(self) -> FloatArray:
         """R of [W Y], shape (k + 1, k + 1)."""
-        return np.asarray(np.linalg.qr(self.R[:, 1:], mode="r"), dtype=float)
+        return triangle_of(self.R[:, 1:])
 
     def with_rows(self, transposed: FloatArray) -> RowFactor:
         """Return the factor with more samples, given as rows 1, W, Y of an array of shape (k + 2, n)."""
         count = transposed.shape[1] // ROWS_AT_A_TIME
         whole = transposed[:, : count * ROWS_AT_A_TIME].reshape(len(transposed), count, ROWS_AT_A_TIME)
-        small = np.linalg.qr(whole.transpose(1, 2, 0), mode="r").reshape(-1, len(transposed))
+        small = triangle_of(whole.transpose(1, 2, 0)).reshape(-1, len(transposed))
         rest = transposed[:, count * ROWS_AT_A_TIME :].T
-        R = np.linalg.qr(np.vstack([self.R, small, rest]), mode="r")
-        return replace(self, R=_square(R), samples=self.samples + transposed.shape[1])
+        R = triangle_of(np.vstack([self.R, small, rest]))
+        return replace(self, R=R, samples=self.samples + transposed.shape[1])
 
     def joined(self, other: RowFactor) -> RowFactor:
         """Return the factor of both stretches."""
         return replace(
             self,
-            R=_square(np.linalg.qr(np.vstack([self.R, other.R]), mode="r")),
+            R=triangle_of(np.vstack([self.R, other.R])),
             samples=self.samples + other.samples,
             masked=self.masked + other.masked,
-            force_power=self.force_power + other.force_power,
         )
 
     def residual_rms(self, x: FloatArray) -> float:
@@ -87,9 +85,3 @@ def empty_factor(row: int, columns: Sequence[int]) -> RowFactor:
     """Return the factor of no samples."""
     size = len(columns) + 2
     return RowFactor(row, tuple(columns), np.zeros((size, size)))
-
-
-def _square(R: FloatArray) -> FloatArray:
-    """Return R with rows of zeros where fewer rows than columns went into it."""
-    missing = R.shape[1] - R.shape[0]
-    return np.vstack([R, np.zeros((missing, R.shape[1]))]) if missing > 0 else np.asarray(R)

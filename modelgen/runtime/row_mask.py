@@ -69,8 +69,8 @@ def row_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, .
     found = []
     for row, info in enumerate(model.rows):
         if info.reversals:
-            # the row differentiates the friction as often as its order exceeds that of a motion: a jump enters
-            # as an impulse, differentiated once less
+            # the row differentiates the friction as often as its order exceeds that of a motion: a jump
+            # enters as an impulse, differentiated once less
             far = max(reach(k) for k in range(max(1, info.order - 2))) + late
             found.append(RowMask(tuple(info.reversals), far, None))
         else:

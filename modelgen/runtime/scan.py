@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from modelgen.errors import DataError
 
 FloatArray = npt.NDArray[np.float64]
 # (states running forward, states running backward, transitions) -> both changed in place
@@ -20,13 +21,26 @@ Scan = Callable[[FloatArray, FloatArray, FloatArray], None]
 
 
 def choose_scan(fast: bool | None = None) -> Scan:
-    """Return the compiled scan where numba is installed, unless `fast` says otherwise."""
-    wanted = find_spec("numba") is not None if fast is None else fast
-    return compiled_scan() if wanted else scan_all
+    """Return the compiled scan where numba works, unless `fast` says otherwise.
+
+    Raises
+    ------
+    DataError
+        When `fast` is true and numba is not there.
+    """
+    if fast is None:
+        return compiled_scan() or scan_all
+    if not fast:
+        return scan_all
+    compiled = compiled_scan()
+    if compiled is None:
+        what, remedy = "asks for compiled code, and numba cannot be imported", "install modelgen[fast]"
+        raise DataError.at("fast", what, remedy)
+    return compiled
 
 
 def scan_all(forward: FloatArray, backward: FloatArray, powers: FloatArray) -> None:
-    """Replace s_b by the sum over all blocks a up to b (from b on) of the transition over |b - a| blocks times s_a.
+    """Replace s_b by the sum over the blocks a up to b (from b on) of s_a, carried over |b - a| blocks.
 
     After step i every row holds the sum over 2^i blocks; the transition over twice the last power counts as
     zero.
@@ -60,9 +74,11 @@ def scan_in_turn(forward: Any, backward: Any, powers: Any) -> None:
 
 
 @lru_cache(maxsize=1)
-def compiled_scan() -> Scan:
-    """Return `scan_in_turn`, compiled; the machine code is kept beside the module where that can be written."""
-    from numba import njit
-
+def compiled_scan() -> Scan | None:
+    """Return `scan_in_turn`, compiled, or None; the machine code is kept where that can be written."""
+    try:
+        from numba import njit
+    except Exception:  # absent, or broken by a package it finds beside itself: it is never needed
+        return None
     compiled: Scan = njit(cache=True, nogil=True)(scan_in_turn)
     return compiled

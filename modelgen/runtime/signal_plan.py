@@ -43,7 +43,12 @@ class SignalPlan:
     directions : dict
         Velocity key to (channel, its operator at the full rate); None where the record brings the direction.
     forces : dict
-        Times a row is differentiated to the forces, differentiated as often, as in `signals`.
+        Channel of a force to {times that rows are differentiated: column of its operator's output}.
+    full_rate_channels : frozenset
+        Channels that directions and features are formed from.
+    last_use : dict
+        Channel or feature to the last row that needs it: a long chain is worked on from end to end, and
+        nothing is kept longer than that.
     constant : float
         What the filter leaves of the constant 1.
     margin : int
@@ -57,32 +62,28 @@ class SignalPlan:
     features: dict[str, Feature]
     feature_operator: FusedOperator
     directions: dict[str, tuple[str, FusedOperator | None]]
-    forces: dict[int, tuple[tuple[str, int], ...]]
+    forces: dict[str, dict[int, int]]
+    full_rate_channels: frozenset[str]
+    last_use: dict[str, int]
     constant: float
     margin: int
 
-    def kept(self, read: Reader, direction: Reader, start: int, count: int) -> dict[str, FloatArray]:
-        """Return every signal, feature and the constant "1" at count samples kept, the first at `start`."""
+    def table(self, read: Reader, channel: str, start: int, count: int) -> FloatArray:
+        """Return the derivatives of a channel at count samples kept, the first at `start`."""
+        operator = self.operators[channel]
         stop = start + (count - 1) * self.filtering.factor + 1
-        found: dict[str, FloatArray] = {"1": np.full(count, self.constant)}
-        tables = {}
-        for channel, operator in self.operators.items():
-            samples = read(channel, start - operator.reach, stop + operator.reach)
-            tables[channel] = operator.apply(samples, operator.reach, count)
-        for key, (channel, column) in self.signals.items():
-            found[key] = tables[channel][:, column]
-        for times, places in self.forces.items():
-            found[force_power_key(times)] = sum(
-                (tables[channel][:, column] ** 2 for channel, column in places), np.zeros(count)
-            )
+        samples = read(channel, start - operator.reach, stop + operator.reach)
+        return operator.apply(samples, operator.reach, count)
+
+    def feature(self, read: Reader, direction: Reader, key: str, start: int, count: int) -> FloatArray:
+        """Return a feature at count samples kept, the first at `start`."""
         reach = self.feature_operator.reach
-        for key, feature in self.features.items():
-            samples = self._feature(feature, read, direction, start - reach, stop + reach)
-            found[key] = self.feature_operator.apply(samples, reach, count)[:, 0]
-        return found
+        stop = start + (count - 1) * self.filtering.factor + 1
+        samples = self._feature(self.features[key], read, direction, start - reach, stop + reach)
+        return self.feature_operator.apply(samples, reach, count)[:, 0]
 
     def direction(self, read: Reader, key: str, start: int, stop: int) -> FloatArray:
-        """Return the velocity whose sign is a direction of motion, at the full rate, shape (stop - start,)."""
+        """Return a velocity whose sign is a direction of motion, at the full rate, shape (stop - start,)."""
         channel, operator = self.directions[key]
         if operator is None:
             return read(channel, start, stop)
@@ -137,13 +138,11 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         signals[signal.key] = (channel, len(orders.setdefault(channel, [])))
         orders[channel].append(signal.derivative)
         sections[channel] = filtering.sensors if signal.sensor else filtering.forces
-    forces: dict[int, tuple[tuple[str, int], ...]] = {}
-    actuated = dict.fromkeys(signal.actuator for signal in model.signals if signal.actuator in orders)
-    for times in dict.fromkeys(row.differentiated for row in model.rows):
-        for force in actuated:
-            if times not in orders[str(force)]:
-                orders[str(force)].append(times)
-        forces[times] = tuple((str(force), orders[str(force)].index(times)) for force in actuated)
+    forces: dict[str, dict[int, int]] = {}
+    for force in dict.fromkeys(s.actuator for s in model.signals if s.actuator in orders):
+        own = orders[str(force)]
+        own += [k for k in dict.fromkeys(row.differentiated for row in model.rows) if k not in own]
+        forces[str(force)] = {k: own.index(k) for k in dict.fromkeys(r.differentiated for r in model.rows)}
     operators = {c: operator(sections[c], tuple(orders[c]), filtering.factor) for c in orders}
     features = {feature.key: feature for feature in model.features if feature.key in used}
     feature_operator = operator(filtering.features, (0,), filtering.factor)
@@ -162,18 +161,46 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
     # a constant times one pass forward and one backward
     gain = float(squared_gain(np.asarray(filtering.features, dtype=float), np.zeros(1))[0])
     return SignalPlan(
-        model, filtering, operators, signals, features, feature_operator, directions, forces, gain, margin
+        model,
+        filtering,
+        operators,
+        signals,
+        features,
+        feature_operator,
+        directions,
+        forces,
+        _full_rate_channels(model, directions),
+        _last_use(model),
+        gain,
+        margin,
     )
-
-
-def force_power_key(times: int) -> str:
-    """Return the key of the summed squares of the forces, differentiated so often; no signal has it."""
-    return f"force power {times}"
 
 
 def channel_of(signal: Signal) -> str:
     """Return the record's channel that a signal derives from."""
     return signal.sensor or signal.actuator or signal.key
+
+
+def _full_rate_channels(
+    model: Model, directions: dict[str, tuple[str, FusedOperator | None]]
+) -> frozenset[str]:
+    """Return the channels that directions and features are formed from."""
+    channel = {signal.key: channel_of(signal) for signal in model.signals}
+    found = [name for name, _ in directions.values()]
+    for feature in model.features:
+        keys = [feature.of] if isinstance(feature.of, str) else [key for _, key in feature.of]
+        found += [channel[key] for key in (*keys, *([feature.times] if feature.times else []))]
+    return frozenset(found)
+
+
+def _last_use(model: Model) -> dict[str, int]:
+    """Return the last row that needs each channel or feature."""
+    channel = {signal.key: channel_of(signal) for signal in model.signals}
+    last: dict[str, int] = {}
+    for row, touched in enumerate(model.regressor_columns):
+        for terms in (*touched.values(), model.measurement_columns[row]):
+            last |= {channel.get(key, key): row for _, key in terms}
+    return last
 
 
 def _used_keys(model: Model) -> frozenset[str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,10 +10,10 @@ import numpy as np
 
 from modelgen.errors import DataError
 from modelgen.runtime.channel_units import states_no_unit
+from modelgen.runtime.expansion import check_mat, check_zip
 from modelgen.runtime.source import Columns, Source
 
 FS_NAMES = ("fs", "Fs")
-BROKEN = (ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error)
 
 
 def open_npz(path: Path) -> Source:
@@ -24,16 +22,19 @@ def open_npz(path: Path) -> Source:
     Raises
     ------
     DataError
-        When the file is no archive of plain arrays.
+        When the file is no archive of plain arrays, or unpacks to far more than its size.
     """
     try:
+        check_zip(path)
         # np.load would leave a file that it opened itself open when it is no archive
         with path.open("rb") as file:
             archive = np.load(file, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile):
                 raise ValueError("it holds a single array without a name")
             arrays = {name: archive[name] for name in archive.files}
-    except BROKEN as error:
+    except (OSError, DataError):
+        raise
+    except Exception as error:  # a damaged file breaks the parser in many ways
         remedy = "write it with numpy.savez, plain arrays only"
         raise DataError.at(str(path), f"is no NumPy archive ({error})", remedy) from error
     texts = {
@@ -51,7 +52,8 @@ def open_mat(path: Path) -> Source:
     Raises
     ------
     DataError
-        When the file is no MATLAB file, or h5py is missing for one of version 7.3.
+        When the file is no MATLAB file, unpacks to far more than its size, or h5py is missing for one of
+        version 7.3.
     """
     with path.open("rb") as file:
         if b"MATLAB 7.3" in file.read(128):
@@ -61,8 +63,11 @@ def open_mat(path: Path) -> Source:
     from scipy.io import loadmat
 
     try:
+        check_mat(path)
         # whosmat would list the variables without reading them, but fails where one is an object
         loaded = loadmat(path)
+    except DataError:
+        raise
     except Exception as error:  # a damaged file breaks the parser in many ways
         remedy = "export it from MATLAB with save(..., '-v7')"
         raise DataError.at(str(path), f"is no readable MATLAB file ({error})", remedy) from error

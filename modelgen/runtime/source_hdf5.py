@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from modelgen.errors import DataError
+from modelgen.runtime.expansion import check_expansion
 from modelgen.runtime.missing_reader import reader_library, unreadable
 from modelgen.runtime.source import Columns, Source
 from modelgen.runtime.source_binary import source_of_arrays
@@ -23,7 +25,7 @@ def open_hdf5(path: Path) -> Source:
     Raises
     ------
     DataError
-        When h5py is missing or the file is none.
+        When h5py is missing, the file is none, or it unpacks to far more than its size.
     """
     h5py = reader_library("h5py", path)
     arrays: Columns = {}
@@ -35,6 +37,9 @@ def open_hdf5(path: Path) -> Source:
             return
         if item.attrs.get("MATLAB_class") in (b"char", b"logical"):
             return
+        check_expansion(
+            path, item.size * item.dtype.itemsize + sum(array.nbytes for array in arrays.values())
+        )
         arrays[name.replace("/", ".")] = np.asarray(item[()])
         unit = next((item.attrs[key] for key in UNIT_ATTRIBUTES if key in item.attrs), None)
         if unit is not None:
@@ -46,7 +51,9 @@ def open_hdf5(path: Path) -> Source:
             for key, value in file.attrs.items():
                 if isinstance(value, (int, float, np.integer, np.floating)):
                     arrays.setdefault(key, np.asarray(value))
-    except OSError as error:
+    except DataError:
+        raise
+    except Exception as error:  # a damaged file breaks the library in many ways
         if not path.is_file():
             raise
         raise unreadable(path, "HDF5 file", error) from error

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from modelgen.runtime.channel_units import split_name
+from modelgen.runtime.expansion import check_expansion
 from modelgen.runtime.missing_reader import reader_library, unreadable
 from modelgen.runtime.source import Columns, Source
 
@@ -20,15 +21,17 @@ def open_parquet(path: Path) -> Source:
     Raises
     ------
     DataError
-        When pyarrow is missing or the file is none.
+        When pyarrow is missing, the file is none, or it unpacks to far more than its size.
     """
     parquet = reader_library("pyarrow.parquet", path)
     if not path.is_file():
         path.open("rb").close()
     try:
         schema = parquet.read_schema(path)
+        rows = parquet.read_metadata(path).num_rows
     except Exception as error:  # the library's own exceptions derive from several built-in ones
         raise unreadable(path, "Parquet file", error) from error
+    check_expansion(path, 8 * rows * len(schema))
     fields, units = {}, {}
     for field in schema:
         name, unit = split_name(field.name)
@@ -39,7 +42,10 @@ def open_parquet(path: Path) -> Source:
             units[name] = unit
 
     def load(names: Sequence[str]) -> Columns:
-        table = parquet.read_table(path, columns=[fields[name] for name in names])
+        try:
+            table = parquet.read_table(path, columns=[fields[name] for name in names])
+        except Exception as error:
+            raise unreadable(path, "Parquet file", error) from error
         return {name: np.asarray(table.column(fields[name]).to_numpy()) for name in names}
 
     return Source(path, tuple(fields), load, units=units)

@@ -49,7 +49,5 @@ def open_tdms(path: Path) -> Source:
     distinct = sorted(dict.fromkeys(steps.values()))
     has_clock = any(is_time_name(name) for name in columns)
     fs = 1.0 / distinct[0] if len(distinct) == 1 and not has_clock else None
-    took = (
-        (f"a TDMS file, {fs:.9g} Hz by the waveform's increment",) if fs else ("a TDMS file",)
-    )
+    took = (f"a TDMS file, {fs:.9g} Hz by the waveform's increment",) if fs else ("a TDMS file",)
     return Source(path, tuple(columns), load, fs=fs, units=units, took=took)

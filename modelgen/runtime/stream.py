@@ -1,7 +1,7 @@
 """identify_stream: model and records of any length -> parameters, in constant memory.
 
-The rows are those of `modelgen.identify` with method "wls", and so are weights and covariances; what needs the
-whole record at once (the choice of filters, the drift with them, the residual itself) is left to it.
+The rows are those of `modelgen.identify` with method "wls", and so are weights and covariances; what needs
+the whole record at once (the choice of filters, the drift with them, the residual itself) is left to it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from modelgen.runtime.choose import FilterChoice, decimation_for
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.factor_fit import FactorFit, fit_factors
-from modelgen.runtime.record_factors import RecordFactors, Task, matched_task, record_factors
+from modelgen.runtime.record_factors import RecordFactors, matched_task, record_factors
 from modelgen.runtime.stream_covariance import stream_hac_covariance
 
 FloatArray = npt.NDArray[np.float64]

@@ -1,8 +1,8 @@
 """The HAC covariance of `covariance`, over records that are read in chunks.
 
 The Bartlett kernel of a whole bandwidth S is a sum of squares of moving sums over S instants, and that of a
-broken bandwidth lies between two whole ones: the cost does not depend on the bandwidth, nor on what the memory
-holds.
+broken bandwidth lies between two whole ones: the cost does not depend on the bandwidth,
+nor on what the memory holds.
 """
 
 from __future__ import annotations
@@ -66,6 +66,7 @@ def influence_chunks(fit: FactorFit, record: int, task: Task) -> Iterator[FloatA
             if weight is None:
                 continue
             lines = terms.evaluate(signals)
+            signals.forget(terms.row)
             touched = list(terms.columns)
             error = lines[-1] - fit.x[touched] @ lines[1:-1]
             alive = [index for index, column in enumerate(touched) if column in place]
@@ -109,7 +110,7 @@ def bartlett_sum(series: Series, bandwidth: float) -> FloatArray:
 
 
 def _moving(psi: FloatArray, count: int, widths: Sequence[tuple[int, float]]) -> FloatArray:
-    """Return the weighted squares of the moving sums that end at the last `count` lines or, later, at count."""
+    """Return the weighted squares of the moving sums that end at `count` lines, after the first `edge`."""
     edge = widths[-1][0]
     sums = np.vstack([np.zeros(psi.shape[1]), np.cumsum(psi, axis=0)])
     total = np.zeros((psi.shape[1], psi.shape[1]))

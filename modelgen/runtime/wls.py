@@ -67,6 +67,8 @@ class Fit:
     projected : tuple of array
         With instrumental variables their projection on W, one array a block: the solution is then that of
         least squares on these columns. Empty for least squares.
+    delays : tuple of (str, float, float)
+        Channel of a force, by how many s it is late, and the standard deviation of that.
     """
 
     columns: tuple[str, ...]
@@ -77,6 +79,7 @@ class Fit:
     residuals: tuple[FloatArray, ...]
     notes: tuple[str, ...] = ()
     projected: tuple[FloatArray, ...] = ()
+    delays: tuple[tuple[str, float, float], ...] = ()
 
     @property
     def regressors(self) -> tuple[FloatArray, ...]:

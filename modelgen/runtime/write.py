@@ -17,7 +17,11 @@ from modelgen.runtime.data import Record
 from modelgen.runtime.source_text import RECORD_MARK
 
 RESERVED = {".csv": ("t", "time", "Time"), ".npz": ("fs", "Fs", "name", "tag", "t", "time", "Time")}
-SAFE_KEY = r"[^\s,;\"#/\\-][^,;\"/\\\t\r\n]*(?<!\s)"
+# what a spreadsheet would take for a formula (= + - @) is no beginning of a key
+SAFE_KEY = r"[^\s,;\"#/\\=+@-][^,;\"/\\\t\r\n]*(?<!\s)"
+
+# In the header: what follows a separator within a name would be a cell, and a formula, in a spreadsheet.
+NO_SEPARATORS = str.maketrans({",": "\\u002c", ";": "\\u003b"})
 
 
 def write_record(path: str | Path, record: Record, overwrite: bool = False) -> None:
@@ -50,7 +54,8 @@ def write_record(path: str | Path, record: Record, overwrite: bool = False) -> N
 def _csv(record: Record) -> bytes:
     text = io.StringIO()
     stated = {"fs": record.fs, "name": record.name, "tag": record.tag}
-    text.write(f"{RECORD_MARK}{json.dumps(stated)}\n")
+    parts = (f'"{key}": {json.dumps(value).translate(NO_SEPARATORS)}' for key, value in stated.items())
+    text.write(f"{RECORD_MARK}{{{', '.join(parts)}}}\n")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["t", *record.signals])
     columns = [np.arange(record.n) / record.fs, *record.signals.values()]

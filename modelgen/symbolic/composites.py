@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sympy.polys.rings import PolyElement
 
@@ -46,11 +46,12 @@ class Composites:
         normal = min(parts, key=lambda part: (not part.left, part.signal.order))
         terms: list[Term] = []
         for part in parts:
-            name, factor = (None, Fraction(1)) if part is normal else self._name(part.value, normal.value)
-            if part.left == (name is not None):  # it moves to the other side of the equation
-                factor = -factor
-            for body, weight in part.functional or ((part.signal.name, 1),):
-                terms.append(Term(name, part.signal._replace(name=body), factor * weight))
+            columns = [(None, Fraction(1))] if part is normal else self._columns(part.value, normal.value)
+            for column, factor in columns:
+                # what stands on one side of the equation and belongs on the other changes its sign
+                sign = -1 if part.left == (column is not None) else 1
+                for body, weight in part.functional or ((part.signal.name, 1),):
+                    terms.append(Term(column, part.signal._replace(name=body), sign * factor * weight))
         # The derivative of sign() is zero except at reversals: a row that differentiates it must avoid those.
         differentiated = [
             s.name for s, poly in row.constants.items() if s.kind != "one" and poly.degree(0) > 0
@@ -67,33 +68,48 @@ class Composites:
             return ()
         return self.named[column].parameters if column in self.named else (column,)
 
-    def _name(self, value: PolyElement, scale: PolyElement) -> tuple[str | None, Fraction]:
-        """Return (name, factor) with name * factor = value / scale; no name if that is a number."""
+    def _columns(self, value: PolyElement, scale: PolyElement) -> list[tuple[str | None, Fraction]]:
+        """Return (column, factor) pairs whose sum is value / scale; a column of None is a number.
+
+        A sum of physical parameters becomes their columns, which other rows may hold as well; a true quotient
+        or product becomes one composite.
+        """
+        numerator, denominator = value.cancel(scale)
+        if denominator.is_ground and all(sum(exponents) <= 1 for exponents in numerator):
+            names = [symbol.name for symbol in numerator.ring.symbols]
+            bottom = _fraction(denominator.LC)
+            return [
+                (names[exponents.index(1)] if any(exponents) else None, _fraction(coefficient) / bottom)
+                for exponents, coefficient in numerator.terms()
+            ]
         factor = Fraction(1)
         parts = []
-        for poly, power in zip(value.cancel(scale), (1, -1), strict=True):
+        for poly, power in ((numerator, 1), (denominator, -1)):
             content, primitive = poly.primitive()
             if primitive.LC < 0:
                 content, primitive = -content, -primitive
-            factor *= Fraction(int(content.numerator), int(content.denominator)) ** power
+            factor *= _fraction(content) ** power
             parts.append(primitive)
-        numerator, denominator = parts
+        return [(self._name(*parts), factor)]
+
+    def _name(self, numerator: PolyElement, denominator: PolyElement) -> str:
         # Rings differ between rows; the text of the quotient, in the order of the spec, does not.
         formula = quotient_text(numerator, denominator)
-        if formula == "1":
-            return None, factor
         if formula not in self._names:
             name = formula if len(formula) <= LONGEST_NAME else self._number()
             self._names[formula] = name
-            if name not in self._parameters:
-                self.named[name] = Composite(numerator, denominator, formula)
-        return self._names[formula], factor
+            self.named[name] = Composite(numerator, denominator, formula)
+        return self._names[formula]
 
     def _number(self) -> str:
         index = len(self.named) + 1
         while f"C{index}" in self._parameters or f"C{index}" in self.named:
             index += 1
         return f"C{index}"
+
+
+def _fraction(value: Any) -> Fraction:
+    return Fraction(int(value.numerator), int(value.denominator))
 
 
 def by_order(poly: PolyElement) -> Iterator[tuple[int, PolyElement]]:

@@ -1,4 +1,4 @@
-"""Gears: levers of the bodies, and the base parameters of chains whose columns differ by many powers of ten."""
+"""Gears: levers of the bodies, and base parameters of columns that differ by many powers of ten."""
 
 from __future__ import annotations
 
@@ -39,9 +39,11 @@ def test_large_gear_ratios_do_not_disturb_the_numerical_rank() -> None:
 
 
 def test_regrouping_by_large_ratios_is_exact() -> None:
-    text = SCREW.replace('inertia = "M"', 'inertia = "M", offset = "w"').replace(
-        'inertia = "J"', 'inertia = "J", offset = "o"'
-    )
-    text += 'x = { body = "carriage", measures = "acceleration" }\ny = { body = "tool", measures = "acceleration" }\n'
-    names = [b.name for b in build(parse_spec(text, "screw.toml"), "motor").base]
+    text = SCREW.replace('inertia = "M"', 'inertia = "M", offset = "w"')
+    text = text.replace('inertia = "J"', 'inertia = "J", offset = "o"')
+    text += 'x = { body = "carriage", measures = "acceleration" }\n'
+    text += 'y = { body = "tool", measures = "acceleration" }\n'
+    model = build(parse_spec(text, "screw.toml"), "motor")
+    names = [b.name for b in model.base]
     assert "o + 2000/1256637*w" in names
+    assert {"b", "d"} <= set(model.identifiable)

@@ -1,0 +1,190 @@
+"""Time alignment: how late each force channel is, with its standard deviation, and records set right.
+
+A force record that is late by tau gives Gamma(t) = record(t + tau). The row's mismatch Y - W X changes with tau
+at a rate D that is formed by moving the force a little either way; with -D as one more column the same solution
+gives the step of tau and its covariance. At the end the column is taken out again by projecting it out of the
+regressors (Frisch and Waugh 1933): X and its covariance are then those of the fit that leaves tau free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.covariance import hac_covariance
+from modelgen.runtime.data import Record
+from modelgen.runtime.observation import Observation
+from modelgen.runtime.two_stage import two_stage, with_regressors
+from modelgen.runtime.wls import Fit
+
+FloatArray = npt.NDArray[np.float64]
+# records, first values -> rows and their fit
+Run = Callable[[tuple[Record, ...], Fit | None], tuple[Observation, Fit]]
+Observe = Callable[[tuple[Record, ...]], Observation]
+
+ROUNDS = 8
+# Done when a delay moves by less than this share of its standard deviation, or of a sample.
+SMALL_STEP = 0.05
+SMALLEST_STEP = 1e-4
+# The rate of change is a difference over this part of a sample either way.
+DIFFERENCE = 0.05
+# A delay less certain than this, in samples, is not determined by the records: none is assumed.
+LARGEST_STD = 1.0
+# A delay beyond this, in samples, is no small misalignment any more.
+LARGEST_DELAY = 20.0
+POINTS = 8
+
+
+def advanced(record: Record, delays: Mapping[str, float]) -> Record:
+    """Return the record with its channels earlier by so many seconds: what was late is on time."""
+    moved = {key: delay for key, delay in delays.items() if delay and key in record.signals}
+    if not moved:
+        return record
+    signals = dict(record.signals)
+    for key, delay in moved.items():
+        signals[key] = shifted(record.signals[key], delay * record.fs)
+    return Record(signals, record.fs, record.name, record.tag)
+
+
+def shifted(samples: FloatArray, by: float) -> FloatArray:
+    """Return samples(k + by) by Lagrange interpolation through 8 points; `by` in samples, ends repeated.
+
+    Exact for polynomials of degree 7; at a tenth of the sampling frequency off by less than 1e-4.
+    """
+    whole = int(np.floor(by))
+    nodes = np.arange(POINTS) - POINTS // 2 + 1
+    fraction = by - whole
+    padded = np.concatenate([np.full(POINTS, samples[0]), samples, np.full(POINTS, samples[-1])])
+    result = np.zeros(len(samples))
+    for node in nodes:
+        others = nodes[nodes != node]
+        weight = float(np.prod((fraction - others) / (node - others)))
+        if weight:
+            place = np.clip(np.arange(len(samples)) + whole + node + POINTS, 0, len(padded) - 1)
+            result += weight * padded[place]
+    return result
+
+
+def held(samples: FloatArray) -> FloatArray:
+    """Return what a zero-order hold makes of a command: late by half a sample, and averaged over one.
+
+    The average over a sample is taken to second order, (1, 22, 1) / 24.
+    """
+    padded = np.concatenate([samples[:1], samples, samples[-1:]])
+    averaged = (padded[:-2] + 22.0 * padded[1:-1] + padded[2:]) / 24.0
+    return shifted(averaged, -0.5)
+
+
+def with_holds(records: Sequence[Record], channels: Sequence[str]) -> tuple[Record, ...]:
+    """Return the records with the commands in `channels` replaced by what a zero-order hold makes of them."""
+    return tuple(
+        Record(
+            {key: held(s) if key in channels else s for key, s in record.signals.items()},
+            record.fs,
+            record.name,
+            record.tag,
+        )
+        for record in records
+    )
+
+
+def fit_with_delays(
+    records: tuple[Record, ...], channels: Sequence[str], run: Run, observe: Observe
+) -> tuple[Observation, Fit]:
+    """Estimate delays of force channels together with the parameters, by Gauss-Newton steps.
+
+    Parameters
+    ----------
+    records : tuple of Record
+    channels : sequence of str
+        Forces, each with one delay for all records.
+    run : callable
+        Takes records (and a fit to start from) to rows and their fit.
+    observe : callable
+        Takes records to the same rows.
+
+    Returns
+    -------
+    Observation, Fit
+        With the delays compensated; the fit names them, and its covariance leaves them free.
+    """
+    sample = 1.0 / min(record.fs for record in records)
+    delays = dict.fromkeys(channels, 0.0)
+    observation, fit = run(records, None)
+    for _ in range(ROUNDS):
+        moved = tuple(advanced(record, delays) for record in records)
+        if any(delays.values()):
+            observation, fit = run(moved, fit)
+        rates = [_rates(fit, moved, channel, sample, observe) for channel in channels]
+        steps, spread = _steps(fit, rates)
+        useless = [c for c, std in zip(channels, spread, strict=True) if not std < LARGEST_STD * sample]
+        if useless:
+            left = [channel for channel in channels if channel not in useless]
+            observation, fit = fit_with_delays(records, left, run, observe) if left else run(records, None)
+            return observation, replace(fit, notes=fit.notes + _useless_notes(useless))
+        small = np.maximum(SMALL_STEP * spread, SMALLEST_STEP * sample)
+        if np.all(np.abs(steps) < small):
+            break
+        for channel, step in zip(channels, steps, strict=True):
+            limit = LARGEST_DELAY * sample
+            delays[channel] = float(np.clip(delays[channel] + np.clip(step, -sample, sample), -limit, limit))
+    found = tuple(
+        (channel, delays[channel], float(std)) for channel, std in zip(channels, spread, strict=True)
+    )
+    return observation, replace(_without(fit, rates), delays=found)
+
+
+def _rates(
+    fit: Fit, records: tuple[Record, ...], channel: str, sample: float, observe: Observe
+) -> tuple[FloatArray, ...]:
+    """Return d(Y - W X) / d tau of one channel, one array a block of the fit, per s."""
+    step = DIFFERENCE * sample
+    ends = []
+    for sign in (1.0, -1.0):
+        moved = observe(tuple(advanced(record, {channel: sign * step}) for record in records))
+        columns = [moved.columns.index(name) for name in fit.columns]
+        blocks = {(block.record, block.row): block for block in moved.blocks}
+        end = []
+        for block in fit.blocks:
+            other = blocks[block.record, block.row]
+            keep = np.searchsorted(other.place, block.place)
+            end.append(other.Y[keep] - other.W[keep][:, columns] @ fit.solution.x)
+        ends.append(end)
+    return tuple((after - before) / (2.0 * step) for after, before in zip(*ends, strict=True))
+
+
+def _with_rates(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:
+    """Return the fit with one more column a channel, whose coefficient is the step of its delay."""
+    extra = [-np.column_stack(columns) for columns in zip(*rates, strict=True)]
+    blocks = tuple(
+        replace(block, W=np.column_stack([block.W, more]))
+        for block, more in zip(fit.blocks, extra, strict=True)
+    )
+    names = tuple(f"delay {index}" for index in range(len(rates)))
+    Z = tuple(np.column_stack([r, more]) for r, more in zip(fit.regressors, extra, strict=True))
+    return two_stage(replace(fit, columns=fit.columns + names, blocks=blocks), Z)
+
+
+def _steps(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> tuple[FloatArray, FloatArray]:
+    """Return the steps of the delays and their standard deviations, shape (channels,) each."""
+    larger = _with_rates(fit, rates)
+    place = slice(len(fit.columns), None)
+    return larger.solution.x[place], np.sqrt(np.maximum(np.diag(hac_covariance(larger))[place], 0.0))
+
+
+def _without(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:
+    """Return the fit with the delays' columns projected out of its regressors."""
+    c = len(fit.columns)
+    regressors = _with_rates(fit, rates).regressors
+    stacked = np.concatenate([w * r for w, r in zip(fit.weights, regressors, strict=True)])
+    share = np.linalg.lstsq(stacked[:, c:], stacked[:, :c], rcond=None)[0]
+    return with_regressors(fit, tuple(r[:, :c] - r[:, c:] @ share for r in regressors))
+
+
+def _useless_notes(channels: Sequence[str]) -> tuple[str, ...]:
+    return tuple(
+        f"the records do not determine the delay of {channel}; none is assumed" for channel in channels
+    )

@@ -1,0 +1,47 @@
+"""A trap around every test of this folder: nothing that an input says may run a program, a pickle or its code."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+FORBIDDEN = (
+    "os.system",
+    "os.exec",
+    "os.spawn",
+    "os.posix_spawn",
+    "subprocess.Popen",
+    "pickle.find_class",
+    "socket.",
+)
+_caught: list[str] = []
+_armed: list[bool] = []
+
+
+def _watch(event: str, arguments: tuple[Any, ...]) -> None:
+    if _armed and event.startswith(FORBIDDEN):
+        _caught.append(f"{event} {arguments!r}")
+
+
+sys.addaudithook(_watch)  # cannot be taken away again: it listens while a test of this folder runs only
+
+
+@pytest.fixture(autouse=True)
+def trap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Run in an empty folder; fail when a payload has run: they write "pwned" there, or set PWNED."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PWNED", raising=False)
+    _caught.clear()
+    _armed.append(True)
+    try:
+        yield tmp_path
+    finally:
+        _armed.clear()
+    assert not list(tmp_path.rglob("pwned*"))
+    assert "PWNED" not in os.environ
+    assert _caught == []
