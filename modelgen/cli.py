@@ -23,7 +23,7 @@ from modelgen.arguments import (
     sensor_sets,
 )
 from modelgen.comparison_command import compare
-from modelgen.data_arguments import MEND_HELP, DataOptions, read_files, reading_lines
+from modelgen.data_arguments import MEND_HELP, DataOptions, direction_sources, read_files, reading_lines
 from modelgen.design_command import design
 from modelgen.errors import ModelgenError, SpecError
 from modelgen.output import print_json, report, say
@@ -151,21 +151,29 @@ def generate(
     check: Annotated[
         bool, typer.Option("--check", help="Write nothing; exit 1 if a module is not up to date.")
     ] = False,
-    target: Annotated[Literal["numpy"], typer.Option(help="What the modules compute with.")] = "numpy",
+    target: Annotated[
+        Literal["numpy", "matlab", "c"], typer.Option(help="NumPy module, MATLAB/Octave class, or C99 files.")
+    ] = "numpy",
+    templates: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Templates (*.j2) of your own in place of a target; sandboxed."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Generate one module for each sensor set of each SPEC.
 
     With --check nothing is written: what is missing, different or left over is named, with exit code 1.
     """
-    from modelgen.render.writer import check_modules, write_modules
+    from modelgen.render.target_writer import check_target, write_target
 
     chains = [(chain, sensor_sets(chain, sensors)) for chain in map(load_chain, specs)]
     if not check:
-        paths = [str(path) for chain, names in chains for path in write_modules(chain, names, folder)]
+        made = (write_target(chain, names, folder, target, templates) for chain, names in chains)
+        paths = [str(path) for written in made for path in written]
         report({"target": target, "written": paths}, [f"wrote {path}" for path in paths], as_json)
         return
-    drifts = [drift for chain, names in chains for drift in check_modules(chain, names, folder)]
+    checked = (check_target(chain, names, folder, target, templates) for chain, names in chains)
+    drifts = [drift for found in checked for drift in found]
     lines = [f"{drift.path}: {drift.state}" for drift in drifts]
     summary = (
         f"{len(drifts)} modules are not what their specs generate" if drifts else "all modules are up to date"
@@ -205,7 +213,9 @@ def import_(
 
 @app.command()
 def identify(
-    data: Annotated[list[Path], typer.Argument(metavar="DATA", help="One data file a record: see modelgen import.")],
+    data: Annotated[
+        list[Path], typer.Argument(metavar="DATA", help="One data file a record: see modelgen import.")
+    ],
     module: Annotated[Path, typer.Option("--model", metavar="MODULE.py", help="A generated module.")],
     method: Annotated[
         Literal["wls", "pham2002"], typer.Option(help="Matched filters, or the paper to the letter.")
@@ -219,12 +229,27 @@ def identify(
         typer.Option(metavar="KEY=FACTOR", help="Factor (or scalar of the file) to SI units; repeatable."),
     ] = None,
     map_file: Annotated[
-        Path | None, typer.Option(metavar="MAP.toml", help="What modelgen import wrote; --map goes before it.")
+        Path | None,
+        typer.Option(metavar="MAP.toml", help="What modelgen import wrote; --map goes before it."),
     ] = None,
     fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz.")] = None,
     time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of times.")] = None,
     time_unit: Annotated[str | None, typer.Option(metavar="UNIT", help="s, ms, us or ns; as stated.")] = None,
     mend: Annotated[list[str] | None, typer.Option(metavar="WHAT", help=MEND_HELP)] = None,
+    direction: Annotated[
+        list[str] | None,
+        typer.Option(metavar="sign_BODY=CHANNEL", help="A channel that moves with a body; repeatable."),
+    ] = None,
+    tag: Annotated[
+        list[str] | None,
+        typer.Option(metavar="RECORD=TAG", help="Tag of a record, for --pairing; repeatable."),
+    ] = None,
+    pairing: Annotated[
+        Literal["all", "pham2002"],
+        typer.Option(
+            help="Every record feeds every row, or chirps the differentiated rows and trapezoids the rest."
+        ),
+    ] = "all",
     cutoff_hz: Annotated[float | None, typer.Option(help="Cut-off in Hz of the low-pass; chosen.")] = None,
     filter_order: Annotated[int | None, typer.Option(help="Order of the low-pass; chosen.")] = None,
     decimation: Annotated[int | None, typer.Option(help="Keep every N-th sample; chosen.")] = None,
@@ -264,7 +289,9 @@ def identify(
     from modelgen.runtime.identify import identify as run
 
     model = load_model(module)
-    options = DataOptions(mapping or (), scale or (), fs, time, time_unit, map_file, mend or ())
+    options = DataOptions(
+        mapping or (), scale or (), fs, time, time_unit, map_file, mend or (), direction or (), tag or ()
+    )
     if report_file is not None:
         check_report_path(report_file, overwrite)
     readings = read_files(data, model, options, ("reference",) if controller and report_file else ())
@@ -279,6 +306,8 @@ def identify(
         drop=drop,
         prune_percent=prune_percent,
         residual_dof=residual_dof,
+        directions=direction_sources(options),
+        rows_for_tag=None if pairing == "all" else pairing,
         progress=say,
     )
     if output is not None:

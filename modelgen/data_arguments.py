@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,6 +28,8 @@ class DataOptions:
     time_unit: str | None = None
     map_file: Path | None = None
     mend: Sequence[str] = ()
+    directions: Sequence[str] = ()
+    tags: Sequence[str] = ()
 
 
 def read_files(
@@ -40,7 +42,7 @@ def read_files(
     """
     from modelgen.runtime.data import missing_name
     from modelgen.runtime.mapping_file import MappingFile, load_mapping
-    from modelgen.runtime.mapping_options import parse_mapping, parse_scales
+    from modelgen.runtime.mapping_options import parse_mapping, parse_names, parse_scales
     from modelgen.runtime.read import read
 
     given: MappingFile = load_mapping(options.map_file) if options.map_file else MappingFile()
@@ -48,7 +50,9 @@ def read_files(
     factors = {**given.scales, **parse_scales(options.scales)}
     # a misspelt key would leave the channel to a column that happens to have its name
     known = [sensor.key for sensor in model.sensors] + [actuator.key for actuator in model.actuators]
-    wanted = (*model.channels, *extra)
+    sources = direction_sources(options)
+    measured = [key for key in model.channels if key not in sources]
+    wanted = tuple(dict.fromkeys((*measured, *sources.values(), *extra)))
     channels = dict.fromkeys((*known, *wanted))
     where = str(options.map_file) if options.map_file else "--map"
     problems = [missing_name(where, "channel", key, channels) for key in columns if key not in channels]
@@ -74,7 +78,29 @@ def read_files(
             problems += error.problems
     if problems:
         raise DataError(*problems)
-    return readings
+    return _tagged(readings, parse_names("--tag", options.tags))
+
+
+def direction_sources(options: DataOptions) -> dict[str, str]:
+    """Return what --direction says: direction of a body -> channel that moves with it."""
+    from modelgen.runtime.mapping_options import parse_names
+
+    return parse_names("--direction", options.directions)
+
+
+def _tagged(readings: list[Reading], tags: dict[str, str]) -> list[Reading]:
+    from modelgen.runtime.data import missing_name
+
+    names = [reading.record.name for reading in readings]
+    problems = [missing_name("--tag", "record", name, names) for name in tags if name not in names]
+    if problems:
+        raise DataError(*problems)
+    return [
+        replace(
+            reading, record=replace(reading.record, tag=tags.get(reading.record.name, reading.record.tag))
+        )
+        for reading in readings
+    ]
 
 
 def channel_units(model: Model) -> dict[str, str]:

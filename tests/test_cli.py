@@ -13,7 +13,18 @@ from typer.testing import CliRunner, Result
 
 from modelgen.cli import app
 
-COMMANDS = ("demo", "new", "show", "generate", "identify", "simulate")
+COMMANDS = (
+    "demo",
+    "new",
+    "show",
+    "generate",
+    "import",
+    "identify",
+    "simulate",
+    "validate",
+    "compare",
+    "design",
+)
 
 
 @pytest.fixture
@@ -479,3 +490,16 @@ def test_generated_folder_is_up_to_date(repo_root: Path) -> None:
     specs = [str(path) for path in sorted(repo_root.glob("modelgen/catalog/*.toml"))]
     done = process("generate", "--check", *specs, folder=repo_root)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_identify_takes_tags_a_pairing_and_named_directions(identify: tuple[str | Path, ...]) -> None:
+    tags = ("--tag", "chirp=chirp", "--tag", "trapezoid=trapezoid")
+    rows = run_json(*identify, "--pairing", "pham2002", *tags)["rows"]
+    assert [(row["record"], row["row"]) for row in rows if row["used"]] == [
+        ("chirp", "m"),
+        ("chirp", "c"),
+        ("trapezoid", "m+c"),
+    ]
+    assert_explained(run(*identify, "--tag", "chrip=chirp"), 2, "chrip", "chirp")
+    assert_explained(run(*identify, "--direction", "sign_m=q_m"), 2, "sign_m")
+    assert_explained(run(*identify, "--direction", "sign_m"), 2, "write --direction NAME=VALUE")

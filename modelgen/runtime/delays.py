@@ -1,9 +1,10 @@
 """Time alignment: how late each force channel is, with its standard deviation, and records set right.
 
-A force record that is late by tau gives Gamma(t) = record(t + tau). The row's mismatch Y - W X changes with tau
-at a rate D that is formed by moving the force a little either way; with -D as one more column the same solution
-gives the step of tau and its covariance. At the end the column is taken out again by projecting it out of the
-regressors (Frisch and Waugh 1933): X and its covariance are then those of the fit that leaves tau free.
+A force record that is late by tau gives Gamma(t) = record(t + tau). The row's mismatch Y - W X changes with
+tau at a rate D that is formed by moving the force a little either way; with -D as one more column the same
+solution gives the step of tau and its covariance. At the end the column is taken out again by projecting it
+out of the regressors (Frisch and Waugh 1933): X and its covariance are then those of the fit that leaves tau
+free.
 """
 
 from __future__ import annotations

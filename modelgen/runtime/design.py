@@ -205,6 +205,8 @@ def physical_map(model: Model, true: Mapping[str, float], found: Information) ->
     jacobian = np.asarray(model.base_jacobian(true), dtype=float)
     jacobian = jacobian[:, [model.parameters.index(name) for name in names]]
     size = np.array([abs(true[name]) or 1.0 for name in names])
+    if len(jacobian) == len(names):
+        return np.asarray(size[:, None] * np.linalg.inv(jacobian * size), dtype=float)
     std = np.sqrt(np.diag(found.covariance))
     whitened = np.linalg.pinv(found.covariance / np.outer(std, std), hermitian=True)
     J = jacobian * size / std[:, None]

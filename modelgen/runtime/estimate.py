@@ -6,7 +6,7 @@ import html
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from statistics import NormalDist
 from types import MappingProxyType
 from typing import Any
@@ -93,8 +93,8 @@ class Estimate:
         Norm of the weighted residual, relative to the weighted measurement (not in %) and as it is.
     sigma : float
         Standard deviation of the weighted residual; `residual_dof` says with which degrees of freedom.
-    delays : mapping of str to float
-        Delay in s of every force, where the method estimates them.
+    delays, delay_std : mapping of str to float
+        Delay in s of every force, and its standard deviation, where the method estimates them.
     rows : tuple of RowDiagnostics
     pruning : Pruning
         What is left without parameters of a large relative standard deviation.
@@ -133,19 +133,22 @@ class Estimate:
     filtering: FilterChoice
     notes: tuple[str, ...]
     other_solutions: tuple[Mapping[str, float], ...] = ()
+    delay_std: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("covariance", "noise_covariance", "printed_covariance", "base", "resid"):
             array = np.array(getattr(self, name), dtype=float)
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        for name in ("nuisance", "not_identifiable", "delays"):
+        for name in ("nuisance", "not_identifiable", "delays", "delay_std"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def __reduce__(self) -> tuple[Any, ...]:
         # a mapping proxy cannot be sent to another process, a dict can
         values = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        values |= {name: dict(values[name]) for name in ("nuisance", "not_identifiable", "delays")}
+        values |= {
+            name: dict(values[name]) for name in ("nuisance", "not_identifiable", "delays", "delay_std")
+        }
         return _rebuild, (values,)
 
     @property
@@ -232,6 +235,7 @@ class Estimate:
             "sigma": self.sigma,
             "residual_dof": self.residual_dof,
             "delays": self.delays,
+            "delay_std": self.delay_std,
             "rows": [asdict(row) for row in self.rows],
             "pruning": asdict(self.pruning),
             "filtering": asdict(self.filtering),

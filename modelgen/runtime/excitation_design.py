@@ -234,8 +234,11 @@ class _Trial:
             tuple(speeds.tolist()), tuple(shares.tolist()), tuple(np.maximum(forces, 0.0).tolist()),
             tuple(sines.tolist()), tuple(cosines.tolist()), low, high, float(v[-1]),
         )  # fmt: skip
-        mirrored = {key: tuple(-x for x in getattr(one, key)) for key in ("speeds", "sines", "cosines")}
-        return one, replace(one, **mirrored)
+        speeds, sines, cosines = -speeds, -sines, -cosines
+        mirrored = replace(
+            one, speeds=tuple(speeds.tolist()), sines=tuple(sines.tolist()), cosines=tuple(cosines.tolist())
+        )
+        return one, mirrored
 
     def excitations(self, variables: FloatArray) -> tuple[Excitation, ...]:
         """Return the excitations, rate and multisine each scaled until a peak is at its limit."""

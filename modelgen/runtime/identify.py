@@ -10,9 +10,12 @@ from types import ModuleType
 import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError, Problem
+from modelgen.runtime.alignment import aligned
+from modelgen.runtime.beside import Loop
 from modelgen.runtime.choose import FilterChoice, choose_filter
 from modelgen.runtime.contract import Model, model_from_module
 from modelgen.runtime.data import Record, missing_name
+from modelgen.runtime.delays import advanced
 from modelgen.runtime.direction_sources import direction_problems, wanted_directions, with_directions
 from modelgen.runtime.drift import cutoff_drift, load_row_drift, other_cutoffs
 from modelgen.runtime.estimate import Estimate
@@ -42,6 +45,9 @@ def identify(
     drift_check: bool = True,
     rows_for_tag: Mapping[str, Sequence[str]] | str | None = None,
     directions: Mapping[str, str] | None = None,
+    delays: Mapping[str, float] | str | None = None,
+    held: Sequence[str] = (),
+    loop: Loop | None = None,
     progress: Progress | None = None,
 ) -> Estimate:
     """Identify the parameters of a model from measured records.
@@ -74,6 +80,13 @@ def identify(
     directions : mapping of str to str, optional
         Where the direction of a body comes from that has no position or velocity sensor: ``sign_BODY`` -> a
         channel that moves with it, see `modelgen.runtime.direction_sources`.
+    delays : mapping of str to float, "estimate" or "none", optional
+        By how many s force channels are late; or whether to estimate that. By default "iv" estimates it.
+    held : sequence of str
+        Force channels that are commands behind a zero-order hold: half a sample late, averaged over one.
+    loop : Loop, optional
+        The controller at work during the records. With a channel ``reference`` in the records, "iv" simulates
+        the closed loop; otherwise it follows the measured force.
     progress : callable, optional
         Called with a few words before each step.
 
@@ -104,7 +117,8 @@ def identify(
         matched=chosen.matched,
     )
     given = with_directions(model, given, directions or {}, choice.direction_cutoff_hz)
-    job = Job(model, given, choice, drop or 0, rows_for_tags(model, rows_for_tag))
+    given, late = aligned(model, given, delays, held, chosen.consistent)
+    job = Job(model, given, choice, drop or 0, rows_for_tags(model, rows_for_tag), loop, late)
     say("filtering and solving")
     observation, fit = chosen.run(job)
     refused = not_identifiable(model, given, choice, fit)
@@ -116,8 +130,11 @@ def identify(
         say("changing cut-off and weights")
         lowest_fs = min(record.fs for record in given)
 
+        found_late = {channel: delay for channel, delay, _ in fit.delays}
+        moved = tuple(advanced(record, found_late) for record in given)
+
         def again(other: FilterChoice) -> Fit:
-            return chosen.run(replace(job, choice=other))[1]
+            return chosen.run(replace(job, records=moved, late=(), choice=other))[1]
 
         if chosen.consistent:
             found = disagreements(fit, choice, other_cutoffs(choice, lowest_fs, again))

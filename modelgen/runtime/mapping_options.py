@@ -37,6 +37,17 @@ def parse_scales(options: Iterable[str]) -> dict[str, float | str]:
     return _parse("--scale", options, form, _factor_from_text)
 
 
+def parse_names(option: str, items: Iterable[str]) -> dict[str, str]:
+    """Return the names that options such as ``"sign_c=q_b"`` give to names.
+
+    Raises
+    ------
+    DataError
+        With one problem per option that is not NAME=VALUE or repeats a name.
+    """
+    return _parse(option, items, f"write {option} NAME=VALUE", lambda text: text or None)
+
+
 def _parse(option: str, items: Iterable[str], form: str, value_of: Callable[[str], T | None]) -> dict[str, T]:
     parsed: dict[str, T] = {}
     problems = []

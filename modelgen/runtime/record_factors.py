@@ -119,6 +119,7 @@ def matched_task(
     factor: int,
     drop: int = 0,
     samples: int | None = None,
+    survey: Survey | None = None,
 ) -> Task:
     """Return the task of matched filtering, masks and grid as `modelgen.identify` has them.
 
@@ -141,8 +142,8 @@ def matched_task(
         )
     masks = row_masks(model, choice, source.fs)
     task = Task(source, plan, range(start, source.n - edge, factor), masks, samples=samples)
-    if not plan.directions:
-        return task
+    if survey is not None or not plan.directions:
+        return replace(task, survey=survey or NOTHING)
     every = Task(source, full_rate(plan), range(source.n), samples=samples)
     return replace(task, survey=survey_record(every.chunks(), plan, source.n))
 

@@ -74,8 +74,13 @@ def _quality(estimate: Estimate) -> list[str]:
         f"length, {estimate.condition_number_raw:.4f} as they are",
         f"Error norm {estimate.error_norm:.4f}, relative error {100.0 * estimate.relative_error:.4f} %, "
         f"sigma {estimate.sigma:.4f} over {DEGREES_OF_FREEDOM[estimate.residual_dof]}",
-        *(f"Delay of {name}: {1e6 * delay:.1f} us" for name, delay in estimate.delays.items()),
+        *(_delay(name, delay, estimate.delay_std.get(name)) for name, delay in estimate.delays.items()),
     ]
+
+
+def _delay(name: str, delay: float, std: float | None) -> str:
+    spread = "" if std is None else f", standard deviation {1e6 * std:.2g} us"
+    return f"Delay of {name}: {1e6 * delay:.1f} us{spread}"
 
 
 def _refused(estimate: Estimate) -> list[str]:

@@ -1,4 +1,4 @@
-"""A trap around every test of this folder: nothing that an input says may run a program, a pickle or its code."""
+"""A trap around every test of this folder: no input may run a program, load a pickle or execute code."""
 
 from __future__ import annotations
 

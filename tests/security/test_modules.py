@@ -16,6 +16,13 @@ from modelgen.spec import catalog_path, load_spec
 
 TEXT = generate(load_spec(catalog_path("emps_rigid")), "qm")
 PWN = "open('pwned', 'w').close()"
+CLASS = "class StateSpace(NamedTuple):\n    'x'\n"
+IDENTIFY = "def identify(records, **options):\n    'x'\n"
+SEAL_LINE = next(line for line in TEXT.splitlines() if "of this file" in line)
+NESTED = f"{TEXT}\nTITLE = {'-' * 100_000}1\n"
+BRACKETS = f"{TEXT}\nTITLE = {'(' * 5000}{')' * 5000}\n"
+COOKIE = f"# -*- coding: utf-7 -*-\n+AG8AcABlAG4-('pwned','w')\n{TEXT}"
+UNREADABLE = "cannot be parsed|is no valid Python"  # as the version of Python has it
 
 APPENDED = {  # statements below a good module, and the message
     "call": (PWN, "holds a node Expr"),
@@ -30,7 +37,7 @@ APPENDED = {  # statements below a good module, and the message
     "second docstring": ("'text'", "holds a node Expr"),
     "other constant": ("SECRET = 1", "holds a node Assign"),
     "constant that computes": (f"TITLE = {PWN}", "computes TITLE when it is imported"),
-    "f-string": (f"TITLE = f'{{{PWN}}}'", "computes TITLE"),
+    "f-string": ("TITLE = f'{open}'", "computes TITLE"),
     "comprehension": ("TITLE = [0 for _ in ()]", "computes TITLE"),
     "multiplication bomb": ("TITLE = 'x' * 10**10", "computes TITLE"),
     "power bomb": ("TITLE = 9**9**9", "computes TITLE"),
@@ -143,7 +150,7 @@ WHOLE = {
     "one line more": (TEXT.encode() + b"\n# more\n", "was changed after it was generated"),
     "cut short": (TEXT.encode()[:-100], "was changed after it was generated"),
     "broken syntax": (seal(TEXT + "\nx = (\n").encode(), "is no valid Python"),
-    "null byte": (seal(TEXT + "\x00").encode(), "cannot be parsed|is no valid Python"),
+    "null byte": (seal(TEXT + "\x00").encode(), UNREADABLE),
     "deep nesting": (
         seal(TEXT + "\nTITLE = " + "-" * 100_000 + "1\n").encode(),
         "cannot be parsed|is no valid Python",

@@ -1,0 +1,76 @@
+"""Two Dask worker processes against one, on the records of a fleet.
+
+    python benchmarks/fleet.py
+
+Writes one record to .npy files (deleted afterwards) that 200 records of 20 machines share under different names,
+then identifies the fleet with one and with two workers, BLAS at one thread each; runs alternate, medians are
+compared. The estimates must not depend on the number of workers.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import argparse
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from memory import CHANNELS, write_record
+from throughput import FS, GENERATED
+
+from modelgen.runtime.fleet import FleetEstimate, FleetRecord, fleet_client, identify_fleet
+from modelgen.runtime.mapped import open_npy
+
+
+def identified(client: Any, records: list[FleetRecord]) -> FleetEstimate:
+    """Return the estimates of the fleet."""
+    text = (GENERATED / "emps300_qm_qc.py").read_text()
+    return identify_fleet(client, text, records, cutoff_hz=400.0, filter_order=4, decimation=10)
+
+
+def main() -> None:
+    """Print the table."""
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
+    parser.add_argument("--records", type=int, default=200)
+    parser.add_argument("--samples", type=int, default=1_000_000)
+    parser.add_argument("--runs", type=int, default=3)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_record(folder, options.samples)
+        paths = {channel: folder / f"{channel}.npy" for channel in CHANNELS}
+        records = [
+            FleetRecord(f"machine {i % 20}", open_npy(paths, FS, name=f"record {i}"))
+            for i in range(options.records)
+        ]
+        times: dict[int, list[float]] = {1: [], 2: []}
+        found: dict[int, FleetEstimate] = {}
+        with fleet_client(workers=1) as one, fleet_client(workers=2) as two:
+            for client in (one, two):
+                identified(client, records[:4])
+            for _ in range(options.runs):
+                for workers, client in ((1, one), (2, two)):
+                    start = time.perf_counter()
+                    found[workers] = identified(client, records)
+                    times[workers].append(time.perf_counter() - start)
+    medians = {workers: statistics.median(values) for workers, values in times.items()}
+    alone, both = found[1].pooled, found[2].pooled
+    differ = max(abs(alone.params[key] - both.params[key]) / alone.bse[key] for key in alone.params)
+    print(f"estimates differ by {differ:.1e} standard deviations  (wanted: 1e-9)")
+    for workers, value in medians.items():
+        print(f"{workers} worker(s): {value:6.2f} s, {1e3 * value / options.records:6.1f} ms a record")
+    print(f"one / two workers: {medians[1] / medians[2]:.2f}  (wanted: at least 1.6)")
+
+
+if __name__ == "__main__":
+    main()

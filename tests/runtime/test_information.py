@@ -1,0 +1,103 @@
+"""Predicted covariance and bias against what repeated experiments give."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from generated import emps300_qm_ac, emps300_qm_qc
+from modelgen.errors import DataError
+from modelgen.runtime.contract import model_from_module
+from modelgen.runtime.design import (
+    Instrument,
+    Precision,
+    Prediction,
+    cheapest,
+    experiment,
+    judge_set,
+    monte_carlo,
+    predict,
+    rank,
+)
+from modelgen.runtime.methods import METHODS, Job
+
+QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
+TOOLS = {
+    "q_m": Instrument(2e-5, price=100.0),
+    "q_c": Instrument(2e-5, price=120.0),
+    "a_c": Instrument(2.0, price=30.0),
+    "Gamma_m": Instrument(1e-4, price=50.0),
+}
+
+
+def own(model: object, scale: float = 1.0) -> dict[str, Instrument]:
+    keys = [s.key for s in model.sensors] + ["Gamma_m"]  # type: ignore[attr-defined]
+    return {key: Instrument(scale * TOOLS[key].noise, price=TOOLS[key].price) for key in keys}
+
+
+@pytest.mark.parametrize("model", [QC, AC])
+def test_predictions_hold_in_two_hundred_experiments(model: object) -> None:
+    planned = experiment(model, model.parameter_sets["table_2"], own(model), method="wls")  # type: ignore[attr-defined]
+    spreads = monte_carlo(planned, 200)
+    assert [s.name for s in spreads] == list(model.parameters)  # type: ignore[attr-defined]
+    for s in spreads:
+        assert s.predicted_std == pytest.approx(s.std, rel=0.15)
+
+
+def test_the_bias_of_least_squares_is_predicted() -> None:
+    planned = experiment(QC, QC.parameter_sets["table_1"], own(QC, 5.0), method="wls")
+    spreads = {s.name: s for s in monte_carlo(planned, 40)}
+    for name in ("J_c", "F_vmc", "K"):
+        s = spreads[name]
+        # the mean of 40 is many of its standard deviations away: this is bias, not chance
+        assert abs(s.bias) > 8.0 * s.std / np.sqrt(40.0)
+        assert s.predicted_bias == pytest.approx(s.bias, rel=0.2)
+
+
+def test_a_linear_estimator_is_predicted_exactly() -> None:
+    # noise of the force alone: W is exact, least squares is linear, and every draw is the formula's own
+    p = QC.parameter_sets["light"]
+    planned = experiment(QC, p, {"Gamma_m": Instrument(1e-5)}, method="wls")
+    information = predict(planned)[0]
+    np.testing.assert_array_equal(information.bias, 0.0)
+    clean = METHODS["wls"].run(Job(QC, planned.records(None), planned.choice))[1].solution.x
+    np.testing.assert_allclose(clean, information.values, rtol=2e-3)
+    assert 1.0 < information.condition_number < 1e4
+
+
+def test_twice_the_noise_is_twice_the_deviation() -> None:
+    p = AC.parameter_sets["light"]
+    small = experiment(AC, p, own(AC, 1e-3), method="wls")
+    found = []
+    for scale in (1e-3, 2e-3):
+        tools = own(AC, scale)
+        planned = experiment(AC, p, tools, method="wls", choice=small.choice)
+        planned = type(planned)(AC, p, small.simulations, tools, "wls", small.choice, small.weights)
+        found.append([entry.std for entry in predict(planned)[1]])
+    np.testing.assert_allclose(found[1], 2.0 * np.array(found[0]), rtol=1e-4)
+
+
+def test_resolution_counts_as_noise() -> None:
+    assert Instrument(3.0, 4.0 * 12.0**0.5).std == pytest.approx(5.0)
+    with pytest.raises(DataError, match=r"instrument: price: is -1.0; give zero or a positive number"):
+        Instrument(price=-1.0)
+
+
+def prediction(name: str, error: float, price: float, missing: tuple[str, ...] = ()) -> Prediction:
+    return Prediction(name, (), price, (Precision("K", 1.0, error, 0.0),), missing, 10.0, 0.0)
+
+
+def test_sets_are_ranked_by_their_worst_parameter() -> None:
+    good, fair, cheap = prediction("a", 0.5, 300.0), prediction("b", 0.9, 200.0), prediction("c", 3.0, 10.0)
+    blind = prediction("d", 0.1, 1.0, ("F_sm",))
+    assert [p.sensor_set for p in rank([blind, cheap, fair, good])] == ["a", "b", "c", "d"]
+    assert cheapest([blind, cheap, fair, good], 1.0) is fair
+    assert cheapest([blind, cheap, fair, good], 0.1) is None
+    assert Precision("K", 1.0, 3.0, -4.0).error == 5.0
+
+
+def test_a_set_states_its_price_and_what_it_leaves_open() -> None:
+    found = judge_set("both", AC, AC.parameter_sets["light"], TOOLS, method="wls")
+    assert (found.price, found.missing, found.reason) == (180.0, (), "")
+    assert found.worst == max(entry.error for entry in found.precisions)
+    assert 0.0 < found.worst < 1.0

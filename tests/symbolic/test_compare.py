@@ -1,0 +1,87 @@
+"""Regressors compared by exact algebra."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+
+from generated import emps300_qm_ac, emps300_qm_qc, tree_mixed, tree_positions
+from modelgen.errors import ModelError
+from modelgen.formal_rows import exact, formal_regressor
+from modelgen.runtime.contract import model_from_module
+from modelgen.symbolic.compare import (
+    COMBINATION,
+    DIFFERENT,
+    EQUAL,
+    FormalRegressor,
+    FormalSignal,
+    compare,
+    differentiated,
+    rank,
+)
+
+Q1, Q2, ONE = FormalSignal("q", "m", 1), FormalSignal("q", "m", 2), FormalSignal("one", "1", 0)
+SIGN = FormalSignal("sign", "1 d1 q_m", 0)
+
+
+def rows(*given: dict[tuple[str, FormalSignal], int], title: str = "a") -> FormalRegressor:
+    exact_rows = tuple({key: Fraction(value) for key, value in row.items()} for row in given)
+    return FormalRegressor(title, tuple(f"r{i}" for i in range(len(given))), exact_rows)
+
+
+def test_the_order_of_rows_does_not_matter() -> None:
+    first, second = {("J", Q2): 1}, {("F", Q1): 2, ("O", ONE): 1}
+    assert compare(rows(first, second), rows(second, first)).verdict == EQUAL
+    assert compare(rows(first), rows(first, second)).verdict == DIFFERENT
+
+
+def test_sums_of_rows_are_equal_up_to_a_combination() -> None:
+    first, second = {("J", Q2): 1}, {("J", Q2): 3, ("F", Q1): 2}
+    mixed = {("J", Q2): 4, ("F", Q1): 2}
+    found = compare(rows(first, second), rows(first, mixed, title="b"))
+    assert found.verdict == COMBINATION
+    assert "a, row r1: a combination of rows of b" in found.lines
+
+
+def test_a_derivative_is_recognised_and_is_different() -> None:
+    row = {("", FormalSignal("force", "m", 0)): 1, ("J", Q2): -1, ("F", SIGN): -1, ("O", ONE): -1}
+    moved = {("", FormalSignal("force", "m", 1)): 1, ("J", FormalSignal("q", "m", 3)): -1}
+    found = compare(rows(row), rows(moved, title="b"))
+    assert found.verdict == DIFFERENT
+    assert found.lines == (
+        "a, row r0: row r0 is its first derivative in b",
+        "b, row r0: first derivative of row r0 of a",
+    )
+    assert differentiated({("K", FormalSignal("cube", "x", 0)): Fraction(1)}) is None
+
+
+def test_dependent_rows_do_not_count() -> None:
+    a, b = {("J", Q2): Fraction(1, 3)}, {("J", Q2): Fraction(2, 7)}
+    assert rank([a, b]) == 1
+    assert rank([]) == 0
+
+
+def test_the_sensor_sets_of_the_paper() -> None:
+    qc = formal_regressor(model_from_module(emps300_qm_qc), "qm_qc")
+    ac = formal_regressor(model_from_module(emps300_qm_ac), "qm_ac")
+    assert compare(ac, ac).verdict == EQUAL
+    found = compare(qc, ac)
+    assert found.verdict == DIFFERENT
+    assert "qm_ac, row m: second derivative of row m of qm_qc" in found.lines
+    assert "qm_ac, row c: second derivative of row c of qm_qc" in found.lines
+    assert "qm_ac, row m+c: a combination of rows of qm_qc" in found.lines
+
+
+def test_gears_and_relative_sensors_are_translated_exactly() -> None:
+    positions = formal_regressor(model_from_module(tree_positions), "positions")
+    mixed = formal_regressor(model_from_module(tree_mixed), "mixed")
+    found = compare(mixed, positions)
+    assert "mixed, row m: first derivative of row m of positions" in found.lines
+    assert "mixed, row m+g+a: a combination of rows of positions" in found.lines
+
+
+def test_coefficients_are_small_fractions_or_refused() -> None:
+    assert exact(0.05) == Fraction(1, 20)
+    with pytest.raises(ModelError, match=r"has the coefficient 1.41421356\d*, no small fraction"):
+        exact(2.0**0.5)
