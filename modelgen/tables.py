@@ -217,9 +217,11 @@ def _model_tables(described: Description) -> list[Table | Text]:
     )
     answered = Text(f"\nidentifiable: {', '.join(described['identifiable']) or 'none'}")
     absent = [Text(f"not identifiable: {name}: {why}") for name, why in described["absent"].items()]
+    given = [signal for signal in described["signals"] if signal.startswith("sign_")]
+    asked = f"directions that the records must bring, or identify --direction name: {', '.join(given)}"
     formulas = [Text(f"{n} = {f}") for n, f in described["composites"].items() if n != f]
     head = Text(f"\nSensors {described['sensor_set']}: {sensors}\n", style="bold")
-    return [head, rows, Text(""), base, *formulas, answered, *absent]
+    return [head, rows, Text(""), base, *formulas, answered, *absent, *([Text(asked)] if given else [])]
 
 
 def _equation_text(equation: Equation) -> str:
