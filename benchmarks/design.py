@@ -1,6 +1,6 @@
 """Predicted precision against Monte Carlo, and what an optimised excitation gains; not measured in time.
 
-    python benchmarks/design.py [--experiments 200] [--rounds 150] [--method wls]
+    python benchmarks/design.py [--experiments 200] [--rounds 200] [--method wls]
 
 Prints (a) predicted over found standard deviations of the six parameters of emps300, for two sensor sets and
 three parameter sets, (b) the ranking of ten sensor sets by prediction and by Monte Carlo (parameters of
@@ -34,7 +34,7 @@ def main() -> None:
     raw = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
     parser.add_argument("--experiments", type=int, default=200)
-    parser.add_argument("--rounds", type=int, default=150)
+    parser.add_argument("--rounds", type=int, default=200)
     parser.add_argument("--method", default="wls")
     given = parser.parse_args()
     chain = load_chain("emps300")

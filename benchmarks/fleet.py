@@ -2,9 +2,9 @@
 
     python benchmarks/fleet.py
 
-Writes one record to .npy files (deleted afterwards) that 200 records of 20 machines share under different names,
-then identifies the fleet with one and with two workers, BLAS at one thread each; runs alternate, medians are
-compared. The estimates must not depend on the number of workers.
+Writes one record to .npy files (deleted afterwards) that 200 records of 20 machines share under different
+names, then identifies the fleet with one and with two workers, BLAS at one thread each; runs alternate,
+medians are compared. The estimates must not depend on the number of workers.
 """
 
 from __future__ import annotations

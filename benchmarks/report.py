@@ -2,8 +2,8 @@
 
     python benchmarks/report.py
 
-The limits are 5 MB and 3 s. The time is that of a whole headless Chromium: start, parse, run the script, stop;
-beside it that of an empty page, both the median of interleaved runs.
+The limits are 5 MB and 3 s. The time is that of a whole headless Chromium: start, parse, run the script,
+stop; beside it that of an empty page, both the median of interleaved runs.
 """
 
 from __future__ import annotations
@@ -55,7 +55,14 @@ def show(page: str) -> None:
             for name, text in pages.items():
                 path = Path(folder) / f"{name.split()[0]}.html"
                 path.write_text(text, encoding="utf-8")
-                command = [chromium, "--headless=new", "--no-sandbox", "--disable-gpu", "--dump-dom", path.as_uri()]
+                command = [
+                    chromium,
+                    "--headless=new",
+                    "--no-sandbox",
+                    "--disable-gpu",
+                    "--dump-dom",
+                    path.as_uri(),
+                ]
                 started = time.perf_counter()
                 subprocess.run(command, capture_output=True, check=True, timeout=120)
                 seconds[name].append(time.perf_counter() - started)

@@ -26,8 +26,11 @@ if TYPE_CHECKING:
     )
     from modelgen.render.writer import generate
     from modelgen.runtime.contract import load_model
+    from modelgen.runtime.control_export import control_system
     from modelgen.runtime.data import Record
     from modelgen.runtime.estimate import Estimate
+    from modelgen.runtime.estimator import ChainEstimator
+    from modelgen.runtime.frame import record_from_frame
     from modelgen.runtime.identify import identify
     from modelgen.runtime.read import read_record
     from modelgen.runtime.simulate import simulate
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "ChainEstimator",
     "DataError",
     "Estimate",
     "IdentifiabilityError",
@@ -46,15 +50,18 @@ __all__ = [
     "RenderError",
     "SpecError",
     "build",
+    "control_system",
     "generate",
     "identify",
     "load_model",
     "load_spec",
     "read_record",
+    "record_from_frame",
     "simulate",
 ]
 
 _HOMES = {
+    "ChainEstimator": "modelgen.runtime.estimator",
     "DataError": "modelgen.errors",
     "Estimate": "modelgen.runtime.estimate",
     "IdentifiabilityError": "modelgen.errors",
@@ -64,11 +71,13 @@ _HOMES = {
     "RenderError": "modelgen.errors",
     "SpecError": "modelgen.errors",
     "build": "modelgen.symbolic.pipeline",
+    "control_system": "modelgen.runtime.control_export",
     "generate": "modelgen.render.writer",
     "identify": "modelgen.runtime.identify",
     "load_model": "modelgen.runtime.contract",
     "load_spec": "modelgen.spec",
     "read_record": "modelgen.runtime.read",
+    "record_from_frame": "modelgen.runtime.frame",
     "simulate": "modelgen.runtime.simulate",
 }
 

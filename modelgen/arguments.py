@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from modelgen.errors import DataError, Problem, SpecError
 
@@ -13,6 +15,10 @@ if TYPE_CHECKING:
     from modelgen.spec import ChainSpec
     from modelgen.symbolic.newton import MotionEquations
     from modelgen.symbolic.overview import SetSummary
+
+Trust = Annotated[
+    bool, typer.Option("--trust", help="Execute the module even if modelgen did not write it like this.")
+]
 
 
 def load_chain(spec: str) -> ChainSpec:
@@ -72,6 +78,13 @@ def excitation_from(text: str) -> tuple[str | Excitation, float | None]:
 
     record = read_record(text)
     return excitation_from_record(record), record.fs
+
+
+def delays_from(items: Sequence[str]) -> Mapping[str, float] | str | None:
+    """Return what --delay says: a word for all forces, or seconds for each; None if it was not given."""
+    if len(items) == 1 and "=" not in items[0]:
+        return items[0]
+    return amounts("--delay", items) if items else None
 
 
 def amounts(option: str, items: Iterable[str]) -> dict[str, float]:

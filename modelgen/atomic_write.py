@@ -62,6 +62,8 @@ def check_place(path: Path) -> None:
     """
     where = str(path) if str(path).isprintable() else ascii(str(path))
     try:
+        if "\0" in str(path):
+            raise ValueError("a null byte in its name")
         link, other = path.is_symlink(), path.exists() and not path.is_file()
     except (
         ValueError,
@@ -73,6 +75,20 @@ def check_place(path: Path) -> None:
         raise ModelgenError.at(where, "is a link", "give the path of the file itself, or remove the link")
     if other:
         raise ModelgenError.at(where, "is no regular file", "choose another name")
+
+
+def place_within(folder: Path, name: str) -> Path:
+    """Return the path of a file of this name in the folder, and nowhere else.
+
+    Raises
+    ------
+    ModelgenError
+        When the name leads elsewhere: a path, "..", a drive, an empty or unprintable name.
+    """
+    plain = name.isprintable() and name not in ("", ".", "..") and not set(name) & set("/\\:")
+    if not plain:
+        raise ModelgenError.at(ascii(name), "is no name of a file", "give a name without folders")
+    return folder / name
 
 
 def make_folder(folder: Path) -> None:

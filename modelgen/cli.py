@@ -14,8 +14,10 @@ import typer
 from typer.core import TyperGroup
 
 from modelgen.arguments import (
+    Trust,
     amounts,
     compared_sensor_sets,
+    delays_from,
     excitation_from,
     load_chain,
     parameter_values,
@@ -26,7 +28,9 @@ from modelgen.comparison_command import compare
 from modelgen.data_arguments import MEND_HELP, DataOptions, direction_sources, read_files, reading_lines
 from modelgen.design_command import design
 from modelgen.errors import ModelgenError, SpecError
-from modelgen.output import print_json, report, say
+from modelgen.examples import examples_of
+from modelgen.output import explain, print_json, report, say
+from modelgen.progress import counted
 from modelgen.validation_command import validate
 
 
@@ -38,13 +42,16 @@ class _Explained(TyperGroup):
             return super().invoke(ctx)
         except ModelgenError as error:
             for problem in error.problems:
-                typer.echo(f"error: {problem}", err=True)
+                explain(problem)
             raise typer.Exit(error.exit_code) from error
         except BrokenPipeError:
             raise  # the reader of a pipe has gone: typer ends quietly
         except OSError as error:
             remedy = "check the path and its permissions"
             typer.echo(f"error: {error.filename or 'file'}: {error.strerror or error}; {remedy}", err=True)
+            raise typer.Exit(2) from error
+        except MemoryError as error:
+            typer.echo("error: memory: is not enough; give fewer, shorter or decimated records", err=True)
             raise typer.Exit(2) from error
         except KeyboardInterrupt as error:
             typer.echo("interrupted", err=True)
@@ -54,7 +61,7 @@ class _Explained(TyperGroup):
 app = typer.Typer(
     cls=_Explained,
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     help="Identification models of spring-coupled chains: derive, generate, simulate, identify.",
@@ -73,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     app(args=arguments, prog_name="modelgen")
 
 
-@app.command()
+@app.command(epilog=examples_of("demo"))
 def demo(as_json: Json = False) -> None:
     """Show the paper end to end: derive, simulate, identify.
 
@@ -89,7 +96,7 @@ def demo(as_json: Json = False) -> None:
         console().print(demo_tables(found))
 
 
-@app.command()
+@app.command(epilog=examples_of("new"))
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the chain: letters, digits and _.")],
     as_json: Json = False,
@@ -108,7 +115,7 @@ def new(
     report({"written": [str(path)]}, [f"wrote {path}; next: modelgen show {path}"], as_json)
 
 
-@app.command()
+@app.command(epilog=examples_of("show"))
 def show(
     spec: Spec,
     sensors: Annotated[
@@ -141,7 +148,7 @@ def show(
         console().print(chain_tables(described))
 
 
-@app.command()
+@app.command(epilog=examples_of("generate"))
 def generate(
     specs: Annotated[list[str], typer.Argument(metavar="SPEC", help="TOML files or names of the catalogue.")],
     sensors: SensorSet = None,
@@ -168,7 +175,8 @@ def generate(
 
     chains = [(chain, sensor_sets(chain, sensors)) for chain in map(load_chain, specs)]
     if not check:
-        made = (write_target(chain, names, folder, target, templates) for chain, names in chains)
+        counting = counted(chains, "generating")
+        made = (write_target(chain, names, folder, target, templates) for chain, names in counting)
         paths = [str(path) for written in made for path in written]
         report({"target": target, "written": paths}, [f"wrote {path}" for path in paths], as_json)
         return
@@ -184,7 +192,7 @@ def generate(
         raise typer.Exit(1)
 
 
-@app.command("import")
+@app.command("import", epilog=examples_of("import"))
 def import_(
     data: Annotated[Path, typer.Argument(metavar="FILE", help="A data file of any format modelgen reads.")],
     module: Annotated[
@@ -193,6 +201,7 @@ def import_(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="MAP.toml", help="FILE.map.toml if left out.")
     ] = None,
+    trust: Trust = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
@@ -204,21 +213,22 @@ def import_(
     from modelgen.importing import describe_file, import_lines
     from modelgen.runtime.contract import load_model
 
-    described = describe_file(data, load_model(module) if module else None)
+    described = describe_file(data, load_model(module, trust) if module else None)
     path = output or data.with_name(f"{data.stem}.map.toml")
     write_whole(path, described["mapping"].encode(), overwrite=overwrite)
     described["written"] = [str(path)]
     report(described, import_lines(described, path, module), as_json)
 
 
-@app.command()
+@app.command(epilog=examples_of("identify"))
 def identify(
     data: Annotated[
         list[Path], typer.Argument(metavar="DATA", help="One data file a record: see modelgen import.")
     ],
     module: Annotated[Path, typer.Option("--model", metavar="MODULE.py", help="A generated module.")],
     method: Annotated[
-        Literal["wls", "pham2002"], typer.Option(help="Matched filters, or the paper to the letter.")
+        Literal["wls", "iv", "pham2002"],
+        typer.Option(help="Matched filters, instrumental variables on them, or the paper to the letter."),
     ] = "wls",
     mapping: Annotated[
         list[str] | None,
@@ -257,6 +267,16 @@ def identify(
         float | None, typer.Option(help="Cut-off in Hz of directions of motion; chosen.")
     ] = None,
     drop: Annotated[int | None, typer.Option(help="Samples left out at the beginning of a record.")] = None,
+    delay: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=SECONDS|estimate|none", help="How late a force is; iv estimates it; repeatable."
+        ),
+    ] = None,
+    held: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY", help="A force that is a command behind a zero-order hold; repeatable."),
+    ] = None,
     prune_percent: Annotated[
         float, typer.Option(help="Relative std. deviation in % from which parameters are pruned.")
     ] = 10.0,
@@ -269,6 +289,9 @@ def identify(
     report_file: Annotated[
         Path | None, typer.Option("--report", metavar="FILE.html", help="Write everything as one HTML page.")
     ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw measured and rebuilt forces: png, svg, pdf.")
+    ] = None,
     spec: Annotated[
         str | None, typer.Option(metavar="SPEC", help="The chain, for the report's table of sensor sets.")
     ] = None,
@@ -276,6 +299,7 @@ def identify(
         Path | None,
         typer.Option(metavar="FILE.toml", help="The loop, for the report's overlay; needs column reference."),
     ] = None,
+    trust: Trust = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
@@ -284,11 +308,11 @@ def identify(
     What is "chosen" is chosen from the records and explained in the output, unless it is given.
     """
     from modelgen.atomic_write import write_whole
-    from modelgen.reporting import check_report_path, write_report
+    from modelgen.reporting import check_report_path, write_figure, write_report
     from modelgen.runtime.contract import load_model
     from modelgen.runtime.identify import identify as run
 
-    model = load_model(module)
+    model = load_model(module, trust)
     options = DataOptions(
         mapping or (), scale or (), fs, time, time_unit, map_file, mend or (), direction or (), tag or ()
     )
@@ -307,6 +331,8 @@ def identify(
         prune_percent=prune_percent,
         residual_dof=residual_dof,
         directions=direction_sources(options),
+        delays=delays_from(delay or ()),
+        held=held or (),
         rows_for_tag=None if pairing == "all" else pairing,
         progress=say,
     )
@@ -316,6 +342,8 @@ def identify(
         say("writing the report")
         asked = {"--method": method, "data": [str(path) for path in data], "--mend": list(mend or ())}
         write_report(report_file, model, module, readings, estimate, asked, spec, controller, overwrite)
+    if figure is not None:
+        write_figure(figure, model, readings, estimate, overwrite)
     for path, reading in zip(data, readings, strict=True):
         for line in reading_lines(reading):
             typer.echo(f"{path}: {line}", err=True)
@@ -325,7 +353,7 @@ def identify(
         typer.echo(estimate.summary(), nl=False)
 
 
-@app.command()
+@app.command(epilog=examples_of("simulate"))
 def simulate(
     spec: Spec,
     sensors: Annotated[str, typer.Option("--sensors", metavar="S", help="The sensor set that records.")],

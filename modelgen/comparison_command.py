@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from modelgen.arguments import Trust
 from modelgen.errors import DataError, ModelgenError
 from modelgen.output import print_json, say
 
@@ -45,6 +46,7 @@ def compare(
     ] = None,
     fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz of FILE.")] = None,
     method: Annotated[str, typer.Option(help="As in identify.")] = "wls",
+    trust: Trust = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
     ] = False,
@@ -55,7 +57,7 @@ def compare(
     """
     from modelgen.tables import console
 
-    models = _models(sources, sensors)
+    models = _models(sources, sensors, trust)
     described = describe(models, parameters, fs_hz)
     if data:
         say("identifying")
@@ -66,7 +68,7 @@ def compare(
         console().print(comparison_tables(described))
 
 
-def _models(sources: Sequence[str], sensors: str | None) -> dict[str, Model]:
+def _models(sources: Sequence[str], sensors: str | None, trust: bool = False) -> dict[str, Model]:
     """Return the models by a title that tells them apart; a spec gives one per sensor set."""
     from modelgen.arguments import load_chain, sensor_sets
     from modelgen.render.writer import generate, module_name
@@ -75,7 +77,7 @@ def _models(sources: Sequence[str], sensors: str | None) -> dict[str, Model]:
     found: dict[str, Model] = {}
     for source in sources:
         if Path(source).suffix == ".py":
-            found[Path(source).stem] = load_model(source)
+            found[Path(source).stem] = load_model(source, trust)
             continue
         chain = load_chain(source)
         for name in sensor_sets(chain, sensors):

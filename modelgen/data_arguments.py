@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from modelgen.errors import DataError
+from modelgen.progress import counted
 
 if TYPE_CHECKING:
     from modelgen.runtime.contract import Model
@@ -59,7 +60,7 @@ def read_files(
     factors = {key: factor for key, factor in factors.items() if key in wanted or key not in channels}
     units = channel_units(model)
     readings = []
-    for path in paths:
+    for path in counted(paths, "reading"):
         try:
             readings.append(
                 read(
@@ -105,7 +106,8 @@ def _tagged(readings: list[Reading], tags: dict[str, str]) -> list[Reading]:
 
 def channel_units(model: Model) -> dict[str, str]:
     """Return the SI unit of every channel of a model."""
-    return {entry.key: entry.unit for entry in (*model.sensors, *model.actuators)}
+    sensors = {sensor.key: sensor.unit for sensor in model.sensors}
+    return sensors | {actuator.key: actuator.unit for actuator in model.actuators}
 
 
 def reading_lines(reading: Reading) -> list[str]:

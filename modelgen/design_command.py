@@ -58,7 +58,7 @@ def design(
     criterion: Annotated[
         Literal["worst", "d-optimal", "condition"], typer.Option(help="What --optimise looks at.")
     ] = "worst",
-    rounds: Annotated[int, typer.Option(min=1, help="Trials of --optimise.")] = 150,
+    rounds: Annotated[int, typer.Option(min=1, help="Trials of --optimise.")] = 200,
     fs_hz: Annotated[float, typer.Option(help="Sampling frequency in Hz.")] = 5000.0,
     duration_s: Annotated[float, typer.Option(help="Duration in s of every record.")] = 2.0,
     method: Annotated[

@@ -1,4 +1,7 @@
-"""One picture of measured and rebuilt forces; needs matplotlib (the extra `plot`)."""
+"""One picture of measured and rebuilt forces; needs matplotlib (the extra `plot`).
+
+PNG, SVG or PDF by the suffix; the same panels give the same bytes: no date, no random names inside.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,12 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 MEASURED, REBUILT, DIFFERENCE = "#9aa5b1", "#0b5cad", "#c2410c"
+# matplotlib would write the date and its version
+UNDATED: dict[str, dict[str, None]] = {
+    ".png": {"Software": None},
+    ".svg": {"Date": None, "Creator": None},
+    ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +42,11 @@ def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2) -> None:
     ImportError
         Without matplotlib.
     """
+    from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    undated = UNDATED.get(path.suffix.lower(), {})
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(6.0 * columns, 3.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False)
@@ -52,4 +63,6 @@ def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2) -> None:
         axis.set_visible(False)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False)
-    FigureCanvasAgg(figure).print_figure(path, dpi=120)
+    # names of clipping paths in an SVG are random unless they are salted
+    with rc_context({"svg.hashsalt": "modelgen", "svg.fonttype": "path"}):
+        FigureCanvasAgg(figure).print_figure(path, dpi=120, metadata=undated)

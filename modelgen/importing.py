@@ -10,13 +10,13 @@ import numpy as np
 
 from modelgen.errors import DataError
 from modelgen.runtime.channel_units import unit_from_text
+from modelgen.runtime.faults import Finding, clock_faults, time_faults, zero_faults
 from modelgen.runtime.file_formats import open_source
 from modelgen.runtime.mapping_file import Proposed, mapping_text
 from modelgen.runtime.propose import propose
 from modelgen.runtime.read import read
 from modelgen.runtime.sampling import UNITS_PER_SECOND
 from modelgen.runtime.source import Source
-from modelgen.runtime.faults import Finding, clock_faults, time_faults, zero_faults
 
 if TYPE_CHECKING:
     from modelgen.runtime.contract import Model
@@ -103,7 +103,7 @@ def _time_unit(source: Source, columns: dict[str, Any]) -> tuple[float, str]:
         return 1.0, "s"
     step = abs(float(np.median(np.diff(values))))
     names = ("s", "ms", "us", "ns")
-    # the coarsest unit in which the record is sampled faster than once in 50 ms, or agrees with what is stated
+    # the coarsest unit in which a sample takes less than 50 ms, or that agrees with what is stated
     for per_second, name in zip(UNITS_PER_SECOND, names, strict=True):
         if source.fs is not None and abs(1.0 / (step * source.fs) * per_second - 1.0) < 0.01:
             return 1.0 / per_second, name

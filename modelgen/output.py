@@ -10,11 +10,30 @@ from typing import Any
 
 import typer
 
+from modelgen.errors import Problem
+
 
 def say(step: str) -> None:
     """Show progress, unless stderr goes to a file or another program."""
     if sys.stderr.isatty():
         typer.echo(f"{step} ...", err=True)
+
+
+def visible(text: str) -> str:
+    """Return a text with control characters written out: a file's name must not steer the terminal."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
+def explain(problem: Problem) -> None:
+    """Tell a mistake on stderr: what is wrong and what to do, on a terminal in two lines and in colour."""
+    problem = Problem(visible(problem.where), visible(problem.what), visible(problem.remedy))
+    if not sys.stderr.isatty():
+        typer.echo(f"error: {problem}", err=True)
+        return
+    typer.secho("error: ", fg="red", bold=True, nl=False, err=True)
+    typer.echo(f"{problem.where}: {problem.what}", err=True)
+    typer.secho("  try: ", fg="green", nl=False, err=True)
+    typer.echo(problem.remedy, err=True)
 
 
 def report(facts: dict[str, Any], lines: Sequence[str], as_json: bool) -> None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from modelgen.arguments import compared_sensor_sets, load_chain
 from modelgen.atomic_write import write_whole
@@ -18,6 +21,9 @@ if TYPE_CHECKING:
     from modelgen.runtime.estimate import Estimate
     from modelgen.runtime.read import Reading
     from modelgen.runtime.validate import Validation
+
+
+FIGURES = (".png", ".svg", ".pdf")
 
 
 def check_report_path(path: Path, overwrite: bool) -> None:
@@ -52,6 +58,36 @@ def write_report(
     write_whole(path, page.encode(), overwrite=overwrite)
 
 
+def write_figure(
+    path: Path, model: Model, readings: Sequence[Reading], estimate: Estimate, overwrite: bool
+) -> None:
+    """Write measured and rebuilt rows that hold a force as PNG, SVG or PDF, one panel a record and row."""
+    from modelgen.figure import Panel, draw_forces
+    from modelgen.report.rebuilt import rebuild
+
+    if path.suffix.lower() not in FIGURES:
+        raise DataError.at(str(path), f"has the suffix {path.suffix!r}", f"give one of {', '.join(FIGURES)}")
+    if path.exists() and not overwrite:
+        raise DataError.at(str(path), "exists already", "choose another name, or give --overwrite")
+    rows, _ = rebuild(model, [reading.record for reading in readings], estimate)
+    panels = [
+        Panel(
+            f"{row.record}, row {row.row}",
+            row.unit,
+            row.start_s + row.step_s * np.arange(row.measured.size, dtype=float),
+            row.measured,
+            row.rebuilt,
+        )
+        for row in rows
+        if row.has_force
+    ]
+    try:
+        draw_forces(panels, path, columns=min(len(panels), 2))
+    except ImportError as error:
+        remedy = "get it with: pip install 'modelgen[plot]'"
+        raise DataError.at(str(path), "needs matplotlib, which is not installed", remedy) from error
+
+
 def closed_loops(
     model: Model, readings: Sequence[Reading], estimate: Estimate, controller: Path
 ) -> tuple[Validation, ...]:
@@ -82,10 +118,8 @@ def sensor_set_rows(chain: ChainSpec) -> list[dict[str, str]]:
 def _spec_of(model: Model, module: Path) -> ChainSpec | None:
     """Return the chain a module was generated from, if its file is near or in the catalogue, unchanged."""
     candidates = [folder / f"{model.chain}.toml" for folder in (module.parent, module.parent.parent, Path())]
-    try:
+    with suppress(ModelgenError):
         candidates.append(catalog_path(model.chain))
-    except ModelgenError:
-        pass
     for path in candidates:
         try:
             chain = load_spec(path)

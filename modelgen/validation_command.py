@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from modelgen.arguments import Trust
 from modelgen.errors import DataError
 from modelgen.output import print_json, say
 
@@ -53,6 +54,7 @@ def validate(
             metavar="SHARE", help="Also identify from this first share alone, validate on the rest."
         ),
     ] = None,
+    trust: Trust = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
     ] = False,
@@ -69,7 +71,7 @@ def validate(
     from modelgen.runtime.validate import validate as run
     from modelgen.tables import console
 
-    model = load_model(module)
+    model = load_model(module, trust)
     loop, drive = load_controller(controller)
     saved = _load_json(estimate)
     parameters = {**parameters_of(saved, model), **amounts("--set", value or ())}
@@ -177,7 +179,7 @@ def _load_json(path: Path) -> dict[str, Any]:
     remedy = "give a file that modelgen identify -o wrote"
     try:
         saved = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise DataError.at(str(path), f"is no JSON: {error}", remedy) from error
     if not isinstance(saved, dict):
         raise DataError.at(str(path), "is no saved estimate", remedy)

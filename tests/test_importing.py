@@ -29,7 +29,13 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     arguments = ("simulate", "emps300", "--sensors", "qm_ac", "--parameters", "light", "--duration-s", "3")
     assert run(*arguments, "--excitation", "chirp", "-o", folder / "chirp.npz").exit_code == 0
     record = read_record(folder / "chirp.npz")
-    lines = ["Prüfstand 3;;;", "Datum;02.05.2022;;", "", "Zeit;Winkel Motor;Beschl Last;Drehmoment", "ms;°;rad/s²;Nm"]
+    lines = [
+        "Prüfstand 3;;;",
+        "Datum;02.05.2022;;",
+        "",
+        "Zeit;Winkel Motor;Beschl Last;Drehmoment",
+        "ms;°;rad/s²;Nm",
+    ]
     for k in range(record.n):
         q, a, f = (record.signals[key][k] for key in ("q_m", "a_c", "Gamma_m"))
         values = (1e3 * k / record.fs, math.degrees(q), a, f)

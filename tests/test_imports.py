@@ -15,6 +15,7 @@ import modelgen
 from modelgen.errors import ModelgenError
 
 PUBLIC = {
+    "ChainEstimator",
     "DataError",
     "Estimate",
     "IdentifiabilityError",
@@ -24,11 +25,13 @@ PUBLIC = {
     "RenderError",
     "SpecError",
     "build",
+    "control_system",
     "generate",
     "identify",
     "load_model",
     "load_spec",
     "read_record",
+    "record_from_frame",
     "simulate",
 }
 

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 
 from modelgen.render.plain_model import PlainEntry, PlainFeature, PlainModel, Sum
 from modelgen.render.printer import weighted_sum
 
 # words that cannot name a member of a structure
 C_WORDS = frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if inline int long "
-    "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile "
-    "while _Bool _Complex _Imaginary asm typeof bool true false NULL I linux unix".split()
+    (
+        *("auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum"),
+        *("extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return"),
+        *("short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void"),
+        *("volatile", "while", "asm", "typeof", "bool", "true", "false", "NULL", "I", "linux", "unix"),
+    )
 )
 MATLAB_WORDS = frozenset(
-    "break case catch classdef continue else elseif end endfunction endif endwhile endfor for function global "
-    "if otherwise parfor persistent return spmd switch try until unwind_protect while do enumeration events "
-    "methods properties arguments".split()
+    (
+        *("break", "case", "catch", "classdef", "continue", "do", "else", "elseif", "end", "endfor"),
+        *("endfunction", "endif", "endwhile", "enumeration", "events", "for", "function", "global", "if"),
+        *("methods", "otherwise", "parfor", "persistent", "properties", "return", "spmd", "switch", "try"),
+        *("until", "unwind_protect", "while", "arguments"),
+    )
 )
 
 
@@ -83,12 +90,12 @@ def signal_sum(language: Language, model: PlainModel, parts: Sum) -> str:
             return feature_source(language, features[key])
         return language.signal.format(language.name(key))
 
-    return weighted_sum(((coefficient, source(key)) for coefficient, key in parts))
+    return weighted_sum((Fraction(coefficient), source(key)) for coefficient, key in parts)
 
 
 def feature_source(language: Language, feature: PlainFeature) -> str:
     """Return a nonlinear feature as source."""
-    inner = weighted_sum((c, language.signal.format(language.name(key))) for c, key in feature.of)
+    inner = weighted_sum((Fraction(c), language.signal.format(language.name(key))) for c, key in feature.of)
     text = language.functions[feature.function].format(inner)
     if feature.times is None:
         return text
@@ -122,11 +129,13 @@ def _entry_line(language: Language, model: PlainModel, entry: PlainEntry) -> str
             return repr(float(model.known[name]))
         return language.parameter.format(language.name(name))
 
-    total = weighted_sum((c, "1.0" if name == "1" else source(name)) for c, name in entry.sum)
+    total = weighted_sum((Fraction(c), "1.0" if name == "1" else source(name)) for c, name in entry.sum)
     target = language.element(entry.matrix, entry.row, entry.column)
     line = f"{target} = {target} + ({total}) / {source(entry.inertia)}{language.end}"
     if entry.direction is None:
         return line
     body, sense = entry.direction
-    opened = language.if_moves.format(language.direction.format(language.name(body)), ">" if sense > 0 else "<")
+    opened = language.if_moves.format(
+        language.direction.format(language.name(body)), ">" if sense > 0 else "<"
+    )
     return f"{opened}{line}{language.end_if}"

@@ -35,7 +35,7 @@ class PlainEntry:
 
 @dataclass(frozen=True)
 class PlainOutput:
-    """What a sensor reads: sum over `combination` (place, factor) of the coordinates' `order`-th derivatives."""
+    """What a sensor reads: the `order`-th derivative of a sum of factor times coordinate (place, factor)."""
 
     key: str
     order: int
@@ -44,7 +44,7 @@ class PlainOutput:
 
 @dataclass(frozen=True)
 class PlainFeature:
-    """A nonlinear function ("sign", "forward", "backward", "cube") of a sum of signals, times a signal."""
+    """A nonlinear function ("sign", "forward", "backward", "cube") of a sum, times a signal."""
 
     key: str
     function: str
@@ -151,7 +151,7 @@ def _columns(row: Row, column: Mapping[str, int]) -> list[tuple[int, Sum]]:
     """Return the sums of a row's columns; parameters regrouped into others have none."""
     found: dict[int, list[tuple[float, str]]] = {}
     for term in row.terms:
-        if term.parameter in column:
+        if term.parameter is not None and term.parameter in column:
             found.setdefault(column[term.parameter], []).append((float(term.coefficient), term.key))
     return [(place, tuple(found[place])) for place in sorted(found)]
 

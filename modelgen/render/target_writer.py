@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
-from modelgen.atomic_write import write_whole
+from modelgen.atomic_write import check_place, make_folder, place_within, write_whole
 from modelgen.errors import RenderError
 from modelgen.render.target import target_files, user_files
 from modelgen.render.writer import Drift, check_modules, write_modules
@@ -48,13 +48,15 @@ def write_files(spec: ChainSpec, sensor_sets: Iterable[str], folder: Path, files
     RenderError
         If a file of that name exists that modelgen did not write.
     """
-    texts = {folder / name: text for chosen in sensor_sets for name, text in files(spec, chosen).items()}
+    made = [item for chosen in sensor_sets for item in files(spec, chosen).items()]
+    texts = {place_within(folder, name): text for name, text in made}
     for path, text in texts.items():
+        check_place(path)
         known = path.exists() and (MARK in path.read_bytes() or path.read_bytes() == text.encode())
         if path.exists() and not known:
             remedy = "move it away or choose another folder with -o"
             raise RenderError.at(str(path), "exists and was not written by modelgen", remedy)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     for path, text in texts.items():
         write_whole(path, text.encode(), overwrite=True)
     return list(texts)

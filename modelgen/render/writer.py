@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from modelgen.atomic_write import check_place, make_folder, write_whole
+from modelgen.atomic_write import check_place, make_folder, place_within, write_whole
 from modelgen.errors import Problem, RenderError
 from modelgen.module_check import has_header, module_text, seal, source_problems
 from modelgen.render.environment import environment
@@ -76,7 +76,9 @@ def write_modules(
     ModelgenError
         If the place is a link or no regular file, or the folder cannot be made or written.
     """
-    texts = {folder / f"{module_name(spec, name)}.py": generate(spec, name) for name in sensor_sets}
+    texts = {
+        place_within(folder, f"{module_name(spec, name)}.py"): generate(spec, name) for name in sensor_sets
+    }
     for path in texts:
         check_place(path)
         if not overwrite and path.exists() and not _is_generated(path):

@@ -1,7 +1,7 @@
 """Long series -> what a zoomable plot needs: at most so many lowest and highest values, two bytes each.
 
-A bucket's lowest and highest value keep every peak in sight at any zoom; 65 534 levels between the extremes are
-finer than a screen at a zoom of a hundred.
+A bucket's lowest and highest value keep every peak in sight at any zoom; 65 534 levels between the
+extremes are finer than a screen at a zoom of a hundred.
 """
 
 from __future__ import annotations

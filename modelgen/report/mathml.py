@@ -27,9 +27,7 @@ DOTS = {1: "˙", 2: "¨"}
 
 def row_equations(model: Model) -> list[tuple[str, Markup]]:
     """Return (what the row is, its equation) for every row: measurement = sum of parameter times column."""
-    return [
-        (f"{info.name}: {info.origin}", _equation(model, index)) for index, info in enumerate(model.rows)
-    ]
+    return [(f"{info.name}: {info.origin}", _equation(model, index)) for index, info in enumerate(model.rows)]
 
 
 def symbol(name: str, dots: str = "") -> Markup:

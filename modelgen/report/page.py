@@ -1,7 +1,7 @@
 """Model, readings and estimate -> the text of one HTML page.
 
-The page carries everything it shows. Its policy allows the one script that is this program's own, by its hash,
-and no connection at all: a name in the data that tries to be a script stays a name.
+The page carries everything it shows. Its policy allows the one script that is this program's own, by its
+hash, and no connection at all: a name in the data that tries to be a script stays a name.
 """
 
 from __future__ import annotations
@@ -69,32 +69,36 @@ def report_page(
     rows, singular = rebuild(model, records, estimate)
     script, style = _asset("report.js"), _asset("report.css")
     plots = zoomable(rows, validations)
-    return _environment().get_template("report.html.j2").render(
-        title=f"{estimate.chain}, sensors {estimate.sensor_set}",
-        estimate=estimate,
-        model=model,
-        style=Markup(style),
-        script=Markup(script),
-        policy=_policy(script),
-        data=_json(plots),
-        plots=plots,
-        row_plots=len(rows),
-        equations=row_equations(model),
-        symbols={name: symbol(name) for name in (*model.base_parameters, *model.parameters)},
-        interval=estimate.conf_int(),
-        physical=_physical_rows(estimate),
-        interval_kind=INTERVAL_KINDS[estimate.covariance_kind],
-        sensor_sets=sensor_sets,
-        residuals=_residuals(rows, estimate, records),
-        frequency=_frequency(model, records, estimate),
-        missing=missing_parameters(model, estimate),
-        zeroed=taken_as_zero(model, estimate),
-        correlation=correlation_plot(estimate),
-        singular=singular_value_plot(singular),
-        singular_values=[f"{value:.4g}" for value in singular],
-        readings=[_reading(item) for item in readings],
-        validations=validations,
-        provenance=_provenance(model, estimate, options or {}),
+    return (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            title=f"{estimate.chain}, sensors {estimate.sensor_set}",
+            estimate=estimate,
+            model=model,
+            style=Markup(style),
+            script=Markup(script),
+            policy=_policy(script),
+            data=_json(plots),
+            plots=plots,
+            row_plots=len(rows),
+            equations=row_equations(model),
+            symbols={name: symbol(name) for name in (*model.base_parameters, *model.parameters)},
+            interval=estimate.conf_int(),
+            physical=_physical_rows(estimate),
+            interval_kind=INTERVAL_KINDS[estimate.covariance_kind],
+            sensor_sets=sensor_sets,
+            residuals=_residuals(rows, estimate, records),
+            frequency=_frequency(model, records, estimate),
+            missing=missing_parameters(model, estimate),
+            zeroed=taken_as_zero(model, estimate),
+            correlation=correlation_plot(estimate),
+            singular=singular_value_plot(singular),
+            singular_values=[f"{value:.4g}" for value in singular],
+            readings=[_reading(item) for item in readings],
+            validations=validations,
+            provenance=_provenance(model, estimate, options or {}),
+        )
     )
 
 

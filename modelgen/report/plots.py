@@ -34,7 +34,8 @@ def zoomable(rows: Sequence[Rebuilt], validations: Sequence[Validation]) -> list
     most = min(MOST_BUCKETS, BUDGET // max(2 * series, 1))
     plots = [
         {
-            "title": f"{row.record}, row {row.row}" + ("" if row.has_force else " (no force: measured is zero)"),
+            "title": f"{row.record}, row {row.row}"
+            + ("" if row.has_force else " (no force: measured is zero)"),
             "unit": row.unit,
             "start": row.start_s,
             "step": row.step_s,
@@ -49,7 +50,7 @@ def zoomable(rows: Sequence[Rebuilt], validations: Sequence[Validation]) -> list
     ]
     plots += [
         {
-            "title": f"{validation.record}, closed loop: {check.kind} of {check.channel}, fit {check.fit:.2f} %",
+            "title": f"{validation.record}, closed loop: {check.channel}, {check.kind}, fit {check.fit:.2f}%",
             "unit": check.unit,
             "start": check.start / validation.fs,
             "step": 1.0 / validation.fs,
@@ -67,7 +68,7 @@ def zoomable(rows: Sequence[Rebuilt], validations: Sequence[Validation]) -> list
 
 def autocorrelation_plot(row: Rebuilt, found: Autocorrelation) -> Markup:
     """Return the residual's autocorrelation with the 99 % bound of a white one."""
-    lags_ms = 1e3 * found.step_s * np.arange(found.values.size)
+    lags_ms = 1e3 * found.step_s * np.arange(found.values.size, dtype=float)
     x_axis = Axis("lag in ms", 0.0, float(lags_ms[-1]) or 1.0)
     lowest = min(-0.2, 1.1 * float(found.values.min()), -1.5 * found.bound)
     y_axis = Axis("autocorrelation", lowest, 1.05)
@@ -154,5 +155,3 @@ def filter_reach_ms(estimate: Estimate, fs: float) -> float:
     """Return the reach of the low-pass in ms: residuals nearer than that are correlated by it alone."""
     filtering = estimate.filtering
     return 1e3 * support_samples(filtering.filter_order, filtering.cutoff_hz, fs, 0, 0.01) / fs
-
-

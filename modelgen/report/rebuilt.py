@@ -1,4 +1,4 @@
-"""Measured and rebuilt left-hand side of every row on every record, as the estimate's own filter leaves them."""
+"""Measured and rebuilt left-hand side of every row on every record, behind the estimate's own filter."""
 
 from __future__ import annotations
 
@@ -60,7 +60,8 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.nuisance))
     observe_as = observe_paper if estimate.method == "pham2002" else observe
     observation = observe_as(model, records, estimate.filtering)
-    found, stacked = [], []
+    found: list[Rebuilt] = []
+    stacked: list[FloatArray] = []
     for block in observation.blocks:
         if (block.record_name, block.row_name) not in weights:
             continue  # a row that this record was not allowed to feed
@@ -68,7 +69,7 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
         found.append(_rebuilt(model, record, estimate, block, x))
         weight = weights[block.record_name, block.row_name]
         if np.isfinite(weight) and block.place.size:
-            stacked.append(np.linalg.qr(weight * block.W[:, fitted], mode="r"))
+            stacked.append(np.asarray(np.linalg.qr(weight * block.W[:, fitted], mode="r")))
     return found, _singular_values(stacked)
 
 

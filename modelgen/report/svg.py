@@ -17,6 +17,7 @@ FloatArray = npt.NDArray[np.float64]
 
 WIDTH, HEIGHT = 640, 250
 LEFT, RIGHT, TOP, BOTTOM = 72, 14, 12, 42
+NOTHING = Markup("")
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,14 +146,20 @@ def heat_map(names: Sequence[str], matrix: FloatArray, title: str) -> Markup:
             kind = "warm" if value > 0.0 else "cold"
             place = (left + cell * j, top + cell * i)
             parts.append(
-                Markup('<rect class="cell {0}" fill-opacity="{1}" x="{2}" y="{3}" width="{4}" height="{4}"/>').format(
-                    kind, strength, place[0], place[1], cell - 1
-                )
+                Markup(
+                    '<rect class="cell {0}" fill-opacity="{1}" x="{2}" y="{3}" width="{4}" height="{4}"/>'
+                ).format(kind, strength, place[0], place[1], cell - 1)
             )
             if cell >= 36:
                 strong = " strong" if abs(value) > 0.55 else ""
                 parts.append(
-                    _text(f"celltext{strong}", place[0] + cell / 2, place[1] + cell / 2 + 4, f"{value:.2f}", "middle")
+                    _text(
+                        f"celltext{strong}",
+                        place[0] + cell / 2,
+                        place[1] + cell / 2 + 4,
+                        f"{value:.2f}",
+                        "middle",
+                    )
                 )
     return _svg(title, parts, height, width)
 
@@ -201,7 +208,7 @@ def _rect(kind: str, x: float, y: float, width: float, height: float) -> Markup:
     )
 
 
-def _text(kind: str, x: float, y: float, text: str, anchor: str, more: Markup = Markup("")) -> Markup:
+def _text(kind: str, x: float, y: float, text: str, anchor: str, more: Markup = NOTHING) -> Markup:
     return Markup('<text class="{0}" x="{1}" y="{2}" text-anchor="{3}"{5}>{4}</text>').format(
         kind, _n(x), _n(y), anchor, text, more
     )

@@ -3,7 +3,8 @@
 In the basis of the poles themselves, residues of poles that lie close together cancel and digits are lost:
 all of them at order 4 and a hundredth of the Nyquist frequency. Here the responses phi_k = A^k b of the
 states to one sample are orthonormal (the sum over k of phi_k phi_k^T is the unit matrix), so no
-cut-off is bad. (The functions are those of Takenaka and Malmquist; the sections are normalised lattices, Gray and Markel 1975.)
+cut-off is bad. (The functions are those of Takenaka and Malmquist; the sections are normalised lattices,
+Gray and Markel 1975.)
 """
 
 from __future__ import annotations

@@ -88,7 +88,8 @@ class KeptSignals(Mapping[str, FloatArray]):
             if channel not in self._made:
                 self._made[channel] = plan.table(chunk.read, channel, chunk.first, chunk.count)
                 for times, place in plan.forces.get(channel, {}).items():
-                    power = float(np.sum(self._made[channel][:, place] ** 2))
+                    lever = plan.levers[channel]
+                    power = float(np.sum((lever * self._made[channel][:, place]) ** 2))
                     self.force_power[times] = self.force_power.get(times, 0.0) + power
             return self._made[channel][:, column]
         if key not in self._made:

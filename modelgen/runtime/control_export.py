@@ -1,4 +1,4 @@
-"""The direct model as a python-control StateSpace with names of inputs, states and outputs (extra `control`)."""
+"""The direct model as a StateSpace of python-control, with names (extra `control`)."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def control_system(
     ----------
     model : Model
     parameters : mapping of str to float
-        Physical parameters (SI), such as ``estimate.physical``; Coulomb frictions and offsets may be left out,
-        they are no part of a linear system.
+        Physical parameters (SI), such as ``estimate.physical``; Coulomb frictions and offsets may be left
+        out, they are no part of a linear system.
     directions : mapping of str to int, optional
         Body to +1 or -1, where friction is asymmetric.
     friction_inputs : bool

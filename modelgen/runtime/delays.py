@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.covariance import hac_covariance
 from modelgen.runtime.data import Record
 from modelgen.runtime.observation import Observation
@@ -26,14 +27,13 @@ FloatArray = npt.NDArray[np.float64]
 Run = Callable[[tuple[Record, ...], Fit | None], tuple[Observation, Fit]]
 Observe = Callable[[tuple[Record, ...]], Observation]
 
-ROUNDS = 8
+ROUNDS = 30
 # Done when a delay moves by less than this share of its standard deviation, or of a sample.
 SMALL_STEP = 0.05
 SMALLEST_STEP = 1e-4
 # The rate of change is a difference over this part of a sample either way.
 DIFFERENCE = 0.05
-# A delay less certain than this, in samples, is not determined by the records: none is assumed.
-LARGEST_STD = 1.0
+SMALLEST_CHANGE = 1e-6
 # A delay beyond this, in samples, is no small misalignment any more.
 LARGEST_DELAY = 20.0
 POINTS = 8
@@ -103,7 +103,7 @@ def fit_with_delays(
     channels : sequence of str
         Forces, each with one delay for all records.
     run : callable
-        Takes records (and a fit to start from) to rows and their fit.
+        Takes records, and a fit to start from once there is one, to rows and their fit: one round of it.
     observe : callable
         Takes records to the same rows.
 
@@ -111,29 +111,39 @@ def fit_with_delays(
     -------
     Observation, Fit
         With the delays compensated; the fit names them, and its covariance leaves them free.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When the rounds do not come to rest.
     """
     sample = 1.0 / min(record.fs for record in records)
     delays = dict.fromkeys(channels, 0.0)
-    observation, fit = run(records, None)
+    start: Fit | None = None
     for _ in range(ROUNDS):
         moved = tuple(advanced(record, delays) for record in records)
-        if any(delays.values()):
-            observation, fit = run(moved, fit)
+        observation, fit = run(moved, start)
         rates = [_rates(fit, moved, channel, sample, observe) for channel in channels]
-        steps, spread = _steps(fit, rates)
-        useless = [c for c, std in zip(channels, spread, strict=True) if not std < LARGEST_STD * sample]
-        if useless:
-            left = [channel for channel in channels if channel not in useless]
-            observation, fit = fit_with_delays(records, left, run, observe) if left else run(records, None)
-            return observation, replace(fit, notes=fit.notes + _useless_notes(useless))
-        small = np.maximum(SMALL_STEP * spread, SMALLEST_STEP * sample)
-        if np.all(np.abs(steps) < small):
+        larger = _with_rates(fit, rates)
+        c = len(fit.columns)
+        spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))
+        steps, before = larger.solution.x[c:], fit.solution.x if start is None else start.solution.x
+        still = np.abs(steps) < np.maximum(SMALL_STEP * spread[c:], SMALLEST_STEP * sample)
+        x = larger.solution.x[:c]
+        rest = np.abs(x - before) < np.maximum(SMALL_STEP * spread[:c], SMALLEST_CHANGE * np.abs(x))
+        if start is not None and np.all(still) and np.all(rest):
             break
+        start = replace(fit, solution=replace(fit.solution, x=x))
         for channel, step in zip(channels, steps, strict=True):
             limit = LARGEST_DELAY * sample
             delays[channel] = float(np.clip(delays[channel] + np.clip(step, -sample, sample), -limit, limit))
+    else:
+        remedy = "give the delays, or none of them, and see whether the parameters alone come out"
+        raise IdentifiabilityError.at(
+            "delays", f"parameters and delays still move after {ROUNDS} rounds", remedy
+        )
     found = tuple(
-        (channel, delays[channel], float(std)) for channel, std in zip(channels, spread, strict=True)
+        (channel, delays[channel], float(std)) for channel, std in zip(channels, spread[c:], strict=True)
     )
     return observation, replace(_without(fit, rates), delays=found)
 
@@ -169,13 +179,6 @@ def _with_rates(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:
     return two_stage(replace(fit, columns=fit.columns + names, blocks=blocks), Z)
 
 
-def _steps(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> tuple[FloatArray, FloatArray]:
-    """Return the steps of the delays and their standard deviations, shape (channels,) each."""
-    larger = _with_rates(fit, rates)
-    place = slice(len(fit.columns), None)
-    return larger.solution.x[place], np.sqrt(np.maximum(np.diag(hac_covariance(larger))[place], 0.0))
-
-
 def _without(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:
     """Return the fit with the delays' columns projected out of its regressors."""
     c = len(fit.columns)
@@ -183,9 +186,3 @@ def _without(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:
     stacked = np.concatenate([w * r for w, r in zip(fit.weights, regressors, strict=True)])
     share = np.linalg.lstsq(stacked[:, c:], stacked[:, :c], rcond=None)[0]
     return with_regressors(fit, tuple(r[:, :c] - r[:, c:] @ share for r in regressors))
-
-
-def _useless_notes(channels: Sequence[str]) -> tuple[str, ...]:
-    return tuple(
-        f"the records do not determine the delay of {channel}; none is assumed" for channel in channels
-    )

@@ -23,6 +23,8 @@ FloatArray = npt.NDArray[np.float64]
 
 # Cut-offs and weights of load rows that are tried, as multiples of those in use.
 CUTOFF_FACTORS = (1.0 / sqrt(2.0), sqrt(2.0))
+# farther cut-offs, once the near ones have shown that the model lacks something
+FARTHER_FACTORS = (0.35, 0.5, 2.0)
 LOAD_ROW_FACTORS = (0.5, 2.0)
 
 
@@ -34,9 +36,12 @@ def cutoff_drift(
 
 
 def other_cutoffs(
-    choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Fit]
+    choice: FilterChoice,
+    lowest_fs: float,
+    again: Callable[[FilterChoice], Fit],
+    factors: Sequence[float] = CUTOFF_FACTORS,
 ) -> list[tuple[FilterChoice, Fit]]:
-    """Return the fits at 0.7 and 1.4 times the cut-off, with their settings, where the records allow them.
+    """Return the fits at other cut-offs, multiples of the present one, where the records allow them.
 
     Parameters
     ----------
@@ -48,7 +53,7 @@ def other_cutoffs(
         Observes and fits with other settings.
     """
     others = []
-    for factor in CUTOFF_FACTORS:
+    for factor in factors:
         cutoff_hz = min(factor * choice.cutoff_hz, HIGHEST_CUTOFF * lowest_fs)
         if factor > 1.0 and cutoff_hz <= choice.cutoff_hz:
             continue

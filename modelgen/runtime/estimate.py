@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.runtime.choose import FilterChoice
+from modelgen.runtime.estimate_formats import data_frame, html_table, latex_table, markdown_table
 from modelgen.runtime.pruning import Pruning
 from modelgen.runtime.summary import summary_text
 
@@ -247,8 +248,21 @@ class Estimate:
         """Return `to_dict` as JSON, the same for the same estimate."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
 
+    def to_latex(self) -> str:
+        """Return the parameters as a LaTeX tabular (package booktabs)."""
+        return latex_table(self)
+
+    def to_markdown(self) -> str:
+        """Return the parameters as a Markdown table."""
+        return markdown_table(self)
+
+    def to_dataframe(self) -> Any:
+        """Return the parameters as a pandas DataFrame, one row a parameter; needs pandas."""
+        return data_frame(self)
+
     def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(self.summary())}</pre>"
+        details = f"<details><summary>everything</summary><pre>{html.escape(self.summary())}</pre></details>"
+        return html_table(self) + details
 
     def __repr__(self) -> str:
         numbers = ", ".join(f"{entry.name}={entry.value:.6g}" for entry in self.parameters)

@@ -52,9 +52,7 @@ def markdown_table(estimate: Estimate) -> str:
     rows = [[_markdown(cell) for cell in row] for row in _rows(estimate)]
     lines = ["| " + " | ".join(HEADINGS) + " |", "|---|---|" + "---:|" * 5]
     lines += ["| " + " | ".join(row) + " |" for row in rows]
-    refused = [
-        f"- {_markdown(name)}: {_markdown(why)}" for name, why in estimate.not_identifiable.items()
-    ]
+    refused = [f"- {_markdown(name)}: {_markdown(why)}" for name, why in estimate.not_identifiable.items()]
     return "\n".join([*lines, *(["", "Not identifiable:", "", *refused] if refused else [])]) + "\n"
 
 

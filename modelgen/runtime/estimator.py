@@ -76,7 +76,9 @@ class ChainEstimator:
         """
         unknown = [name for name in params if name not in self._names()]
         if unknown:
-            raise DataError(*(missing_name("set_params", "parameter", name, self._names()) for name in unknown))
+            raise DataError(
+                *(missing_name("set_params", "parameter", name, self._names()) for name in unknown)
+            )
         for name, value in params.items():
             setattr(self, name, value)
         return self

@@ -92,7 +92,7 @@ def optimise(
     *,
     criterion: str = "worst",
     limits: Mapping[str, float] | None = None,
-    rounds: int = 150,
+    rounds: int = 200,
     fs: float = 5000.0,
     duration_s: float = 2.0,
     method: str | None = None,

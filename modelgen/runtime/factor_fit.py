@@ -103,7 +103,7 @@ def fit_factors(model: Model, records: Sequence[RecordFactors], banded: bool | N
     }
 
     def own_scale(key: tuple[int, int]) -> float:
-        return records[key[0]].force_scale(model.rows[key[1]].differentiated)
+        return records[key[0]].force_scale(model.rows[key[1]])
 
     scales = _force_scales(model, records, blocks)
     forced = {
@@ -203,9 +203,9 @@ def _force_scales(
 ) -> dict[tuple[int, int], float]:
     """Return for every row the rms over all records of the forces, differentiated as often."""
     scale_of: dict[int, float] = {}
-    for times in dict.fromkeys(row.differentiated for row in model.rows):
-        alike = [key for key in blocks if model.rows[key[1]].differentiated == times]
-        samples = sum(records[key[0]].grid for key in alike)
-        power = sum(records[key[0]].force_power.get(times, 0.0) for key in alike)
-        scale_of[times] = (float(np.sqrt(power / samples)) if samples else 0.0) or 1.0
-    return {key: scale_of[model.rows[key[1]].differentiated] for key in blocks}
+    for row in dict.fromkeys(row for _, row in blocks):
+        alike = [records[record] for record, other in blocks if other == row]
+        samples = sum(record.grid for record in alike)
+        power = sum(record.grid * record.force_scale(model.rows[row]) ** 2 for record in alike)
+        scale_of[row] = float(np.sqrt(power / samples)) or 1.0
+    return {key: scale_of[key[1]] for key in blocks}

@@ -66,7 +66,7 @@ def open_channels(
     Raises
     ------
     DataError
-        When the file is absent, damaged or of another format, or a column is not there, or shorter than others.
+        When the file is absent, damaged or of another format, or a column is absent or too short.
     """
     place = Path(path)
     if place.suffix.lower() not in FORMATS:

@@ -38,6 +38,8 @@ def open_source(path: Path) -> Source:
     DataError
         When the file is absent, unreadable, or of no known format.
     """
+    if "\0" in str(path):
+        raise DataError.at(ascii(str(path)), "cannot be read (a null byte in its name)", "check the path")
     opener = OPENERS.get(path.suffix.lower())
     if opener is None:
         what = f"has the suffix {path.suffix!r}" if path.suffix else "has no suffix"

@@ -1,7 +1,7 @@
-"""Fleet: many records of many machines on the workers of dask.distributed, one estimate a machine and one pooled.
+"""Fleet: records of many machines on the workers of dask.distributed; one estimate a machine, one pooled.
 
 A worker turns a stretch of a record into small triangles; those of a record are joined in a tree, and only
-triangles travel. What cannot be read, and what no worker survives, costs its record and is named in the result.
+triangles travel. What cannot be read, and what no worker survives, costs its record and is named.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,14 @@ from modelgen.runtime.contract import Model, model_from_text
 from modelgen.runtime.factor_fit import FactorFit, fit_factors
 from modelgen.runtime.record_factors import RecordFactors, Task, matched_task, record_factors
 from modelgen.runtime.stream import StreamEstimate, stream_choice, stream_estimate
-from modelgen.runtime.stream_covariance import Moments, bandwidth_of, bartlett_sum, influence_chunks, moments
+from modelgen.runtime.stream_covariance import (
+    BartlettSums,
+    Moments,
+    MomentSums,
+    bandwidth_of,
+    inflation,
+    influence_chunks,
+)
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -72,13 +80,13 @@ def fleet_client(scheduler: str | None = None, workers: int | None = None) -> It
         When dask.distributed is not installed, or no scheduler answers.
     """
     try:
-        from distributed import Client, LocalCluster
+        distributed: Any = import_module("distributed")
     except ImportError as error:
         remedy = "get it with: pip install 'modelgen[fleet]'"
         raise DataError.at("fleet", "needs dask.distributed, which is not installed", remedy) from error
     if scheduler is not None:
         try:
-            with Client(scheduler, timeout=10) as client:
+            with distributed.Client(scheduler, timeout=10) as client:
                 yield client
         except (OSError, TimeoutError) as error:
             remedy = "start one with: dask scheduler"
@@ -87,10 +95,10 @@ def fleet_client(scheduler: str | None = None, workers: int | None = None) -> It
     # one BLAS thread a worker: the workers are the threads
     environment = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     with (
-        LocalCluster(
+        distributed.LocalCluster(
             n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, env=environment
         ) as cluster,
-        Client(cluster) as client,
+        distributed.Client(cluster) as client,
     ):
         yield client
 
@@ -142,9 +150,7 @@ def identify_fleet(
         _Job(module_text, source, replace(choice, decimation=(factor,)), task_samples)
         for source, factor in zip(sources, choice.decimation, strict=True)
     ]
-    tasks = {
-        name: client.submit(_prepared, job, pure=False) for name, job in zip(names, jobs, strict=True)
-    }
+    tasks = {name: client.submit(_prepared, job, pure=False) for name, job in zip(names, jobs, strict=True)}
     roots = {
         name: _tree(client, [client.submit(_part, tasks[name], part, pure=False) for part in job.parts()])
         for name, job in zip(names, jobs, strict=True)
@@ -216,7 +222,9 @@ def _prepared(job: _Job) -> _Prepared:
 
 
 def _task(job: _Job, survey: Any) -> Task:
-    return matched_task(_model(job.module_text), job.source, job.choice, job.choice.decimation[0], survey=survey)
+    return matched_task(
+        _model(job.module_text), job.source, job.choice, job.choice.decimation[0], survey=survey
+    )
 
 
 def _part(prepared: _Prepared, index: int) -> RecordFactors:
@@ -241,9 +249,7 @@ def _tree(client: Any, parts: list[Any]) -> Any:
     return parts[0]
 
 
-def _gathered(
-    futures: Mapping[str, Any], say: Progress, what: str
-) -> tuple[dict[str, Any], dict[str, str]]:
+def _gathered(futures: Mapping[str, Any], say: Progress, what: str) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the results in the order of the records, and the reasons of those that have none."""
     results, failed = {}, {}
     for done, (name, future) in enumerate(futures.items(), start=1):
@@ -263,33 +269,32 @@ def _covariances(
     tasks: Mapping[str, Any],
     say: Progress,
 ) -> dict[str, FloatArray | None]:
-    """Return the HAC covariance of each fit; None where it has no whole inverse or a record was lost meanwhile."""
+    """Return the HAC covariance of each fit; None without a whole inverse, or where a record was lost."""
     wanted = [(machine, fit, members) for machine, fit, members in fits if fit.inverse is not None]
-    of_record: dict[str, list[tuple[str, FactorFit, int]]] = {}
+    uses: dict[str, list[tuple[str, FactorFit, int]]] = {}
     for machine, fit, members in wanted:
         for index, name in enumerate(members):
-            of_record.setdefault(name, []).append((machine, fit, index))
-    first = {
-        name: client.submit(_moments, tasks[name], [(fit, index) for _, fit, index in uses], pure=False)
-        for name, uses in of_record.items()
+            uses.setdefault(name, []).append((machine, fit, index))
+    pairs = {name: [(fit, index) for _, fit, index in own] for name, own in uses.items()}
+    first = {name: client.submit(_moments, tasks[name], own, pure=False) for name, own in pairs.items()}
+    found, _ = _gathered(first, say, "covariances, first pass")
+    moments_of = {
+        machine: [_of(machine, uses[name], found[name]) for name in members if name in found]
+        for machine, _, members in wanted
     }
-    found, _ = _gathered(first, say, "first pass of the covariances")
-    bandwidths = {}
-    for machine, _, members in wanted:
-        own = [_of(machine, of_record[name], found[name]) for name in members if name in found]
-        bandwidths[machine] = bandwidth_of(own) if len(own) == len(members) else 0.0
+    widths = {machine: bandwidth_of(own) if own else 1.0 for machine, own in moments_of.items()}
     second = {
         name: client.submit(
-            _sums, tasks[name], [(fit, i, bandwidths[machine]) for machine, fit, i in uses], pure=False
+            _sums, tasks[name], pairs[name], [widths[machine] for machine, _, _ in own], pure=False
         )
-        for name, uses in of_record.items()
+        for name, own in uses.items()
     }
-    sums, _ = _gathered(second, say, "second pass of the covariances")
+    sums, _ = _gathered(second, say, "covariances, second pass")
     result: dict[str, FloatArray | None] = {machine: None for machine, _, _ in fits}
     for machine, fit, members in wanted:
-        own = [_of(machine, of_record[name], sums[name]) for name in members if name in sums]
-        if bandwidths[machine] > 0.0 and len(own) == len(members):
-            result[machine] = np.sum(own, axis=0) * (fit.samples / (fit.samples - len(fit.columns)))
+        own_sums = [_of(machine, uses[name], sums[name]) for name in members if name in sums]
+        if len(own_sums) == len(moments_of[machine]) == len(members):
+            result[machine] = np.sum(own_sums, axis=0) * inflation(fit, moments_of[machine])
     return result
 
 
@@ -298,15 +303,16 @@ def _of(machine: str, uses: list[tuple[str, FactorFit, int]], values: list[Any])
 
 
 def _moments(prepared: _Prepared, fits: list[tuple[FactorFit, int]]) -> list[Moments]:
-    return [
-        moments(lambda fit=fit, index=index: influence_chunks(fit, index, prepared.task))  # type: ignore[misc]
-        for fit, index in fits
-    ]
+    sums = [MomentSums(len(fit.columns)) for fit, _ in fits]
+    for found in influence_chunks(fits, prepared.task):
+        for one, psi in zip(sums, found, strict=True):
+            one.add(psi)
+    return [one.result() for one in sums]
 
 
-def _sums(prepared: _Prepared, fits: list[tuple[FactorFit, int, float]]) -> list[FloatArray]:
-    found = []
-    for fit, index, width in fits:
-        series = lambda fit=fit, index=index: influence_chunks(fit, index, prepared.task)  # noqa: E731
-        found.append(bartlett_sum(series, width) if width > 0.0 else np.zeros((len(fit.columns),) * 2))
-    return found
+def _sums(prepared: _Prepared, fits: list[tuple[FactorFit, int]], widths: list[float]) -> list[FloatArray]:
+    sums = [BartlettSums(len(fit.columns), width) for (fit, _), width in zip(fits, widths, strict=True)]
+    for found in influence_chunks(fits, prepared.task):
+        for one, psi in zip(sums, found, strict=True):
+            one.add(psi)
+    return [one.result() for one in sums]

@@ -17,7 +17,7 @@ from modelgen.runtime.contract import Model, model_from_module
 from modelgen.runtime.data import Record, missing_name
 from modelgen.runtime.delays import advanced
 from modelgen.runtime.direction_sources import direction_problems, wanted_directions, with_directions
-from modelgen.runtime.drift import cutoff_drift, load_row_drift, other_cutoffs
+from modelgen.runtime.drift import FARTHER_FACTORS, cutoff_drift, load_row_drift, other_cutoffs
 from modelgen.runtime.estimate import Estimate
 from modelgen.runtime.identifiability import not_identifiable
 from modelgen.runtime.judge import Solved, judge
@@ -137,7 +137,11 @@ def identify(
             return chosen.run(replace(job, records=moved, late=(), choice=other))[1]
 
         if chosen.consistent:
-            found = disagreements(fit, choice, other_cutoffs(choice, lowest_fs, again))
+            others = other_cutoffs(choice, lowest_fs, again)
+            found = disagreements(fit, choice, others)
+            if any(np.any(one.significant) for one in found):
+                others += other_cutoffs(choice, lowest_fs, again, FARTHER_FACTORS)
+                found = disagreements(fit, choice, others)
             drift += significant_drift(found, len(fit.columns))
             told = [name for name in fit.columns if name not in refused]
             notes = disagreement_notes(found, fit.columns, fit.solution.x, told)

@@ -56,13 +56,7 @@ def fit_iv(start: Fit, setting: Setting) -> Fit:
     """
     fit, moves = start, list[float]()
     for _ in range(ROUNDS):
-        try:
-            Z = instruments(fit, setting)
-        except DataError as error:
-            raise diverged(f"its simulation fails ({error.problems[0].what})") from error
-        following = solve_with(fit, Z)
-        if not np.all(np.isfinite(following.solution.x)):
-            raise diverged("its estimate is not finite")
+        following = iv_round(fit, setting)
         move = _largest_move(fit, following)
         fit = following
         moves.append(move)
@@ -71,6 +65,18 @@ def fit_iv(start: Fit, setting: Setting) -> Fit:
     raise diverged(
         f"after {ROUNDS} rounds an estimate still moves by {SMALL_MOVE * moves[-1]:.2g} standard deviations"
     )
+
+
+def iv_round(fit: Fit, setting: Setting) -> Fit:
+    """Return the fit with instruments from the given one: one round of the iteration."""
+    try:
+        Z = instruments(fit, setting)
+    except DataError as error:
+        raise diverged(f"its simulation fails ({error.problems[0].what})") from error
+    following = solve_with(fit, Z)
+    if not np.all(np.isfinite(following.solution.x)):
+        raise diverged("its estimate is not finite")
+    return following
 
 
 def starting_at(fit: Fit, start: Fit) -> Fit:

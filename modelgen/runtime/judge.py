@@ -22,6 +22,8 @@ FloatArray = npt.NDArray[np.float64]
 # Drifts that are worth a note: in standard deviations of the noise, and relative to the value.
 NOTED_DRIFT = 2.0
 NOTED_SHARE = 1e-3
+# A physical parameter from composites needs a relative standard deviation below this.
+LARGEST_PERCENT = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +72,8 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         if name not in identified
     }
     physical, unanswered = physical_parameters(model, base, covariances, solved.refused, nuisance)
+    physical, doubtful = _certain(physical, nonlinear=bool(model.composites))
+    unanswered |= doubtful
     others = other_solutions(model, base, covariances, physical)
     residual = fit.weighted_residual
     return Estimate(
@@ -106,6 +110,22 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         + (() if method.consistent else _drift_notes(parameters))
         + solution_notes(others),
     )
+
+
+def _certain(
+    physical: tuple[Parameter, ...], nonlinear: bool
+) -> tuple[tuple[Parameter, ...], dict[str, str]]:
+    """Return the physical parameters that are certain enough, and for the others the reason.
+
+    What comes out of composites by a nonlinear step has an interval only while its deviation is small.
+    """
+    doubtful = {
+        entry.name: f"its standard deviation is {entry.relative_std:.3g} % of its value, too much for the "
+        f"step from the composites ({LARGEST_PERCENT:g} % at most)"
+        for entry in physical
+        if nonlinear and not entry.relative_std <= LARGEST_PERCENT
+    }
+    return tuple(entry for entry in physical if entry.name not in doubtful), doubtful
 
 
 def row_diagnostics(observation: Observation, fit: Fit) -> tuple[RowDiagnostics, ...]:

@@ -1,15 +1,15 @@
 """Mapping file: which column of a data file is which channel, as TOML that a person may edit.
 
-    [time]
-    column = "time"
-    unit = "ms"
+[time]
+column = "time"
+unit = "ms"
 
-    [channels.q_m]
-    column = "theta"
-    factor = 0.017453292519943295      # deg -> rad
-    negate = false
+[channels.q_m]
+column = "theta"
+factor = 0.017453292519943295      # deg -> rad
+negate = false
 
-    mend = ["duplicates"]
+mend = ["duplicates"]
 """
 
 from __future__ import annotations
@@ -178,5 +178,7 @@ def _table_problems(where: str, table: Any, kind: str) -> list[Problem]:
             continue  # the name of a scalar that the file holds
         number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
         if not number or value == 0.0 or (key == "fs_hz" and value < 0.0):
-            problems.append(Problem(f"{where}.{key}", f"is {value!r}", "give a finite number other than zero"))
+            problems.append(
+                Problem(f"{where}.{key}", f"is {value!r}", "give a finite number other than zero")
+            )
     return problems

@@ -10,7 +10,7 @@ from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.delays import fit_with_delays
-from modelgen.runtime.instruments import Setting, fit_iv, starting_at
+from modelgen.runtime.instruments import Setting, fit_iv, iv_round, starting_at
 from modelgen.runtime.observation import Observation, observe, rows_by_tag
 from modelgen.runtime.pham2002 import observe_paper
 from modelgen.runtime.reversal_mask import without_reversals
@@ -78,7 +78,9 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
         observation = without_reversals(rows(records), job.model, records, job.choice, job.drop)
         setting = Setting(job.model, records, job.choice, job.drop, job.loop)
         first = fit_matched(observation)
-        return observation, fit_iv(first if start is None else starting_at(first, start), setting)
+        if not job.late:
+            return observation, fit_iv(first, setting)
+        return observation, first if start is None else iv_round(starting_at(first, start), setting)
 
     return fit_with_delays(job.records, job.late, run, rows) if job.late else run(job.records, None)
 

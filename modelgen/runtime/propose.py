@@ -120,5 +120,3 @@ def _keys(columns: Sequence[str]) -> list[str]:
             key, count = f"{text[:57]}_{count}", count + 1
         keys[key] = None
     return list(keys)
-
-

@@ -14,11 +14,11 @@ import numpy.typing as npt
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.channel_units import Unit, split_name, unit_from_text
 from modelgen.runtime.data import Record, missing_name
+from modelgen.runtime.faults import Finding, clock_faults, same_clock, time_faults, zero_faults
 from modelgen.runtime.file_formats import open_source
 from modelgen.runtime.mend import Track, check_mends, join_clocks, mend_offsets, mend_times
 from modelgen.runtime.sampling import sampling_frequency
 from modelgen.runtime.source import Columns, Source
-from modelgen.runtime.faults import Finding, same_clock, clock_faults, time_faults, zero_faults
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def read_record(
 
 
 def read(
-    path: str | Path,
+    path: str | Path | Source,
     mapping: Mapping[str, str] | None = None,
     scales: Mapping[str, float | str] | None = None,
     fs: float | None = None,
@@ -96,8 +96,12 @@ def read(
     mend: Sequence[str] = (),
     units: Mapping[str, str] | None = None,
 ) -> Reading:
-    """Read one record and tell what was taken for what; the parameters are those of `read_record`."""
-    source = open_source(Path(path))
+    """Read one record and tell what was taken for what; the parameters are those of `read_record`.
+
+    A `Source` that is open already may stand for its file.
+    """
+    source = path if isinstance(path, Source) else open_source(Path(path))
+    path = source.path
     clock = time or source.clock
     if needed is None:
         times_of = {clock, *source.clocks.values()}
@@ -269,7 +273,9 @@ def _took(source: Source, picks: Sequence[_Pick], wanted: Mapping[str, str]) -> 
         text = source.units.get(pick.column, "")
         if pick.unit is None:
             if text and not pick.scaled:
-                said.append(f"{pick.key}: column {pick.column} is in {text!r}, an unknown unit; not converted")
+                said.append(
+                    f"{pick.key}: column {pick.column} is in {text!r}, an unknown unit; not converted"
+                )
             continue
         if not pick.scaled and pick.unit.factor != 1.0:
             said.append(f"{pick.key}: column {pick.column} converted from {text} to {pick.unit.si}")

@@ -13,7 +13,7 @@ from modelgen.errors import DataError
 from modelgen.runtime.channels import Channels
 from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.chunk import Chunk, chunks
-from modelgen.runtime.contract import Model
+from modelgen.runtime.contract import Model, RowInfo
 from modelgen.runtime.filtered_record import SUPPORT_TOLERANCE
 from modelgen.runtime.filtering import matched_filtering
 from modelgen.runtime.filters import support_samples
@@ -90,7 +90,8 @@ class RecordFactors:
     rows : tuple of RowFactor
         A triangle for each row of the model.
     force_power : mapping of int to float
-        Number of differentiations to the sum over the grid of the squared forces, differentiated so often.
+        Number of differentiations to the sum over the grid of the squared forces (times their levers),
+        differentiated so often.
     """
 
     name: str
@@ -98,9 +99,10 @@ class RecordFactors:
     rows: tuple[RowFactor, ...]
     force_power: Mapping[int, float]
 
-    def force_scale(self, times: int) -> float:
-        """Return the rms of the forces, differentiated so often."""
-        return float(np.sqrt(self.force_power.get(times, 0.0) / self.grid))
+    def force_scale(self, row: RowInfo) -> float:
+        """Return the rms of the forces, differentiated as often as a row and in its unit."""
+        power = self.force_power.get(row.differentiated, 0.0) / self.grid
+        return float(np.sqrt(power)) / row.lever
 
     def joined(self, other: RecordFactors) -> RecordFactors:
         """Return the factors of both stretches of the record."""

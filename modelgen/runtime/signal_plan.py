@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from modelgen.runtime.contract import Feature, Model, Signal
 from modelgen.runtime.derivatives import differentiate
+from modelgen.runtime.filtered_record import DIFFERENCE_GAIN, ROUNDING
 from modelgen.runtime.filtering import Filtering
 from modelgen.runtime.fused import FusedOperator, fused_operator
 from modelgen.runtime.two_sided import Sections, squared_gain
@@ -44,6 +45,8 @@ class SignalPlan:
         Velocity key to (channel, its operator at the full rate); None where the record brings the direction.
     forces : dict
         Channel of a force to {times that rows are differentiated: column of its operator's output}.
+    levers : dict
+        Channel of a force to what makes it comparable across gears, see `modelgen.runtime.contract.Actuator`.
     full_rate_channels : frozenset
         Channels that directions and features are formed from.
     last_use : dict
@@ -63,6 +66,7 @@ class SignalPlan:
     feature_operator: FusedOperator
     directions: dict[str, tuple[str, FusedOperator | None]]
     forces: dict[str, dict[int, int]]
+    levers: dict[str, float]
     full_rate_channels: frozenset[str]
     last_use: dict[str, int]
     constant: float
@@ -73,7 +77,10 @@ class SignalPlan:
         operator = self.operators[channel]
         stop = start + (count - 1) * self.filtering.factor + 1
         samples = read(channel, start - operator.reach, stop + operator.reach)
-        return operator.apply(samples, operator.reach, count)
+        found = operator.apply(samples, operator.reach, count)
+        for column, derivative in enumerate(operator.derivatives):
+            self._without_rounding(found[:, column], samples, derivative)
+        return found
 
     def feature(self, read: Reader, direction: Reader, key: str, start: int, count: int) -> FloatArray:
         """Return a feature at count samples kept, the first at `start`."""
@@ -88,7 +95,18 @@ class SignalPlan:
         if operator is None:
             return read(channel, start, stop)
         samples = read(channel, start - operator.reach, stop + operator.reach)
-        return operator.apply(samples, operator.reach, stop - start)[:, 0]
+        found = operator.apply(samples, operator.reach, stop - start)[:, 0]
+        self._without_rounding(found, samples, operator.derivatives[0])
+        return found
+
+    def _without_rounding(self, found: FloatArray, samples: FloatArray, derivative: int) -> None:
+        """Set a derivative to zero where it is nothing but the rounding error of its channel."""
+        if derivative == 0:
+            return
+        gain = ROUNDING * (DIFFERENCE_GAIN * self.filtering.fs) ** derivative
+        largest = max(float(found.max()), -float(found.min()))
+        if largest <= gain * max(float(samples.max()), -float(samples.min())):
+            found[:] = 0.0
 
     def _feature(
         self, feature: Feature, read: Reader, direction: Reader, start: int, stop: int
@@ -169,6 +187,7 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         feature_operator,
         directions,
         forces,
+        {actuator.key: actuator.lever for actuator in model.actuators},
         _full_rate_channels(model, directions),
         _last_use(model),
         gain,

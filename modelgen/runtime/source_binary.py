@@ -32,6 +32,9 @@ def open_npz(path: Path) -> Source:
             if not isinstance(archive, np.lib.npyio.NpzFile):
                 raise ValueError("it holds a single array without a name")
             arrays = {name: archive[name] for name in archive.files}
+        foreign = next((name for name, array in arrays.items() if not isinstance(array, np.ndarray)), None)
+        if foreign is not None:
+            raise ValueError(f"its member {foreign!r} is no array")
     except (OSError, DataError):
         raise
     except Exception as error:  # a damaged file breaks the parser in many ways

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,9 @@ def open_mdf(path: Path) -> Source:
     except Exception as error:  # the parser breaks in many ways on a file that is none
         raise unreadable(path, "MDF file", error) from error
     columns: Columns = {}
-    clocks, units, times = {}, {}, {}
+    clocks: dict[str, str] = {}
+    units: dict[str, str] = {}
+    times: dict[int, str] = {}
     for name, (group, signal) in signals.items():
         if group not in times:
             times[group] = "time" if not times else f"time ({len(times) + 1})"
@@ -53,10 +56,10 @@ def open_mdf(path: Path) -> Source:
     return Source(path, tuple(columns), load, units=units, clocks=several, took=took)
 
 
-def _signals(file: object, group: int) -> list[object]:
+def _signals(file: Any, group: int) -> list[Any]:
     """Return the numeric channels of a group, its column of times left out."""
-    channels = file.groups[group].channels  # type: ignore[attr-defined]
-    masters = file.masters_db  # type: ignore[attr-defined]
+    channels = file.groups[group].channels
+    masters = file.masters_db
     wanted = [index for index in range(len(channels)) if index != masters.get(group)]
-    found = [file.get(group=group, index=index) for index in wanted]  # type: ignore[attr-defined]
+    found = [file.get(group=group, index=index) for index in wanted]
     return [signal for signal in found if np.asarray(signal.samples).dtype.kind in "iuf"]

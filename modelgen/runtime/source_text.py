@@ -103,7 +103,7 @@ def _stated(where: str, text: str) -> dict[str, Any]:
     remedy = "remove the line, or write the record again"
     try:
         stated = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DataError.at(where, "is a damaged record header", remedy) from error
     kinds: dict[str, Any] = {"fs": (int, float), "name": str, "tag": (str, type(None))}
     if not isinstance(stated, dict) or not all(isinstance(stated.get(key), kinds[key]) for key in kinds):

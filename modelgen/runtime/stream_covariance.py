@@ -16,6 +16,7 @@ import numpy.typing as npt
 from modelgen.runtime.covariance import bandwidth_from_moments, fixed_b_factor
 from modelgen.runtime.factor_fit import FactorFit
 from modelgen.runtime.record_factors import Task
+from modelgen.runtime.row_terms import RowTerms
 
 FloatArray = npt.NDArray[np.float64]
 Series = Callable[[], Iterator[FloatArray]]
@@ -33,18 +34,73 @@ class Moments:
     n: int
 
 
+class MomentSums:
+    """Moments of an influence that comes in chunks."""
+
+    def __init__(self, columns: int) -> None:
+        self._power, self._product = np.zeros(columns), np.zeros(columns)
+        self._last, self._n = np.zeros((0, columns)), 0
+
+    def add(self, psi: FloatArray) -> None:
+        """Take in the next instants, shape (count, c)."""
+        joined = np.vstack([self._last, psi])
+        self._power += np.sum(psi**2, axis=0)
+        self._product += np.sum(joined[1:] * joined[:-1], axis=0)
+        self._last, self._n = psi[-1:], self._n + len(psi)
+
+    def result(self) -> Moments:
+        """Return the moments of what was taken in."""
+        return Moments(self._power, self._product, self._n)
+
+
+class BartlettSums:
+    """The sum over lags l of (1 - |l| / bandwidth) psi_t psi_(t+l)^T, of an influence in chunks."""
+
+    def __init__(self, columns: int, bandwidth: float) -> None:
+        whole = int(bandwidth)
+        # a triangle of broken width is piecewise linear between those of the two whole widths beside it
+        share = (whole + 1) * (1.0 - whole / bandwidth)
+        self._widths = ((whole, (1.0 - share) / whole), (whole + 1, share / (whole + 1)))
+        self._tail = np.zeros((whole + 1, columns))
+        self._total = np.zeros((columns, columns))
+
+    def add(self, psi: FloatArray) -> None:
+        """Take in the next instants, shape (count, c)."""
+        joined = np.vstack([self._tail, psi])
+        edge = len(self._tail)
+        sums = np.vstack([np.zeros(psi.shape[1]), np.cumsum(joined, axis=0)])
+        for width, share in self._widths:
+            moved = sums[edge + 1 :] - sums[edge + 1 - width : len(sums) - width]
+            self._total += share * (moved.T @ moved)
+        self._tail = joined[-edge:]
+
+    def result(self) -> FloatArray:
+        """Return the sum over what was taken in, shape (c, c)."""
+        # the moving sums that begin within the record and end behind it
+        self.add(np.zeros_like(self._tail))
+        return self._total
+
+
 def stream_hac_covariance(fit: FactorFit, tasks: Sequence[Task]) -> FloatArray:
     """Return the heteroskedasticity- and autocorrelation-consistent covariance, shape (c, c).
 
-    Newey and West (1987), bandwidth of Andrews (1991); c are the columns of the fit. The fit must have its
-    whole inverse.
+    As `covariance.hac_covariance`; c are the columns of the fit, which must have its whole inverse.
     """
     series = [_kept(fit, index, task) for index, task in enumerate(tasks)]
-    found = [moments(one) for one in series]
+    found = []
+    for one in series:
+        sums = MomentSums(len(fit.columns))
+        for psi in one():
+            sums.add(psi)
+        found.append(sums.result())
     bandwidth = bandwidth_of(found)
-    total = sum((bartlett_sum(one, bandwidth) for one in series), np.zeros((len(fit.columns),) * 2))
-    small_sample = fit.samples / (fit.samples - len(fit.columns))
-    return total * small_sample * fixed_b_factor(bandwidth, sum(one.n for one in found))
+    total = np.zeros((len(fit.columns), len(fit.columns)))
+    for one in series:
+        squares = BartlettSums(len(fit.columns), bandwidth)
+        for psi in one():
+            squares.add(psi)
+        total += squares.result()
+    return total * inflation(fit, found)
 
 
 def bandwidth_of(found: Sequence[Moments]) -> float:
@@ -54,76 +110,67 @@ def bandwidth_of(found: Sequence[Moments]) -> float:
     return bandwidth_from_moments(power, product, max(one.n for one in found))
 
 
-def influence_chunks(fit: FactorFit, record: int, task: Task) -> Iterator[FloatArray]:
-    """Yield what each instant of a record contributes to X's error, chunk by chunk, shape (count, c) each."""
-    assert fit.inverse is not None
-    place = {column: index for index, column in enumerate(fit.columns)}
+def inflation(fit: FactorFit, found: Sequence[Moments]) -> float:
+    """Return by how much the sums of all records grow for degrees of freedom and small samples."""
+    lost = fit.samples / (fit.samples - len(fit.columns))
+    return lost * fixed_b_factor(bandwidth_of(found), sum(one.n for one in found))
+
+
+def influence_chunks(fits: Sequence[tuple[FactorFit, int]], task: Task) -> Iterator[list[FloatArray]]:
+    """Yield what each instant of a record contributes to X's error, chunk by chunk, for each fit.
+
+    Parameters
+    ----------
+    fits : sequence of (FactorFit, int)
+        Fits with their whole inverse, and the number of the record in each.
+    task : Task
+        The record.
+
+    Yields
+    ------
+    list of array, shape (count, columns of the fit) each
+    """
     for chunk in task.chunks():
-        signals = chunk.signals()
-        psi = np.zeros((chunk.count, len(fit.columns)))
-        for terms, used in zip(task.rows, task.places(chunk), strict=True):
-            weight = fit.weights.get((record, terms.row))
-            if weight is None:
-                continue
+        signals, places = chunk.signals(), task.places(chunk)
+        found = [np.zeros((chunk.count, len(fit.columns))) for fit, _ in fits]
+        for terms, used in zip(task.rows, places, strict=True):
             lines = terms.evaluate(signals)
             signals.forget(terms.row)
-            touched = list(terms.columns)
-            error = lines[-1] - fit.x[touched] @ lines[1:-1]
-            alive = [index for index, column in enumerate(touched) if column in place]
-            gain = fit.inverse[[place[touched[index]] for index in alive]]
-            part = (weight**2 * error * lines[1:-1][alive]).T @ gain
-            if used is None:
-                psi += part
-            else:
-                psi[used] += part[used]
-        yield psi
+            for psi, (fit, record) in zip(found, fits, strict=True):
+                _add_influence(psi, fit, record, terms, lines, used)
+        yield found
 
 
-def moments(series: Series) -> Moments:
-    """Return the moments of an influence that the bandwidth is chosen from."""
-    power, product, n = np.zeros(1), np.zeros(1), 0
-    last: FloatArray | None = None
-    for psi in series():
-        power = power + np.sum(psi**2, axis=0)
-        joined = psi if last is None else np.vstack([last, psi])
-        product = product + np.sum(joined[1:] * joined[:-1], axis=0)
-        last, n = psi[-1:], n + len(psi)
-    return Moments(power, product, n)
-
-
-def bartlett_sum(series: Series, bandwidth: float) -> FloatArray:
-    """Return the sum over all lags l of (1 - |l| / bandwidth) psi_t psi_(t+l)^T."""
-    whole = int(bandwidth)
-    # a triangle of broken width is piecewise linear between those of the two whole widths beside it
-    share = (whole + 1) * (1.0 - whole / bandwidth)
-    widths = [(whole, (1.0 - share) / whole), (whole + 1, share / (whole + 1))]
-    total: FloatArray = np.zeros((1, 1))
-    tail: FloatArray | None = None
-    for psi in series():
-        if tail is None:
-            tail = np.zeros((whole + 1, psi.shape[1]))
-        total = total + _moving(np.vstack([tail, psi]), len(psi), widths)
-        tail = np.vstack([tail, psi])[-(whole + 1) :]
-    assert tail is not None
-    # the sums that begin within the record and end behind it
-    return total + _moving(np.vstack([tail, np.zeros_like(tail)]), whole, widths)
-
-
-def _moving(psi: FloatArray, count: int, widths: Sequence[tuple[int, float]]) -> FloatArray:
-    """Return the weighted squares of the moving sums that end at `count` lines, after the first `edge`."""
-    edge = widths[-1][0]
-    sums = np.vstack([np.zeros(psi.shape[1]), np.cumsum(psi, axis=0)])
-    total = np.zeros((psi.shape[1], psi.shape[1]))
-    for width, share in widths:
-        ends = np.arange(edge, edge + count)
-        moved = sums[ends + 1] - sums[ends + 1 - width]
-        total += share * (moved.T @ moved)
-    return total
+def _add_influence(
+    psi: FloatArray,
+    fit: FactorFit,
+    record: int,
+    terms: RowTerms,
+    lines: FloatArray,
+    used: npt.NDArray[np.int64] | None,
+) -> None:
+    """Add one row's share; `lines` are 1, W and Y of the samples kept."""
+    weight = fit.weights.get((record, terms.row))
+    if weight is None or fit.inverse is None:
+        return
+    place = {column: index for index, column in enumerate(fit.columns)}
+    error = lines[-1] - fit.x[list(terms.columns)] @ lines[1:-1]
+    alive = [index for index, column in enumerate(terms.columns) if column in place]
+    gain = fit.inverse[[place[terms.columns[index]] for index in alive]]
+    part = (weight**2 * error * lines[1:-1][alive]).T @ gain
+    if used is None:
+        psi += part
+    else:
+        psi[used] += part[used]
 
 
 def _kept(fit: FactorFit, record: int, task: Task) -> Series:
     """Return the influence of a record, kept where it is small."""
+
+    def series() -> Iterator[FloatArray]:
+        return (psi for (psi,) in influence_chunks([(fit, record)], task))
+
     if len(task.grid) * len(fit.columns) > KEPT:
-        return lambda: influence_chunks(fit, record, task)
-    parts = list(influence_chunks(fit, record, task))
+        return series
+    parts = list(series())
     return lambda: iter(parts)

@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.runtime.chunk import Chunk
-from modelgen.runtime.filtered_record import DIFFERENCE_GAIN, ROUNDING
 from modelgen.runtime.reversals import STANDSTILL_SHARE
 from modelgen.runtime.signal_plan import SignalPlan
 
@@ -24,13 +23,12 @@ PERCENTILE = 0.99
 
 @dataclass(frozen=True)
 class Survey:
-    """Speeds below which a mass stands still, and velocities that are nothing but rounding error."""
+    """Speeds below which a mass stands still, by the key of the velocity."""
 
     thresholds: Mapping[str, float]
-    resting: frozenset[str]
 
 
-NOTHING = Survey({}, frozenset())
+NOTHING = Survey({})
 
 
 def survey_record(parts: Iterator[Chunk], plan: SignalPlan, n: int) -> Survey:
@@ -38,28 +36,16 @@ def survey_record(parts: Iterator[Chunk], plan: SignalPlan, n: int) -> Survey:
     index = PERCENTILE * (n - 1)
     low = int(index)
     fastest: dict[str, FloatArray] = {key: np.zeros(0) for key in plan.directions}
-    largest = dict.fromkeys(plan.directions, 0.0)
     for chunk in parts:
-        for key, (channel, _) in plan.directions.items():
+        for key in plan.directions:
             speed = np.abs(chunk.direction(key, chunk.start, chunk.stop))
             fastest[key] = _largest(np.concatenate([fastest[key], speed]), n - low)
-            reading = chunk.read(channel, chunk.start, chunk.stop)
-            largest[key] = max(largest[key], float(np.max(np.abs(reading))))
-    thresholds, resting = {}, []
+    thresholds = {}
     for key, values in fastest.items():
         ordered = np.sort(values)
         percentile = ordered[0] + (index - low) * (ordered[min(1, len(ordered) - 1)] - ordered[0])
         thresholds[key] = STANDSTILL_SHARE * float(percentile)
-        derivative = next(signal.derivative for signal in plan.model.signals if signal.key == key)
-        if ordered[-1] <= rounding_level(largest[key], plan.filtering.fs, derivative):
-            resting.append(key)
-            thresholds[key] = 0.0
-    return Survey(thresholds, frozenset(resting))
-
-
-def rounding_level(largest: float, fs: float, derivative: int) -> float:
-    """Return what rounding of the readings alone can make of a derivative, in its unit."""
-    return ROUNDING * largest * (DIFFERENCE_GAIN * fs) ** derivative
+    return Survey(thresholds)
 
 
 def _largest(values: FloatArray, count: int) -> FloatArray:

@@ -167,7 +167,7 @@ def _validate(
         controller=controller,
         drive=drive,
         actuator=key,
-        initial_state=_initial_state(plant, record, cutoff),
+        initial_state=initial_state(plant, record, cutoff),
     ).true
     checks: list[SignalCheck] = []
     for sensor in plant.model.sensors:
@@ -193,7 +193,7 @@ def _excitation(record: Record, controller: PositionVelocityController, oversamp
     return Excitation(r, r_rate, feedforward, record.fs * oversample, record.name)
 
 
-def _initial_state(plant: Plant, record: Record, cutoff_hz: float) -> FloatArray:
+def initial_state(plant: Plant, record: Record, cutoff_hz: float) -> FloatArray:
     """Return where the chain was and how fast it went at the first sample.
 
     A body without an encoder or tachometer goes along with the driven one, as without elasticity.

@@ -39,7 +39,9 @@ def case(chain: str, sensors: str) -> tuple[ChainSpec, Model, dict[str, Any], di
     return spec, model, signals, {name: float(rng.uniform(0.5, 2.0)) for name in model.parameters}
 
 
-def expected(model: Model, signals: Mapping[str, Any], parameters: Mapping[str, float], sense: int) -> list[Any]:
+def expected(
+    model: Model, signals: Mapping[str, Any], parameters: Mapping[str, float], sense: int
+) -> list[Any]:
     directions = {entry.body: sense for entry in model.friction if entry.asymmetric}
     space = model.state_space(parameters, directions or None)
     return [model.measurement(signals), model.regressor(signals), *space]
@@ -126,7 +128,8 @@ def test_c99_gives_the_same_numbers(compiler: str, tmp_path: Path, chain: str, s
     directed = [entry.body for entry in model.friction if entry.asymmetric]
     call = f"{name}_state_space(&p, &m);"
     if directed:
-        call = f"{name}_directions d = {{ {', '.join(['-1'] * len(directed))} }}; {name}_state_space(&p, &d, &m);"
+        senses = ", ".join(["-1"] * len(directed))
+        call = f"{name}_directions d = {{ {senses} }}; {name}_state_space(&p, &d, &m);"
     (tmp_path / "main.c").write_text(MAIN.format(name=name, n=N, call=call), encoding="utf-8")
     flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-o", "main"]
     subprocess.run([compiler, *flags, "main.c", f"{name}.c"], cwd=tmp_path, check=True, timeout=120)
@@ -171,7 +174,8 @@ def folder_with(tmp_path: Path, text: str) -> Path:
 
 def test_templates_of_ones_own(tmp_path: Path) -> None:
     spec = load_spec(catalog_path("emps300"))
-    text = "# {{ model.header }}\n{% for r, c, parts in model.regressor %}{{ r }},{{ c }}: {{ parts | length }}\n{% endfor %}"
+    text = "# {{ model.header }}\n"
+    text += "{% for r, c, parts in model.regressor %}{{ r }},{{ c }}: {{ parts | length }}\n{% endfor %}"
     files = user_files(spec, "qm_ac", folder_with(tmp_path, text))
     assert list(files) == ["emps300_qm_ac.jl"]
     assert files["emps300_qm_ac.jl"].splitlines()[1:4] == ["0,0: 1", "0,1: 1", "0,4: 2"]

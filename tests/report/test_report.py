@@ -1,4 +1,4 @@
-"""The report: one page, no request, no script but its own, and everything the issue of a record may need in it."""
+"""The report: one page, no request, no script but its own, and every part in it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ def case() -> tuple[Model, Record, Estimate]:
     spec = load_spec(catalog_path("emps300"))
     model = model_from_text(generate(spec, "qm_ac"), "emps300_qm_ac")
     noise = {"q_m": 2e-6, "a_c": 0.5, "Gamma_m": 1e-4}
-    record = simulate(model, spec.parameter_sets["light"], "chirp", fs=5000.0, duration_s=3.0, noise=noise).record
+    record = simulate(
+        model, spec.parameter_sets["light"], "chirp", fs=5000.0, duration_s=3.0, noise=noise
+    ).record
     return model, record, identify(model, [record])
 
 

@@ -36,12 +36,11 @@ def test_conditioning_of_the_simulated_pair() -> None:
 
 
 def records() -> list[Record]:
+    noise = {QC: {"q_m": 1e-7, "q_c": 1e-7}, AC: {"q_m": 1e-7, "a_c": 0.1}}
     found = []
     for kind in ("chirp", "trapezoid"):
-        both = [
-            simulate(model, LIGHT, kind, noise={"q_m": 1e-7, "q_c": 1e-7, "a_c": 0.1}) for model in (QC, AC)
-        ]
-        found.append(replace(both[0].record, signals={**both[0].record.signals, **both[1].record.signals}))
+        both = [simulate(model, LIGHT, kind, noise=levels).record for model, levels in noise.items()]
+        found.append(replace(both[0], signals={**both[0].signals, **both[1].signals}))
     return found
 
 

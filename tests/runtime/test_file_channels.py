@@ -79,7 +79,11 @@ def test_npy_files_that_are_none_or_do_not_fit_are_named(tmp_path: Path) -> None
     (tmp_path / "text.npy").write_text("nothing")
     with pytest.raises(DataError, match=r"differ in length: q_m 1000, Gamma_m 999"):
         open_npy({"q_m": tmp_path / "angle.npy", "Gamma_m": tmp_path / "short.npy"}, 1000.0)
-    for name, what in (("table.npy", r"shape \(3, 3\)"), ("text.npy", "no readable"), ("no.npy", "no readable")):
+    for name, what in (
+        ("table.npy", r"shape \(3, 3\)"),
+        ("text.npy", "no readable"),
+        ("no.npy", "no readable"),
+    ):
         with pytest.raises(DataError, match=what):
             open_npy({"q_m": tmp_path / name}, 1000.0)
 

@@ -1,4 +1,4 @@
-"""Files laid out as instruments write them give the numbers that were logged, and say what was taken for what."""
+"""Files laid out as instruments write them give what was logged, and say what was taken for what."""
 
 from __future__ import annotations
 
@@ -112,7 +112,12 @@ def keysight(folder: Path) -> Path:
 
 def pico(folder: Path) -> Path:
     rows = zip(TIMES_MS, THETA, TORQUE, ACC, strict=True)
-    lines = ["Time,Channel A,Channel B,Channel C", "(ms),(deg),(V),(V)", "", *(",".join(map(point, r)) for r in rows)]
+    lines = [
+        "Time,Channel A,Channel B,Channel C",
+        "(ms),(deg),(V),(V)",
+        "",
+        *(",".join(map(point, r)) for r in rows),
+    ]
     return save(folder, "pico.csv", lines)
 
 
@@ -179,7 +184,13 @@ def test_scopes_without_a_line_of_units(tmp_path: Path, write: Any) -> None:
 
 
 def test_old_tektronix_has_its_samples_beside_the_metadata(tmp_path: Path) -> None:
-    head = [f"Record Length,{N}", "Sample Interval,5.0E-4", "Trigger Point,0", "Vertical Units,V", "Source,CH2"]
+    head = [
+        f"Record Length,{N}",
+        "Sample Interval,5.0E-4",
+        "Trigger Point,0",
+        "Vertical Units,V",
+        "Source,CH2",
+    ]
     lines = []
     for k in range(N):
         left = head[k] if k < len(head) else ","

@@ -1,4 +1,4 @@
-"""Formats that need a library: written by that library, read back to the last bit; damaged ones are explained."""
+"""Formats that need a library: written by it, read back to the last bit; damaged ones are explained."""
 
 from __future__ import annotations
 
@@ -42,11 +42,10 @@ def mat73(path: Path) -> None:
         file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(128))
 
 
-def parquet(path: Path) -> None:
+def parquet_file(path: Path) -> None:
     pyarrow = pytest.importorskip("pyarrow")
-    import pyarrow.parquet
-
-    pyarrow.parquet.write_table(pyarrow.table({"time": T, "theta [deg]": Q, "torque": F}), path)
+    parquet = pytest.importorskip("pyarrow.parquet")
+    parquet.write_table(pyarrow.table({"time": T, "theta [deg]": Q, "torque": F}), path)
 
 
 def mf4(path: Path) -> None:
@@ -74,7 +73,7 @@ def tdms(path: Path) -> None:
 FORMATS = {
     ".h5": (hdf5, "run.theta", "h5py"),
     ".mat": (mat73, "theta", "h5py"),
-    ".parquet": (parquet, "theta", "pyarrow.parquet"),
+    ".parquet": (parquet_file, "theta", "pyarrow.parquet"),
     ".mf4": (mf4, "theta", "asammdf"),
     ".tdms": (tdms, "theta", "nptdms"),
 }

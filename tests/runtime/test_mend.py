@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError
-from modelgen.runtime.read import read
 from modelgen.runtime.faults import time_faults, zero_faults
+from modelgen.runtime.read import read
 
 N = 400
 T = np.arange(N) / 1000.0

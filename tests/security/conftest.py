@@ -24,7 +24,10 @@ _armed: list[bool] = []
 
 
 def _watch(event: str, arguments: tuple[Any, ...]) -> None:
-    if _armed and event.startswith(FORBIDDEN):
+    uname = (
+        event == "subprocess.Popen" and arguments[0] == "uname"
+    )  # the platform module asks what this machine is
+    if _armed and event.startswith(FORBIDDEN) and not uname:
         _caught.append(f"{event} {arguments!r}")
 
 
@@ -45,3 +48,10 @@ def trap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     assert not list(tmp_path.rglob("pwned*"))
     assert "PWNED" not in os.environ
     assert _caught == []
+
+
+@pytest.fixture
+def processes(trap: Path) -> Path:
+    """The empty folder, for a test that starts processes of its own."""
+    _armed.clear()
+    return trap

@@ -1,0 +1,113 @@
+"""Output error: parameters whose simulated response comes closest to the measured one; a yardstick.
+
+The chain is simulated under the measured force. Alone it would drift away from the record, as any free axis
+does, so a weak position and velocity controller ties it to the measured motion of the driven body; what that
+controller has to add to the force is an error like any other. Everything is compared unfiltered, each signal
+weighted by its own residual. Friction is true stick and slip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, ModelgenError
+from modelgen.runtime.closed_loop import PositionVelocityController, default_controller
+from modelgen.runtime.contract import Model
+from modelgen.runtime.data import Record
+from modelgen.runtime.derivatives import differentiate
+from modelgen.runtime.excitation import Excitation
+from modelgen.runtime.filters import zero_phase
+from modelgen.runtime.plant import Plant, make_plant
+from modelgen.runtime.simulate import simulate
+from modelgen.runtime.validate import initial_state
+
+FloatArray = npt.NDArray[np.float64]
+
+# The reference's rate is the measured velocity below this share of the sampling frequency.
+CUTOFF_SHARE = 0.1
+FILTER_ORDER = 4
+ROUNDS = 2
+MOST_EVALUATIONS = 30
+RELATIVE_STEP = 1e-5
+FAR = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Parameters found by a yardstick: `covariance` in the order of `names` (SI)."""
+
+    names: tuple[str, ...]
+    values: FloatArray
+    covariance: FloatArray
+
+
+def fit_response(model: Model, records: Sequence[Record], start: Mapping[str, float]) -> Response:
+    """Fit all physical parameters by nonlinear least squares, from a start (SI).
+
+    Raises
+    ------
+    DataError
+        When the driven body has no encoder, or the start does not suit the model.
+    """
+    from scipy.optimize import least_squares
+
+    plant = make_plant(model, start)
+    driven = plant.bodies[plant.driven]
+    encoder = next((s.key for s in model.sensors if (s.body, s.measures) == (driven, "position")), None)
+    if encoder is None:
+        remedy = "use another method"
+        raise DataError.at("output error", f"body {driven} has no position sensor to follow", remedy)
+    names = model.parameters
+    scale = np.array([abs(plant.parameters[name]) or 1.0 for name in names])
+    loop = default_controller(plant)
+    followed = [_follow(record, encoder, plant) for record in records]
+    weights = [1.0] * (len(model.sensors) + 1)
+
+    def residual(x: FloatArray) -> FloatArray:
+        values = {**plant.parameters, **dict(zip(names, (x * scale).tolist(), strict=True))}
+        try:
+            parts = [_errors(model, values, r, f, loop) for r, f in zip(records, followed, strict=True)]
+        except ModelgenError:
+            return np.full(sum(r.n for r in records) * len(weights), FAR)
+        joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        return np.concatenate([w * e for w, e in zip(weights, joined, strict=True)])
+
+    x = np.array([plant.parameters[name] for name in names]) / scale
+    count = sum(record.n for record in records)
+    for _ in range(ROUNDS):
+        weights = [1.0] * len(weights)
+        each = residual(x).reshape(len(weights), count)
+        weights = [1.0 / max(float(np.sqrt(np.mean(e**2))), 1e-300) for e in each]
+        found = least_squares(residual, x, diff_step=RELATIVE_STEP, max_nfev=MOST_EVALUATIONS, x_scale="jac")
+        x = np.asarray(found.x)
+    freedom = len(found.fun) - len(x)
+    inverse = np.linalg.pinv(found.jac.T @ found.jac)
+    covariance = float(found.fun @ found.fun) / freedom * inverse * np.outer(scale, scale)
+    return Response(names, x * scale, covariance)
+
+
+def _follow(record: Record, encoder: str, plant: Plant) -> Excitation:
+    """Return the measured motion of the driven body as reference, with the measured force."""
+    position = record.signals[encoder]
+    smooth = zero_phase(position, FILTER_ORDER, CUTOFF_SHARE * record.fs, record.fs)
+    force = record.signals[plant.model.actuators[plant.actuator].key]
+    return Excitation(smooth, differentiate(smooth, record.dt), force, record.fs, record.name)
+
+
+def _errors(
+    model: Model,
+    values: Mapping[str, float],
+    record: Record,
+    followed: Excitation,
+    loop: PositionVelocityController,
+) -> list[FloatArray]:
+    """Return measured minus simulated of every sensor, and of the force."""
+    plant = make_plant(model, values)
+    state = initial_state(plant, record, CUTOFF_SHARE * record.fs)
+    found = simulate(model, values, followed, fs=record.fs, controller=loop, initial_state=state).true
+    keys = [sensor.key for sensor in model.sensors] + [model.actuators[plant.actuator].key]
+    return [record.signals[key] - found[key] for key in keys]

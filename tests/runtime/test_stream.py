@@ -1,0 +1,163 @@
+"""Records in chunks against `identify`, which has them whole."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from generated import emps300_qm_ac, emps300_qm_qc, emps_rigid_asymmetric_qm
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.channels import RecordChannels, read_continued
+from modelgen.runtime.choose import FilterChoice
+from modelgen.runtime.contract import Model, model_from_module
+from modelgen.runtime.covariance import long_run_covariance
+from modelgen.runtime.data import Record
+from modelgen.runtime.factor_fit import fit_factors
+from modelgen.runtime.identify import identify
+from modelgen.runtime.record_factors import matched_task, record_factors
+from modelgen.runtime.simulate import simulate
+from modelgen.runtime.stream import StreamEstimate, identify_stream
+from modelgen.runtime.stream_covariance import BartlettSums, MomentSums, bandwidth_of
+
+NOISE = {"q_m": 2e-5, "q_c": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
+SETTINGS: dict[str, Any] = {
+    "cutoff_hz": 300.0,
+    "filter_order": 4,
+    "decimation": 6,
+    "direction_cutoff_hz": 100.0,
+}
+
+
+def records(model: Model) -> list[Record]:
+    noise = {key: NOISE[key] for key in model.channels if key in NOISE}
+    truth = model.parameter_sets["table_2"]
+    return [
+        simulate(model, truth, kind, duration_s=2.0, noise=noise, oversample=8, seed=seed).record
+        for seed, kind in enumerate(("chirp", "trapezoid"))
+    ]
+
+
+@pytest.fixture(scope="module", params=[emps300_qm_qc, emps300_qm_ac], ids=["qc", "ac"])
+def case(request: pytest.FixtureRequest) -> tuple[Model, list[Record]]:
+    model = model_from_module(request.param)
+    return model, records(model)
+
+
+def distance(a: StreamEstimate, b: Any) -> float:
+    """Largest difference of the parameters in standard deviations."""
+    return max(abs(a.params[name] - b.params[name]) / b.bse[name] for name in b.params)
+
+
+def test_it_is_the_estimate_of_identify(case: tuple[Model, list[Record]]) -> None:
+    model, given = case
+    whole = identify(model, given, drift_check=False, **SETTINGS)
+    chunked = identify_stream(model, given, **SETTINGS)
+    # the ends of a record are continued differently, which may move a reversal there by a sample
+    assert abs(chunked.nobs - whole.nobs) <= 2
+    assert set(whole.params) <= set(chunked.params)
+    assert distance(chunked, whole) < 1e-2
+    for name in whole.params:
+        assert chunked.bse[name] == pytest.approx(whole.bse[name], rel=1e-3)
+    assert chunked.sigma == pytest.approx(whole.sigma, rel=1e-3)
+    assert chunked.relative_error == pytest.approx(whole.relative_error, rel=1e-3)
+
+
+def test_chunks_change_nothing(case: tuple[Model, list[Record]]) -> None:
+    model, given = case
+    whole = identify_stream(model, given, **SETTINGS)
+    for samples in (800, 3777):
+        chunked = identify_stream(model, given, chunk_samples=samples, **SETTINGS)
+        assert chunked.nobs == whole.nobs
+        assert distance(chunked, whole) < 1e-8
+        for name in whole.params:
+            assert chunked.bse[name] == pytest.approx(whole.bse[name], rel=1e-8)
+
+
+def test_asymmetric_friction_and_a_resting_channel() -> None:
+    model = model_from_module(emps_rigid_asymmetric_qm)
+    truth = next(iter(model.parameter_sets.values()))
+    record = simulate(model, truth, "trapezoid", duration_s=4.0, fs=1000.0).record
+    chunked = identify_stream(model, [record], cutoff_hz=40.0, chunk_samples=1000)
+    whole = identify(model, [record], cutoff_hz=40.0, direction_cutoff_hz=40.0, drift_check=False)
+    for name, value in whole.params.items():
+        assert chunked.params[name] == pytest.approx(value, rel=1e-4)
+    still = Record({**record.signals, "q_m": np.full(record.n, 3.0)}, 1000.0)
+    with pytest.raises(IdentifiabilityError):
+        identify_stream(model, [still], cutoff_hz=40.0)
+
+
+def test_the_banded_solution_gives_the_same_fit(case: tuple[Model, list[Record]]) -> None:
+    model, given = case
+    choice = FilterChoice(4, 300.0, 100.0, (6, 6), None, None, (), (), ())
+    factors = [record_factors(matched_task(model, RecordChannels(record), choice, 6)) for record in given]
+    dense, banded = fit_factors(model, factors, banded=False), fit_factors(model, factors, banded=True)
+    assert banded.inverse is None
+    np.testing.assert_allclose(banded.x, dense.x, rtol=1e-9)
+    np.testing.assert_allclose(banded.variance, dense.variance, rtol=1e-9)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.6, 0.96])
+@pytest.mark.parametrize("pieces", [1, 7, 40])
+def test_moving_sums_are_the_bartlett_kernel(phi: float, pieces: int) -> None:
+    rng = np.random.default_rng(0)
+    series = []
+    for n in (400, 900):
+        psi = rng.standard_normal((n, 3))
+        for t in range(1, n):
+            psi[t] += phi * psi[t - 1]
+        series.append(psi)
+    moments = []
+    for psi in series:
+        sums = MomentSums(3)
+        for part in np.array_split(psi, pieces):
+            sums.add(part)
+        moments.append(sums.result())
+    bandwidth = bandwidth_of(moments)
+    total = np.zeros((3, 3))
+    for psi in series:
+        squares = BartlettSums(3, bandwidth)
+        for part in np.array_split(psi, pieces):
+            squares.add(part)
+        total += squares.result()
+    expected = np.zeros((3, 3))
+    for psi in series:
+        for lag in range(len(psi)):
+            product = max(0.0, 1.0 - lag / bandwidth) * psi[lag:].T @ psi[: len(psi) - lag]
+            expected += product if lag == 0 else product + product.T
+    np.testing.assert_allclose(total, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+    whole = long_run_covariance(series)
+    np.testing.assert_allclose(whole / whole[0, 0], expected / expected[0, 0], rtol=1e-9, atol=1e-9)
+
+
+def test_a_sample_that_is_not_finite_is_named() -> None:
+    class Broken(RecordChannels):
+        def read(self, channel: str, start: int, stop: int) -> np.ndarray:
+            samples = super().read(channel, start, stop).copy()
+            if channel == "q_c" and start <= 4321 < stop:
+                samples[4321 - start] = np.nan
+            return samples
+
+    model = model_from_module(emps300_qm_qc)
+    record = Record(dict.fromkeys(model.channels, np.sin(np.arange(20_000) * 0.1)), 5000.0, "run")
+    with pytest.raises(DataError, match="run: channel q_c, sample 4321: is nan"):
+        identify_stream(model, [Broken(record)], **SETTINGS)
+
+
+def test_a_record_is_continued_by_its_odd_mirror_image() -> None:
+    source = RecordChannels(Record({"q": np.array([1.0, 2.0, 4.0, 8.0])}, 1.0))
+    got = read_continued(source, "q", -2, 6)
+    np.testing.assert_array_equal(got, [-2.0, 0.0, 1.0, 2.0, 4.0, 8.0, 12.0, 14.0])
+    np.testing.assert_array_equal(read_continued(source, "q", 1, 3), [2.0, 4.0])
+
+
+def test_wrong_settings_and_short_records_are_refused() -> None:
+    model = model_from_module(emps300_qm_qc)
+    record = Record(dict.fromkeys(model.channels, np.sin(np.arange(60) * 0.1)), 5000.0, "run")
+    with pytest.raises(DataError, match=r"run: has 60 samples"):
+        identify_stream(model, [record], **SETTINGS)
+    with pytest.raises(DataError, match=r"cutoff_hz: is 2500"):
+        identify_stream(model, [record], cutoff_hz=2500.0)
+    with pytest.raises(DataError, match="there are none"):
+        identify_stream(model, [], cutoff_hz=100.0)
