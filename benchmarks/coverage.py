@@ -100,9 +100,9 @@ def measured(record: Record, rng: np.random.Generator, encoder: bool) -> Record:
     signals = {}
     for key, samples in record.signals.items():
         if encoder and key in POSITIONS:
-            # every record starts anywhere between two counts
-            step = encoder_step(LINES)
-            signals[key] = step * np.round(samples / step + rng.uniform())
+            # every record starts anywhere between two counts; the zeros of the encoders agree
+            step, start = encoder_step(LINES), rng.uniform()
+            signals[key] = step * (np.round(samples / step + start) - start)
         else:
             signals[key] = samples + NOISE[key] * rng.standard_normal(samples.size)
     return Record(signals, record.fs, record.name, record.tag)

@@ -46,7 +46,9 @@ def _problem(name: str, table: dict[str, object]) -> Problem:
     return Problem(
         name,
         tuple(
-            tuple(line[1] ** power for power in powers) if isinstance(powers, list) else (Fraction(1), *line[1:])
+            tuple(line[1] ** power for power in powers)
+            if isinstance(powers, list)
+            else (Fraction(1), *line[1:])
             for line in lines
         ),
         tuple(line[0] for line in lines),

@@ -29,6 +29,7 @@ from modelgen.data_arguments import MEND_HELP, DataOptions, direction_sources, r
 from modelgen.design_command import design
 from modelgen.errors import ModelgenError, SpecError
 from modelgen.examples import examples_of
+from modelgen.fleet_command import fleet
 from modelgen.output import explain, print_json, report, say
 from modelgen.progress import counted
 from modelgen.validation_command import validate
@@ -424,4 +425,5 @@ def simulate(
 
 app.command()(validate)
 app.command()(compare)
+app.command()(fleet)
 app.command()(design)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Group
 
     from modelgen.runtime.contract import Model
+    from modelgen.runtime.data import Record
 
 Justify = Literal["left", "right"]
 
@@ -46,6 +47,10 @@ def compare(
     ] = None,
     fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz of FILE.")] = None,
     method: Annotated[str, typer.Option(help="As in identify.")] = "wls",
+    yardsticks: Annotated[
+        bool,
+        typer.Option("--yardsticks", help="Also other estimators on FILE, with times; one model will do."),
+    ] = False,
     trust: Trust = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
@@ -57,18 +62,21 @@ def compare(
     """
     from modelgen.tables import console
 
-    models = _models(sources, sensors, trust)
+    models = _models(sources, sensors, trust, 1 if yardsticks and data else 2)
     described = describe(models, parameters, fs_hz)
     if data:
         say("identifying")
-        described["estimates"] = _estimates(models, data, mapping or (), scale or (), fs, method)
+        records = _records(models, data, mapping or (), scale or (), fs)
+        described["estimates"] = _estimates(models, records, method)
+        if yardsticks:
+            described["yardsticks"] = {title: _yardsticks(model, records) for title, model in models.items()}
     if as_json:
         print_json(described)
     else:
         console().print(comparison_tables(described))
 
 
-def _models(sources: Sequence[str], sensors: str | None, trust: bool = False) -> dict[str, Model]:
+def _models(sources: Sequence[str], sensors: str | None, trust: bool, fewest: int) -> dict[str, Model]:
     """Return the models by a title that tells them apart; a spec gives one per sensor set."""
     from modelgen.arguments import load_chain, sensor_sets
     from modelgen.render.writer import generate, module_name
@@ -83,7 +91,7 @@ def _models(sources: Sequence[str], sensors: str | None, trust: bool = False) ->
         for name in sensor_sets(chain, sensors):
             title = module_name(chain, name)
             found[title] = model_from_text(generate(chain, name), title)
-    if len(found) < 2:
+    if len(found) < fewest:
         remedy = "give two or more models: modules, specs, or a spec with several sensor sets"
         raise DataError.at("SPEC_OR_MODULE", f"names {len(found)} model", remedy)
     return found
@@ -136,21 +144,49 @@ def _describe_model(title: str, model: Model, parameters: str | None, fs_hz: flo
     }
 
 
-def _estimates(
+def _records(
     models: dict[str, Model],
     data: Sequence[Path],
     mapping: Sequence[str],
     scale: Sequence[str],
     fs: float | None,
-    method: str,
-) -> dict[str, Any]:
-    from modelgen.runtime.compare import consistency, estimates_of
+) -> list[Record]:
+    """Read one record a file, with the channels of all models."""
     from modelgen.runtime.mapping_options import parse_mapping, parse_scales
     from modelgen.runtime.read import read_record
 
     needed = tuple(dict.fromkeys(key for model in models.values() for key in model.channels))
     columns, factors = parse_mapping(mapping), parse_scales(scale)
-    records = [read_record(path, columns, factors, fs, needed=needed) for path in data]
+    return [read_record(path, columns, factors, fs, needed=needed) for path in data]
+
+
+def _yardsticks(model: Model, records: Sequence[Record]) -> dict[str, Any]:
+    from modelgen.runtime.yardsticks import measure
+
+    found = measure(model, [record.select(model.channels) for record in records], say)
+    return {
+        "methods": [
+            {
+                "method": y.method,
+                "seconds": y.seconds,
+                "reason": y.reason,
+                "parameters": {n: {"value": v, "interval_95": [a, b]} for n, v, a, b in y.parameters},
+            }
+            for y in found.methods
+        ],
+        "modes": [
+            {
+                "source": source,
+                "modes": [{"frequency_hz": m.frequency_hz, "damping_ratio": m.damping_ratio} for m in modes],
+            }
+            for source, modes in found.modes
+        ],
+    }
+
+
+def _estimates(models: dict[str, Model], records: Sequence[Record], method: str) -> dict[str, Any]:
+    from modelgen.runtime.compare import consistency, estimates_of
+
     found = dict(zip(models, estimates_of(list(models.values()), records, method), strict=True))
     return {
         "parameters": {
@@ -210,6 +246,8 @@ def comparison_tables(described: dict[str, Any]) -> Group:
         parts += [Text(f"  {line}") for line in r["rows"]]
     if "estimates" in described:
         parts += _estimate_parts(described["estimates"])
+    for title, found in described.get("yardsticks", {}).items():
+        parts += [Text(""), *_yardstick_parts(title, found)]
     return Group(*parts)
 
 
@@ -233,4 +271,28 @@ def _estimate_parts(found: dict[str, Any]) -> list[Any]:
             f"{c['first']} and {c['second']}: {verdict} (chi2 {c['chi2']:.3g}, {len(c['names'])} parameters, "
         )
         parts.append(Text(f"{line}p {c['p_value']:.3g})"))
+    return parts
+
+
+def _yardstick_parts(title: str, found: dict[str, Any]) -> list[Any]:
+    from rich.text import Text
+
+    from modelgen.tables import table
+
+    methods = found["methods"]
+    names = dict.fromkeys(name for entry in methods for name in entry["parameters"])
+    columns: list[tuple[str, Justify]] = [("parameter", "left")]
+    columns += [(entry["method"], "right") for entry in methods]
+    rows = [("time", *(f"{entry['seconds']:.2f} s" for entry in methods))]
+    for name in names:
+        cells = [entry["parameters"].get(name) for entry in methods]
+        shown = [f"{c['interval_95'][0]:.4g} .. {c['interval_95'][1]:.4g}" if c else "-" for c in cells]
+        rows.append((name, *shown))
+    parts: list[Any] = [table(f"{title}: 95 % intervals by method", columns, rows)]
+    parts += [Text(f"{entry['method']}: {entry['reason']}") for entry in methods if entry["reason"]]
+    for entry in found["modes"]:
+        modes = ", ".join(
+            f"{m['frequency_hz']:.4g} Hz, damping ratio {m['damping_ratio']:.3g}" for m in entry["modes"]
+        )
+        parts.append(Text(f"modes, {entry['source']}: {modes or 'none found'}"))
     return parts

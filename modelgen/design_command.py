@@ -210,7 +210,8 @@ def _optimise(
     path: Path,
     overwrite: bool,
 ) -> dict[str, Any]:
-    from modelgen.runtime.excitation_design import optimise, write_references
+    from modelgen.runtime.excitation_design import optimise
+    from modelgen.runtime.series import write_references
 
     found = optimise(model, values, instruments, criterion=criterion, rounds=rounds, progress=say, **options)
     written = write_references(path, found.excitations, options["fs"], overwrite=overwrite)

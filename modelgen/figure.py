@@ -5,12 +5,15 @@ PNG, SVG or PDF by the suffix; the same panels give the same bytes: no date, no 
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+
+from modelgen.atomic_write import write_whole
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,4 +68,7 @@ def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2) -> None:
     figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False)
     # names of clipping paths in an SVG are random unless they are salted
     with rc_context({"svg.hashsalt": "modelgen", "svg.fonttype": "path"}):
-        FigureCanvasAgg(figure).print_figure(path, dpi=120, metadata=undated)
+        drawn = io.BytesIO()
+        kind = path.suffix.lower().removeprefix(".")
+        FigureCanvasAgg(figure).print_figure(drawn, dpi=120, format=kind, metadata=undated)
+    write_whole(path, drawn.getvalue(), overwrite=True)

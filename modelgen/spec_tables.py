@@ -170,7 +170,7 @@ def _explain(mistake: ErrorDetails) -> Problem:
     if key in keys or kind not in ("float_type", "finite_number"):
         example = (keys.get(key) or FileTable.model_fields[str(loc[0])]).description
     else:  # [known] and [parameters] hold the user's own names
-        example = f"{key} = 0.1"
+        example = f"{path(key)} = 0.1"
     expected = context.get("expected") or _EXPECTED[kind]
     if kind == "literal_error":
         expected = expected.replace("'", '"')

@@ -245,7 +245,7 @@ def _product_text(parameter: str, parts: Sequence[tuple[Exact, str]]) -> str:
 
 def _size_text(coefficient: Exact) -> str:
     """Return a magnitude as a short fraction, or rounded where the fraction is no help to the eye."""
-    size = abs(coefficient)
+    size = coefficient if coefficient > 0 else -coefficient
     return str(size) if size.denominator <= LARGEST_DENOMINATOR else f"{float(size):.6g}"
 
 

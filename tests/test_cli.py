@@ -23,6 +23,7 @@ COMMANDS = (
     "simulate",
     "validate",
     "compare",
+    "fleet",
     "design",
 )
 

@@ -92,9 +92,8 @@ def test_examples_of_the_help_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
                 run_command(line)
     run_command("modelgen generate emps300")
     run_command("modelgen generate emps300 --check")
-    run_command(
-        "modelgen simulate emps300 --sensors qm_ac --parameters light --excitation chirp -o run1.csv --duration-s 3"
-    )
+    simulate = "modelgen simulate emps300 --sensors qm_ac --parameters light --excitation chirp"
+    run_command(f"{simulate} --duration-s 3 -o run1.csv")
     for line in (*lines["import"], *lines["identify"]):
         run_command(line)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 
 import pytest
 from rich.console import Console
@@ -32,7 +33,8 @@ def test_errors_are_one_line_in_a_pipe_and_two_on_a_terminal(
     assert capsys.readouterr().err == "error: run.csv: is empty; give samples\n"
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     explain(problem)
-    assert [line.strip() for line in capsys.readouterr().err.splitlines()] == [
+    shown = re.sub("\x1b\\[[0-9;]*m", "", capsys.readouterr().err)
+    assert [line.strip() for line in shown.splitlines()] == [
         "error: run.csv: is empty",
         "try: give samples",
     ]

@@ -83,6 +83,10 @@ class ChainEstimator:
             setattr(self, name, value)
         return self
 
+    def __sklearn_clone__(self) -> Self:
+        # a model holds a module, of which there are no deep copies; it never changes, so it is shared
+        return type(self)(**self.get_params())
+
     def fit(self, X: Record | Sequence[Record], y: None = None) -> Self:
         """Identify the parameters from records; the forces are in them, `y` is not used."""
         del y

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import exp, inf, log, pi
-from pathlib import Path
+from math import exp, inf, log
 
 import numpy as np
 import numpy.typing as npt
@@ -19,13 +18,11 @@ import numpy.typing as npt
 from modelgen.errors import DataError, ModelgenError, Problem
 from modelgen.runtime.closed_loop import bandwidth_hz, vibration
 from modelgen.runtime.contract import Model
-from modelgen.runtime.data import Record
 from modelgen.runtime.design import PAIR, Experiment, Instrument, Precision, experiment, predict
 from modelgen.runtime.excitation import Excitation
-from modelgen.runtime.multisine import multisine
 from modelgen.runtime.plant import Plant, make_plant
+from modelgen.runtime.series import Shape, series_excitation
 from modelgen.runtime.simulate import Simulation, simulate
-from modelgen.runtime.write import write_record
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -39,33 +36,11 @@ START_SPEEDS = (0.9, 0.07, -0.9)
 START_TIMES = (-0.2, 0.3, -0.2)
 START_BANDS = ((0.3, 1.5), (0.6, 1.3), (0.8, 1.3))
 SHORTEST_PART = 0.05
-OVERSAMPLE = 2
-# Ramps at both ends, and the lowest line of a multisine, in periods of the loop's bandwidth.
-RAMP_PERIODS = 1.5
 HIGHEST_PART_OF_FS = 0.2
 SCALINGS = 4
 MOST_SHRINKS = 20
 # The scale of a trial is met to this share below the limit.
 SAFETY = 0.999
-
-
-@dataclass(frozen=True)
-class Shape:
-    """One record: speeds in shares of the velocity limit, the multisine in shares of the force limit.
-
-    The record is divided by `times` (shares); every part has a speed and an amplitude of the multisine. To
-    the speeds are added sines and cosines of 1, 2, ... periods a record. Amplitudes of the multisine's lines
-    are proportional to frequency to the power of -tilt.
-    """
-
-    speeds: tuple[float, ...]
-    times: tuple[float, ...]
-    forces: tuple[float, ...]
-    sines: tuple[float, ...]
-    cosines: tuple[float, ...]
-    low_hz: float
-    high_hz: float
-    tilt: float
 
 
 @dataclass(frozen=True)
@@ -102,8 +77,10 @@ def optimise(
 
     Parameters
     ----------
-    model, parameters, instruments, method
+    model, parameters, instruments
         As in `modelgen.runtime.design.experiment`.
+    method : str, optional
+        The estimator, by default "wls".
     criterion : str
         "worst": largest predicted error of a parameter; "d-optimal": geometric mean of all; "condition":
         condition number of the weighted observation matrix.
@@ -123,6 +100,7 @@ def optimise(
     _check(criterion, limits or {})
     say = progress or (lambda _: None)
     plant = make_plant(model, parameters)
+    method = method or "wls"  # which gives its weights in a fraction of the time of iv
     pair = experiment(model, parameters, instruments, PAIR, fs=fs, duration_s=duration_s, method=method)
     bounds = {**_peaks(plant, pair.simulations), **(limits or {})}
     trial = _Trial(plant, instruments, bounds, criterion, fs, duration_s, method)
@@ -138,59 +116,6 @@ def optimise(
         max(entry.error for entry in precisions),
         tuple((entry.name, before[entry.name], entry.error) for entry in precisions),
     )
-
-
-def write_references(
-    path: Path, excitations: Sequence[Excitation], fs: float, *, overwrite: bool = False
-) -> tuple[Path, ...]:
-    """Write every excitation at the sampling frequency (Hz), for a controller to play.
-
-    Columns are reference, reference_rate and feedforward (SI); NAME.csv becomes NAME_1.csv, NAME_2.csv.
-    """
-    paths = tuple(path.with_stem(f"{path.stem}_{i}") for i in range(1, len(excitations) + 1))
-    taken = [p for p in paths if p.exists()]
-    if taken and not overwrite:
-        remedy = "choose another name, or ask to overwrite it"
-        raise DataError(*(Problem(str(p), "exists already", remedy) for p in taken))
-    for target, excitation in zip(paths, excitations, strict=True):
-        stride = round(excitation.rate_hz / fs)
-        columns = {
-            key: getattr(excitation, key)[::stride] for key in ("reference", "reference_rate", "feedforward")
-        }
-        write_record(target, Record(columns, fs, target.stem), overwrite=overwrite)
-    return paths
-
-
-def series_excitation(
-    shape: Shape,
-    plant: Plant,
-    limits: Mapping[str, float],
-    scale: tuple[float, float],
-    fs: float,
-    duration_s: float,
-) -> Excitation:
-    """Return the excitation of a shape, its rate and its multisine scaled as a whole each."""
-    t = np.arange((round(duration_s * fs) - 1) * OVERSAMPLE + 1) / (fs * OVERSAMPLE)
-    modes = vibration(plant)
-    ramp_s = min(RAMP_PERIODS / bandwidth_hz(modes), 0.5 * min(shape.times) * duration_s)
-    window = _smooth(t / ramp_s) * _smooth((t[-1] - t) / ramp_s)
-    rate, amplitude = np.zeros(t.size), np.zeros(t.size)
-    begin = 0.0
-    for speed, share, force in zip(shape.speeds, shape.times, shape.forces, strict=True):
-        end = begin + share * t[-1]
-        # neighbours overlap by half a ramp each; the multisine waits until the speed is reached
-        rate += speed * _smooth((t - begin) / ramp_s + 0.5) * _smooth((end - t) / ramp_s + 0.5)
-        amplitude += force * _smooth((t - begin) / ramp_s - 0.5) * _smooth((end - t) / ramp_s - 0.5)
-        begin = end
-    for k, (a, b) in enumerate(zip(shape.sines, shape.cosines, strict=True), start=1):
-        rate += a * np.sin(2.0 * pi * k * t / t[-1]) + b * np.cos(2.0 * pi * k * t / t[-1])
-    # in speeds of the driven body: the limit holds for the fastest one
-    rate *= scale[0] * limits["velocity"] / float(np.abs(modes.lowest).max()) * window
-    force_wave = (
-        scale[1] * limits["force"] * amplitude * multisine(t, shape.low_hz, shape.high_hz, shape.tilt)
-    )
-    reference = np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))))
-    return Excitation(reference, rate, force_wave, fs * OVERSAMPLE, "series")
 
 
 class _Trial:
@@ -353,11 +278,6 @@ def _peaks(plant: Plant, simulations: Sequence[Simulation]) -> dict[str, float]:
         }
         peaks = {name: max(peaks[name], reached[name]) for name in LIMITS}
     return peaks
-
-
-def _smooth(ramp: FloatArray) -> FloatArray:
-    """Return a raised cosine: 0 up to ramp = 0, 1 from ramp = 1 on."""
-    return np.asarray(0.5 - 0.5 * np.cos(pi * np.clip(ramp, 0.0, 1.0)), dtype=float)
 
 
 def _check(criterion: str, limits: Mapping[str, float]) -> None:

@@ -60,7 +60,7 @@ class FrictionSystem:
     def scale(self, step_s: float) -> FloatArray:
         """Return what turns x from SI to time units of steps, shape of x: velocities become per step."""
         n = (self.drift.size - self.lags) // 2
-        return np.r_[np.ones(n), np.full(n, step_s), np.ones(self.lags)]
+        return np.concatenate([np.ones(n), np.full(n, step_s), np.ones(self.lags)])
 
 
 class ModeMotion:

@@ -2,8 +2,8 @@
 
 A row of a chain touches its neighbours' parameters only. Triangles are taken in the order of the columns;
 what they have in common with later ones stays in the front, a column that no later one touches is
-eliminated from it by QR. The front stays as small as the chain is narrow, so the cost grows linearly with its length; a tree
-or a loop needs a wider front, nothing else. (Duff and Reid 1983; George and Heath 1980.)
+eliminated from it by QR. The front stays as small as the chain is narrow, so the cost grows linearly with
+its length; a tree or a loop needs a wider front, nothing else. (Duff and Reid 1983; George and Heath 1980.)
 """
 
 from __future__ import annotations

@@ -144,7 +144,7 @@ def identify(
                 found = disagreements(fit, choice, others)
             drift += significant_drift(found, len(fit.columns))
             told = [name for name in fit.columns if name not in refused]
-            notes = disagreement_notes(found, fit.columns, fit.solution.x, told)
+            notes = disagreement_notes(found, fit.columns, told)
             fit = replace(fit, notes=fit.notes + notes)
         else:
             drift += cutoff_drift(fit, choice, lowest_fs, again) + load_row_drift(fit, observation)

@@ -73,6 +73,9 @@ def iv_round(fit: Fit, setting: Setting) -> Fit:
         Z = instruments(fit, setting)
     except DataError as error:
         raise diverged(f"its simulation fails ({error.problems[0].what})") from error
+    still = [name for name, size in zip(fit.columns, _norms(Z), strict=True) if size == 0.0]
+    if still:
+        raise diverged(f"its simulation does not move what {', '.join(still)} needs")
     following = solve_with(fit, Z)
     if not np.all(np.isfinite(following.solution.x)):
         raise diverged("its estimate is not finite")
@@ -141,6 +144,10 @@ def simulation_parameters(model: Model, fit: Fit) -> dict[str, float]:
         better, _ = physical_parameters(model, with_gaps, covariances, zero, {})
         found |= {entry.name: entry.value for entry in better}
     return {name: found.get(name, 0.0) for name in model.parameters}
+
+
+def _norms(Z: tuple[FloatArray, ...]) -> FloatArray:
+    return np.asarray(np.sqrt(np.sum([np.sum(z**2, axis=0) for z in Z], axis=0)))
 
 
 def _largest_move(before: Fit, after: Fit) -> float:

@@ -1,8 +1,9 @@
 """Extended Kalman filter on motion and parameters together; a yardstick.
 
-The state is extended by the relative deviations of all physical parameters. Noise of the sensors is read off
-the records above their dynamics; the measured force carries the process noise. Coulomb friction is smoothed
-over the speed that it brakes away within a sample: what an extended Kalman filter can follow.
+The state is extended by the logarithms of all physical parameters over their start. Noise of the sensors is
+read off the records above their dynamics; the measured force carries the process noise. Coulomb friction is
+smoothed over the speed that it brakes away within a sample: what an extended Kalman filter can follow. Its
+intervals know nothing of that smoothing, nor of the linearisation.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ FloatArray = npt.NDArray[np.float64]
 
 TAYLOR_ORDER = 4
 # What is known of a parameter before the first sample, in shares of its start; and of the velocities.
-PARAMETER_STD = 0.3
+PARAMETER_STD = 0.1
 VELOCITY_STD = 0.02
 STEP = 1e-6
 # Noise is what a filter at this share of the sampling frequency leaves over.
@@ -47,8 +48,8 @@ def filter_parameters(model: Model, records: Sequence[Record], start: Mapping[st
             theta, P = _filter(_Motion(plant, record.dt), record, theta, P)
             if not (np.isfinite(theta).all() and np.isfinite(P).all()):
                 raise DataError.at("Kalman filter", f"diverges on {record.name}", "use another method")
-    scale = np.array([plant.parameters[name] for name in names])
-    return Response(names, scale * (1.0 + theta), P * np.outer(scale, scale))
+    values = np.array([plant.parameters[name] for name in names]) * np.exp(theta)
+    return Response(names, values, P * np.outer(values, values))
 
 
 class _Motion:
@@ -60,15 +61,15 @@ class _Motion:
         self._start = np.array([plant.parameters[name] for name in self._names])
         self.motions = 2 * len(plant.bodies)
 
-    def __call__(self, s: FloatArray, u: FloatArray) -> FloatArray:
-        """Return the next x, then the readings at s."""
+    def __call__(self, s: FloatArray, u: FloatArray, mean: FloatArray) -> FloatArray:
+        """Return the next x under the sample's mean force, then the readings at s under the force now."""
         x, theta = s[: self.motions], s[self.motions :]
-        values = dict(zip(self._names, (self._start * (1.0 + theta)).tolist(), strict=True))
+        values = dict(zip(self._names, (self._start * np.exp(theta)).tolist(), strict=True))
         known = {**self.plant.parameters, **values}
         directions = {f.body: 1 if x[f.state] >= 0.0 else -1 for f in self.plant.model.friction}
         A, B, C, D, E, F = self.plant.model.state_space(known, directions)
         f = np.array([self._friction(entry, x, known, E) for entry in self.plant.model.friction])
-        push = B @ u + E @ f
+        push = B @ mean + E @ f
         # x(dt) = x + dt (1 + A dt/2 + ...) (A x + push)
         term = self.dt * (A @ x + push)
         moved = x + term
@@ -87,15 +88,17 @@ class _Motion:
         v = float(x[state])
         size = plus if v >= 0.0 else minus
         width = 2.0 * size * abs(float(E[state, column])) * self.dt
-        return offset + size * (min(1.0, max(-1.0, v / width)) if width else 0.0)
+        return float(offset + size * (min(1.0, max(-1.0, v / width)) if width else 0.0))
 
-    def jacobian(self, s: FloatArray, u: FloatArray, here: FloatArray, scale: FloatArray) -> FloatArray:
+    def jacobian(
+        self, s: FloatArray, u: FloatArray, mean: FloatArray, here: FloatArray, scale: FloatArray
+    ) -> FloatArray:
         """Return d (next x, readings) / d s by forward differences."""
         columns = []
         for i in range(s.size):
             moved = s.copy()
             moved[i] += STEP * scale[i]
-            columns.append((self(moved, u) - here) / (STEP * scale[i]))
+            columns.append((self(moved, u, mean) - here) / (STEP * scale[i]))
         return np.array(columns).T
 
 
@@ -118,20 +121,22 @@ def _filter(
     scale = np.concatenate([np.full(half, 1e-2), np.full(half, 1.0), np.ones(c)])
     G = np.zeros((n + c, u.shape[1]))
     for k in range(len(z)):
-        here = motion(s, u[k])
-        H = motion.jacobian(s, u[k], here, scale)[n:]
+        # the force is taken as linear between samples: half a sample late would bias the inertias
+        mean = 0.5 * (u[k] + u[min(k + 1, len(u) - 1)])
+        here = motion(s, u[k], mean)
+        H = motion.jacobian(s, u[k], mean, here, scale)[n:]
         gain = np.linalg.solve(H @ P @ H.T + R, H @ P).T
         s = s + gain @ (z[k] - here[n:])
         rest = np.eye(n + c) - gain @ H
         P = rest @ P @ rest.T + gain @ R @ gain.T
-        here = motion(s, u[k])
+        here = motion(s, u[k], mean)
         F = np.eye(n + c)
-        F[:n] = motion.jacobian(s, u[k], here, scale)[:n]
+        F[:n] = motion.jacobian(s, u[k], mean, here, scale)[:n]
         for j in range(u.shape[1]):
-            push = u[k].copy()
+            push = mean.copy()
             step = STEP * (abs(push[j]) or 1.0)
             push[j] += step
-            G[:n, j] = (motion(s, push) - here)[:n] / step
+            G[:n, j] = (motion(s, u[k], push) - here)[:n] / step
         s = np.concatenate([here[:n], s[n:]])
         P = F @ P @ F.T + G @ q @ G.T
     return s[n:], P[n:, n:]
@@ -142,4 +147,4 @@ def _noise(samples: FloatArray, fs: float) -> float:
     left_over = samples - zero_phase(samples, FILTER_ORDER, NOISE_SHARE * fs, fs)
     # of white noise, the share of the band above the filter remains
     middle = left_over[len(samples) // 20 : -len(samples) // 20 or None]
-    return max(float(np.std(middle)) / np.sqrt(1.0 - 2.0 * NOISE_SHARE), 1e-12)
+    return max(float(np.std(middle)) / float(np.sqrt(1.0 - 2.0 * NOISE_SHARE)), 1e-12)

@@ -22,23 +22,27 @@ FloatArray = npt.NDArray[np.float64]
 
 # A move of more standard deviations of the difference than this is no chance.
 SIGNIFICANT = 3.0
+# Nor does a move below this share of the value count: sampling and filters are not exact beyond it.
+SMALLEST_SHARE = 2e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Disagreement:
     """How the estimate moves at one other cut-off, in the order of the fit's columns.
 
-    `move` is X there minus X here, `std` the standard deviation that noise would give it.
+    `move` is X there minus X here, `std` the standard deviation that noise would give it, `value` X here.
     """
 
     cutoff_hz: float
     move: FloatArray
     std: FloatArray
+    value: FloatArray
 
     @property
     def significant(self) -> npt.NDArray[np.bool_]:
         """Which columns move by more than noise explains."""
-        return np.asarray(np.abs(self.move) > SIGNIFICANT * self.std)
+        least = np.maximum(SIGNIFICANT * self.std, SMALLEST_SHARE * np.abs(self.value))
+        return np.asarray(np.abs(self.move) > least)
 
 
 def disagreements(
@@ -50,6 +54,7 @@ def disagreements(
             setting.cutoff_hz,
             other.solution.x - fit.solution.x,
             np.sqrt(np.maximum(np.diag(_difference(fit, other, choice.decimation)), 0.0)),
+            fit.solution.x,
         )
         for setting, other in others
         if other.columns == fit.columns
@@ -66,12 +71,12 @@ def significant_drift(found: Sequence[Disagreement], size: int) -> FloatArray:
 
 
 def disagreement_notes(
-    found: Sequence[Disagreement], columns: Sequence[str], x: FloatArray, identified: Sequence[str]
+    found: Sequence[Disagreement], columns: Sequence[str], identified: Sequence[str]
 ) -> tuple[str, ...]:
     """Return one sentence that names what moves, or nothing."""
     largest: dict[str, tuple[float, float]] = {}
     for one in found:
-        for name, value, move, significant in zip(columns, x, one.move, one.significant, strict=True):
+        for name, value, move, significant in zip(columns, one.value, one.move, one.significant, strict=True):
             if significant and name in identified and value:
                 share = 100.0 * abs(float(move / value))
                 if share > largest.get(name, (0.0, 0.0))[0]:

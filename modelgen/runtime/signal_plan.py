@@ -157,16 +157,18 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         orders[channel].append(signal.derivative)
         sections[channel] = filtering.sensors if signal.sensor else filtering.forces
     forces: dict[str, dict[int, int]] = {}
+    counts = tuple(dict.fromkeys(row.differentiated for row in model.rows))
     for force in dict.fromkeys(s.actuator for s in model.signals if s.actuator in orders):
         own = orders[str(force)]
-        own += [k for k in dict.fromkeys(row.differentiated for row in model.rows) if k not in own]
-        forces[str(force)] = {k: own.index(k) for k in dict.fromkeys(r.differentiated for r in model.rows)}
+        own += [times for times in counts if times not in own]
+        forces[str(force)] = {times: own.index(times) for times in counts}
     operators = {c: operator(sections[c], tuple(orders[c]), filtering.factor) for c in orders}
     features = {feature.key: feature for feature in model.features if feature.key in used}
     feature_operator = operator(filtering.features, (0,), filtering.factor)
     directions: dict[str, tuple[str, FusedOperator | None]] = {}
+    direction_keys = frozenset(model.direction_keys)
     for signal in model.signals:
-        if signal.key in model.direction_keys:
+        if signal.key in direction_keys:
             brought = signal.sensor is None and signal.actuator is None
             smooth = None if brought else operator(filtering.directions, (signal.derivative,), 1)
             directions[signal.key] = (channel_of(signal), smooth)

@@ -170,7 +170,9 @@ def _slow_columns(layout: Layout, places: tuple[int, ...]) -> list[Table]:
     columns: list[list[float]] = [[] for _ in places]
     for number, cells in _sample_lines(layout):
         where = f"{layout.path}: line {number}"
-        if len(cells) != len(layout.names) and not layout.ragged and not layout.took:
+        # metadata beside or below the samples may make lines shorter; cells too many are a mistake anywhere
+        wrong = len(cells) != len(layout.names) if not layout.took else any(cells[len(layout.names) :])
+        if wrong and not layout.ragged:
             what = f"has {len(cells)} cells, the header has {len(layout.names)}"
             remedy = "give every line one cell a column (a decimal comma needs semicolons as separator)"
             raise DataError.at(where, what, remedy)

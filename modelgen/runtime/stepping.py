@@ -188,5 +188,5 @@ def _kernel() -> Callable[..., tuple[int, int, int]]:
 
     for part in PARTS:
         register_jitable(part)
-    compiled: Callable[..., tuple[int, int, int]] = numba.njit(run, cache=True)
+    compiled: Callable[..., tuple[int, int, int]] = numba.njit(run, cache=True, nogil=True)
     return compiled

@@ -25,7 +25,9 @@ ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
 FILTER_ORDER = 6
 MOST_DAMPED = 0.95
 # Kept samples a period of the highest wanted mode, and length of the impulse response in samples.
-SAMPLES_A_PERIOD = 8.0
+SAMPLES_A_PERIOD = 3.0
+# Order beyond that of the elastic modes: rigid motion, delay and noise want states, too.
+EXTRA_ORDER = 4
 MARKOV = 80
 
 
@@ -71,9 +73,9 @@ def modes_of_record(model: Model, record: Record, highest_hz: float) -> tuple[Mo
     data = TimeResponseData(np.arange(u.size) * dt, np.array(scaled), inputs=u[None], issiso=False)
     impulse = np.atleast_3d(markov(data, MARKOV, dt=dt, truncate=True))
     bodies = len(make_plant(model, dict.fromkeys((*model.parameters, *model.known), 1.0)).bodies)
-    system, _ = eigensys_realization(impulse, 2 * (bodies - 1) + 1, dt=dt)
+    system, _ = eigensys_realization(impulse, 2 * (bodies - 1) + EXTRA_ORDER, dt=dt)
     z = np.linalg.eigvals(system.A).astype(complex)
-    return tuple(m for m in _modes(np.log(z) / dt) if m.frequency_hz < highest_hz)
+    return tuple(m for m in _modes(np.log(z) / dt) if m.frequency_hz < highest_hz and m.damping_ratio > 0.0)
 
 
 def _modes(poles: npt.NDArray[np.complex128]) -> tuple[Mode, ...]:

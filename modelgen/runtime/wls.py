@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from modelgen.errors import IdentifiabilityError, Problem
 from modelgen.runtime.observation import Observation, RowBlock
+from modelgen.runtime.refinement import refined
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -24,6 +25,11 @@ BoolArray = npt.NDArray[np.bool_]
 RANK_TOLERANCE = 1e-10
 # and columns with more than this share in such a direction cannot be told from others.
 NULL_SHARE = 1e-4
+# A solution is refined where rounding may exceed this share of it, and wherever that costs next to nothing;
+# beyond this condition number refinement does not converge.
+ROUNDING = 1e-11
+FEW_ROWS = 5000
+REFINABLE = 1e6
 ROUNDS = 3
 # No residual counts as smaller than this share of the forces.
 SMALLEST_RESIDUAL = 1e-12
@@ -127,7 +133,18 @@ def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
     inverse = (V / s[kept] ** 2) @ V.T / np.outer(scale, scale)
     undetermined = np.any(np.abs(Vt[~kept]) > NULL_SHARE, axis=0)
     raw = float(np.linalg.cond(triangle[:c, :c] * scale))
+    if s[-1] * REFINABLE > s[0]:
+        rounding = _rounding(s, float(np.linalg.norm(x * scale)), float(np.abs(triangle[c:, c]).sum()))
+        if len(Y) <= FEW_ROWS or rounding > ROUNDING:
+            x = refined(W, Y, x, inverse)
     return LeastSquares(x, inverse, undetermined, float(s[0] / s[-1]) if s[-1] > 0.0 else np.inf, raw)
+
+
+def _rounding(s: FloatArray, size: float, residual: float) -> float:
+    """Return what share of the solution rounding may cost (Wedin 1973, eq. (5.4))."""
+    condition, unit = float(s[0] / s[-1]), float(np.finfo(float).eps)
+    floor = float(np.finfo(float).tiny)
+    return unit * condition * (1.0 + condition * residual / max(float(s[0]) * size, floor))
 
 
 def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE) -> Fit:

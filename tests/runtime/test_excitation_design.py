@@ -12,9 +12,10 @@ from modelgen.errors import DataError
 from modelgen.runtime.contract import model_from_module
 from modelgen.runtime.design import Instrument
 from modelgen.runtime.excitation import excitation_from_record
-from modelgen.runtime.excitation_design import LIMITS, optimise, write_references
+from modelgen.runtime.excitation_design import LIMITS, optimise
 from modelgen.runtime.multisine import crest_factor, multisine
 from modelgen.runtime.read import read_record
+from modelgen.runtime.series import write_references
 from modelgen.runtime.simulate import simulate
 
 QC = model_from_module(emps300_qm_qc)

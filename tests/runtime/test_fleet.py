@@ -1,4 +1,4 @@
-"""Fleets on a local cluster: the same estimates as one record after the other, and what a lost record costs."""
+"""Fleets on a local cluster: the estimates of one record after the other, and what a lost record costs."""
 
 from __future__ import annotations
 

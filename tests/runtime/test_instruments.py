@@ -1,257 +1,179 @@
-"""Files laid out as instruments write them give what was logged, and say what was taken for what."""
+"""Instrumental variables: consistent where least squares is biased, with intervals that hold the truth."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from modelgen.errors import DataError
-from modelgen.runtime.file_formats import open_source
-from modelgen.runtime.read import read, read_record
+from generated import emps300_qm_ac, emps300_qm_qc
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.beside import Loop, possible, run_beside
+from modelgen.runtime.choose import choose_filter
+from modelgen.runtime.closed_loop import PositionVelocityController
+from modelgen.runtime.contract import Model, model_from_module
+from modelgen.runtime.data import Record
+from modelgen.runtime.excitation import chirp
+from modelgen.runtime.identify import identify
+from modelgen.runtime.instruments import Setting, fit_iv, instruments
+from modelgen.runtime.methods import METHODS, Job
+from modelgen.runtime.observation import observe
+from modelgen.runtime.reversal_mask import without_reversals
+from modelgen.runtime.simulate import simulate
+from modelgen.runtime.two_stage import two_stage
+from modelgen.runtime.wls import fit_matched
 
-N = 40
-FS_HZ = 2000.0
-THETA = np.round(np.cumsum(np.sin(np.arange(N) / 5.0)), 6)  # deg
-ACC = np.round(np.cos(np.arange(N) / 3.0), 6)
-TORQUE = np.round(np.sin(np.arange(N) / 4.0), 6)
-TIMES_MS = np.arange(N) / 2.0
-
-
-def comma(value: float) -> str:
-    return f"{value:.9g}".replace(".", ",")
-
-
-def point(value: float) -> str:
-    return f"{value:.9g}"
-
-
-def save(folder: Path, name: str, lines: Sequence[str], encoding: str = "utf-8") -> Path:
-    path = folder / name
-    path.write_text("\r\n".join(lines) + "\r\n", encoding=encoding, newline="")
-    return path
+QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
+RECORDS = 16
+NOISE = {"q_m": 2e-5, "q_c": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
 
 
-def twincat(folder: Path, shift_ms: float = 0.0, slow: int = 1) -> Path:
-    """Two groups of channels, each with a column of times; the second may be shifted and slower."""
-    lines = [
-        "Name\tYT Scope Project",
-        "File\tC:\\TwinCAT\\run.csv",
-        "Starttime of export\t132959733843760000\tMontag, 2. Mai 2022\t15:56:24.376",
-        "Endtime of export\t132959733853750000\tMontag, 2. Mai 2022\t15:56:25.375",
-        "",
-        "",
-        "Name\tfPosMotor\tfTorque\tName\tfAccLoad",
-        "SymbolComment\t\t\tSymbolComment\t",
-        "Data-Type\tREAL64\tREAL64\tData-Type\tREAL64",
-        f"SampleTime[ms]\t0,5\t0,5\tSampleTime[ms]\t{comma(0.5 * slow)}",
-        "SymbolName\tMAIN.fPosMotor\tMAIN.fTorque\tSymbolName\tMAIN.fAccLoad",
-        "Port\t851\t851\tPort\t851",
-        "Unit\tdeg (Angle)\t(None)\tUnit\t(None)",
-        "Unit ScaleFactor\t1\t1\tUnit ScaleFactor\t1",
-        "",
-    ]
-    for k in range(N):
-        cells = [comma(TIMES_MS[k]), comma(THETA[k]), comma(TORQUE[k])]
-        if k * slow < N:
-            cells += [comma(TIMES_MS[k] * slow + shift_ms), comma(ACC[k * slow])]
-        lines.append("\t".join(cells))
-    return save(folder, "scope.csv", [*lines, "EOF"])
+@cache
+def clean(sensors: str, parameters: str) -> tuple[Record, ...]:
+    model = {"qc": QC, "ac": AC}[sensors]
+    truth = model.parameter_sets[parameters]
+    kinds = (("chirp", 32), ("trapezoid", 8))
+    return tuple(
+        simulate(model, truth, kind, fs=5000.0, duration_s=2.0, oversample=n).record for kind, n in kinds
+    )
 
 
-def siemens(folder: Path) -> Path:
-    lines = [
-        "Trace_1;;;",
-        'Gerät;"CU320-2 PN";;',
-        "Datum;02.05.2022 15:56:24;;",
-        "",
-        "Zeit;Lageistwert;Drehmoment;Beschleunigung",
-        "ms;°;Nm;rad/s²",
-        *(";".join(map(comma, row)) for row in zip(TIMES_MS, THETA, TORQUE, ACC, strict=True)),
-    ]
-    return save(folder, "trace.csv", lines, "latin-1")
+def with_noise(record: Record, rng: np.random.Generator, factor: float = 1.0) -> Record:
+    signals = {
+        key: samples + factor * NOISE[key] * rng.standard_normal(record.n)
+        for key, samples in record.signals.items()
+    }
+    return Record(signals, record.fs, record.name, record.tag)
 
 
-def dspace(folder: Path) -> Path:
-    lines = [
-        "created by,dSPACE ControlDesk,7.4",
-        "",
-        "trace_names,,theta,torque,acc",
-        'path,,"Model Root/Encoder","Model Root/Drive","Model Root/Acc"',
-        "unit,s,deg,N*m,rad/s^2",
-        f"trace_values,{point(0.0)},{point(THETA[0])},{point(TORQUE[0])},{point(ACC[0])}",
-    ]
-    for k in range(1, N):
-        lines.append(f",{point(TIMES_MS[k] / 1e3)},{point(THETA[k])},{point(TORQUE[k])},{point(ACC[k])}")
-    return save(folder, "rec1.csv", lines)
+@pytest.mark.parametrize(("sensors", "model"), [("qc", QC), ("ac", AC)])
+def test_without_noise_the_truth_comes_out(sensors: str, model: Model) -> None:
+    estimate = identify(model, clean(sensors, "table_2"), "iv", delays="none", drift_check=False)
+    for name, value in model.parameter_sets["table_2"].items():
+        assert estimate.params[name] == pytest.approx(value, rel=3e-4)
 
 
-def dspace_mat(folder: Path) -> Path:
-    from scipy.io import savemat
-
-    X = np.zeros((1,), dtype=[("Name", "O"), ("Data", "O")])
-    X[0] = ("", TIMES_MS / 1e3)
-    Y = np.zeros((3,), dtype=[("Name", "O"), ("Unit", "O"), ("Data", "O")])
-    Y[0] = ('Model Root/Encoder/"theta"', "deg", THETA)
-    Y[1] = ('Model Root/Drive/"torque"', "N*m", TORQUE)
-    Y[2] = ('Model Root/Acc/"acc"', "rad/s^2", ACC)
-    path = folder / "rec1.mat"
-    savemat(path, {"rec1_001": {"X": X, "Y": Y, "Description": "run"}})
-    return path
-
-
-def keysight(folder: Path) -> Path:
-    rows = zip(TIMES_MS / 1e3, THETA, TORQUE, ACC, strict=True)
-    lines = ["x-axis,1,2,3", "second,deg,Volt,Volt", *(",".join(f"{v:+.8E}" for v in row) for row in rows)]
-    return save(folder, "scope_0.csv", lines)
-
-
-def pico(folder: Path) -> Path:
-    rows = zip(TIMES_MS, THETA, TORQUE, ACC, strict=True)
-    lines = [
-        "Time,Channel A,Channel B,Channel C",
-        "(ms),(deg),(V),(V)",
-        "",
-        *(",".join(map(point, r)) for r in rows),
-    ]
-    return save(folder, "pico.csv", lines)
+@pytest.mark.parametrize(("sensors", "model", "parameters"), [("qc", QC, "table_1"), ("ac", AC, "light")])
+def test_bias_and_coverage(sensors: str, model: Model, parameters: str) -> None:
+    """The short version of benchmarks/coverage.py."""
+    truth = np.array(list(model.parameter_sets[parameters].values()))
+    values, spreads = [], []
+    for seed in range(RECORDS):
+        rng = np.random.default_rng(seed)
+        records = [with_noise(record, rng) for record in clean(sensors, parameters)]
+        estimate = identify(model, records, "iv", delays="none", drift_check=False)
+        values.append([entry.value for entry in estimate.parameters])
+        spreads.append([entry.std for entry in estimate.parameters])
+    error = np.array(values) - truth
+    bias = error.mean(axis=0) / error.std(axis=0, ddof=1)
+    # 0.25 and three standard deviations of a mean
+    assert np.all(np.abs(bias) < 0.25 + 3.0 / np.sqrt(RECORDS)), bias
+    covered = np.mean(np.abs(error) < 1.96 * np.array(spreads), axis=0)
+    # 0.9 and three standard deviations of a share
+    assert np.all(covered > 0.9 - 3.0 * np.sqrt(0.9 * 0.1 / RECORDS)), covered
+    # nor are the intervals padded
+    assert np.all(np.median(spreads, axis=0) < 2.0 * error.std(axis=0, ddof=1))
 
 
-def tektronix(folder: Path) -> Path:
-    lines = [
-        "Model,MSO54",
-        "Firmware Version,1.24.8",
-        "",
-        "Waveform Type,ANALOG",
-        "Point Format,Y",
-        "Horizontal Units,s",
-        "Sample Interval,5.0E-4",
-        f"Record Length,{N}",
-        "Vertical Units,V,V,V",
-        "Label,,,",
-        "TIME,CH1,CH2,CH3",
-        *(",".join(map(point, row)) for row in zip(TIMES_MS / 1e3, THETA, TORQUE, ACC, strict=True)),
-    ]
-    return save(folder, "tek.csv", lines)
+def test_more_noise_biases_least_squares_and_not_iv() -> None:
+    truth = QC.parameter_sets["table_1"]["J_c"]
+    errors = []
+    for method in ("wls", "iv"):
+        rng = np.random.default_rng(0)
+        found = []
+        for _ in range(10):
+            records = [with_noise(record, rng, 4.0) for record in clean("qc", "table_1")]
+            options = {"delays": "none", "drift_check": False, "cutoff_hz": 400.0}
+            found.append(identify(QC, records, method, **options).params["J_c"])  # type: ignore[arg-type]
+        errors.append(np.mean(found) / truth - 1.0)
+    assert abs(errors[0]) > 0.1
+    assert abs(errors[1]) < 0.03
 
 
-def lecroy(folder: Path) -> Path:
-    lines = [
-        "LECROYWS452,12345,Waveform",
-        f"Segments,1,SegmentSize,{N}",
-        "Segment,TrigTime,TimeSinceSegment1",
-        "#1,02-May-2022 15:56:24,0",
-        "Time,Ampl",
-        *(",".join(map(point, row)) for row in zip(TIMES_MS / 1e3, THETA, strict=True)),
-    ]
-    return save(folder, "lecroy.csv", lines)
+def test_iv_and_its_projection_are_the_same_estimate() -> None:
+    rng = np.random.default_rng(1)
+    records = [with_noise(record, rng) for record in clean("qc", "table_2")]
+    choice = choose_filter(QC, records)
+    start = fit_matched(without_reversals(observe(QC, records, choice), QC, records, choice))
+    Z = instruments(start, Setting(QC, records, choice))
+    fit = two_stage(start, Z)
+    weight = np.concatenate([np.full(len(z), w) for w, z in zip(fit.weights, Z, strict=True)])[:, None]
+    stacked = weight * np.concatenate(Z)
+    W = weight * np.concatenate([block.W for block in fit.blocks])
+    Y = weight[:, 0] * np.concatenate([block.Y for block in fit.blocks])
+    scale = np.linalg.norm(W, axis=0)
+    expected = np.linalg.solve(stacked.T @ W / np.outer(scale, scale), stacked.T @ Y / scale) / scale
+    np.testing.assert_allclose(fit.solution.x, expected, rtol=1e-6)
 
 
-COLUMNS = {
-    "twincat": (twincat, {"q": "fPosMotor", "F": "fTorque"}),
-    "siemens": (siemens, {"q": "Lageistwert", "F": "Drehmoment", "a": "Beschleunigung"}),
-    "dspace": (dspace, {"q": "theta", "F": "torque", "a": "acc"}),
-    "dspace mat": (dspace_mat, {"q": "theta", "F": "torque", "a": "acc"}),
-    "keysight": (keysight, {"q": "1", "F": "2", "a": "3"}),
-    "pico": (pico, {"q": "Channel A", "F": "Channel B", "a": "Channel C"}),
-}
+def test_a_simulation_that_cannot_be_right_is_reported() -> None:
+    records = clean("qc", "light")
+    choice = choose_filter(QC, records)
+    start = fit_matched(observe(QC, records, choice))
+    still = tuple(Record({k: 0.0 * s for k, s in r.signals.items()}, r.fs, r.name) for r in records)
+    with pytest.raises(IdentifiabilityError, match="method iv"):
+        fit_iv(replace(start), Setting(QC, still, choice))
 
 
-@pytest.mark.parametrize("instrument", COLUMNS)
-def test_units_and_times_are_converted_and_told(tmp_path: Path, instrument: str) -> None:
-    write, mapping = COLUMNS[instrument]
-    reading = read(write(tmp_path), mapping)
-    record = reading.record
-    assert record.fs == FS_HZ
-    np.testing.assert_allclose(record.signals["q"], THETA * math.pi / 180.0, rtol=1e-8)
-    np.testing.assert_allclose(record.signals["F"], TORQUE, rtol=1e-8)
-    if "a" in mapping:
-        np.testing.assert_allclose(record.signals["a"], ACC, rtol=1e-8)
-    assert any("converted from" in text and text.endswith("to rad") for text in reading.took)
-    assert reading.mended == ()
+def test_a_run_beside_a_record_is_what_the_record_shows_without_noise() -> None:
+    record = clean("qc", "light")[0]
+    choice = choose_filter(QC, [record])
+    run = run_beside(QC, QC.parameter_sets["light"], with_noise(record, np.random.default_rng(2)), choice)
+    for key in ("q_m", "q_c"):
+        moving = record.signals[key] - np.mean(record.signals[key])
+        assert np.std(run.signals[key] - record.signals[key]) < 0.01 * np.std(moving)
 
 
-@pytest.mark.parametrize("write", [tektronix, lecroy])
-def test_scopes_without_a_line_of_units(tmp_path: Path, write: Any) -> None:
-    source = open_source(write(tmp_path))
-    record = read_record(source.path, {"q": source.names[1]})
-    assert record.fs == FS_HZ
-    np.testing.assert_allclose(record.signals["q"], THETA)
+def test_with_the_reference_and_the_controller_the_closed_loop_is_run() -> None:
+    truth = QC.parameter_sets["light"]
+    controller = PositionVelocityController(0.06, 1e-3)
+    excitation = chirp(20.0, 150.0, 1.0, 5000.0, force=0.05, velocity=40.0, oversample=1)
+    measured = simulate(QC, truth, excitation, controller=controller).record
+    signals = dict(measured.signals) | {
+        "reference": excitation.reference,
+        "reference_rate": excitation.reference_rate,
+        "feedforward": excitation.feedforward,
+    }
+    silent = Record({**signals, "Gamma_m": np.zeros(measured.n)}, 5000.0, "loop")
+    choice = choose_filter(QC, [measured])
+    run = run_beside(QC, truth, silent, choice, Loop(controller))
+    for key in QC.channels:
+        np.testing.assert_allclose(
+            run.signals[key][2000:], measured.signals[key][2000:], atol=1e-6 * np.ptp(measured.signals[key])
+        )
 
 
-def test_old_tektronix_has_its_samples_beside_the_metadata(tmp_path: Path) -> None:
-    head = [
-        f"Record Length,{N}",
-        "Sample Interval,5.0E-4",
-        "Trigger Point,0",
-        "Vertical Units,V",
-        "Source,CH2",
-    ]
-    lines = []
-    for k in range(N):
-        left = head[k] if k < len(head) else ","
-        lines.append(f"{left},,{point(TIMES_MS[k] / 1e3)},{point(TORQUE[k])},")
-    record = read_record(save(tmp_path, "F0000CH2.CSV", lines), {"F": "CH2"})
-    assert (record.fs, record.n) == (FS_HZ, N)
-    np.testing.assert_allclose(record.signals["F"], TORQUE)
+def test_what_cannot_be_simulated_is_moved_to_what_can() -> None:
+    values = dict(QC.parameter_sets["light"]) | {"J_c": -1e-9, "F_vmc": -1.0, "F_sm": -0.1}
+    moved = possible(QC, values)
+    assert moved["J_c"] > 0.0
+    assert (moved["F_vmc"], moved["F_sm"], moved["K"]) == (0.0, 0.0, values["K"])
 
 
-def test_rigol_states_start_and_increment(tmp_path: Path) -> None:
-    lines = ["X,CH1,CH2,Start,Increment,", "Sequence,Volt,Volt,-3.0e-2,5.0e-4,"]
-    lines += [f"{k},{point(THETA[k])},{point(TORQUE[k])},," for k in range(N)]
-    record = read_record(save(tmp_path, "NewFile1.csv", lines), {"q": "CH1", "F": "CH2"})
-    assert (record.fs, record.n) == (FS_HZ, N)
-    np.testing.assert_allclose(record.signals["F"], TORQUE)
+def test_samples_near_a_reversal_are_left_out_unless_nothing_would_be_left() -> None:
+    records = clean("qc", "light")
+    choice = choose_filter(QC, records)
+    whole = observe(QC, records, choice)
+    thinned = without_reversals(whole, QC, records, choice)
+    masked = {(b.record_name, b.row_name): b.masked for b in thinned.blocks}
+    before = {(b.record_name, b.row_name): b.masked for b in whole.blocks}
+    assert masked["trapezoid", "m"] > before["trapezoid", "m"]
+    assert masked["trapezoid", "c"] == before["trapezoid", "c"]
+    t = np.arange(10000) / 5000.0
+    swinging = Record(
+        {"q_m": np.sin(300.0 * t), "q_c": np.sin(300.0 * t), "Gamma_m": np.cos(300.0 * t)}, 5000.0
+    )
+    choice = choose_filter(QC, [swinging], cutoff_hz=200.0)
+    whole = observe(QC, [swinging], choice)
+    kept = without_reversals(whole, QC, [swinging], choice)
+    assert [block.masked for block in kept.blocks] == [block.masked for block in whole.blocks]
 
 
-def test_channels_with_times_of_their_own_are_joined_only_on_request(tmp_path: Path) -> None:
-    path = twincat(tmp_path, shift_ms=0.25)
-    mapping = {"q": "fPosMotor", "a": "fAccLoad"}
-    with pytest.raises(DataError, match=r"a starts 0.00025 s after q.*--mend clocks"):
-        read_record(path, mapping)
-    reading = read(path, mapping, mend=("clocks",))
-    assert reading.record.n == N - 1
-    np.testing.assert_allclose(reading.record.signals["q"], THETA[1:] * math.pi / 180.0)
-    expected = np.cos((np.arange(1, N) - 0.5) / 3.0)
-    np.testing.assert_allclose(reading.record.signals["a"], expected, atol=2e-3)
-    assert "a interpolated to the times of q (it started 0.25 ms later)" in reading.mended
-
-
-def test_a_slower_group_ends_earlier(tmp_path: Path) -> None:
-    path = twincat(tmp_path, slow=2)
-    assert read_record(path, {"a": "fAccLoad"}).fs == FS_HZ / 2
-    joined = read_record(path, {"q": "fPosMotor", "a": "fAccLoad"}, mend=("clocks",))
-    assert joined.fs == FS_HZ
-    np.testing.assert_allclose(joined.signals["a"][::2], ACC[: joined.n : 2])
-
-
-def test_a_scale_of_ones_own_goes_before_the_stated_unit(tmp_path: Path) -> None:
-    reading = read(siemens(tmp_path), {"q": "Lageistwert"}, {"q": 2.0})
-    np.testing.assert_allclose(reading.record.signals["q"], 2.0 * THETA)
-    assert not any("converted" in text for text in reading.took)
-
-
-def test_a_title_may_be_given_with_its_unit(tmp_path: Path) -> None:
-    path = save(tmp_path, "a.csv", ["t [ms],theta [deg]", "0,0", "1,180", "2,360"])
-    for column in ("theta", "theta [deg]"):
-        record = read_record(path, {"q": column})
-        np.testing.assert_allclose(record.signals["q"], [0.0, math.pi, 2.0 * math.pi])
-    assert record.fs == 1000.0
-
-
-def test_an_unknown_unit_is_told_and_left(tmp_path: Path) -> None:
-    path = save(tmp_path, "a.csv", ["t,theta [furlong]", "0,0", "1e-3,180", "2e-3,360"])
-    reading = read(path, {"q": "theta"})
-    assert "q: column theta is in 'furlong', an unknown unit; not converted" in reading.took
-    np.testing.assert_array_equal(reading.record.signals["q"], [0.0, 180.0, 360.0])
-
-
-def test_the_unit_of_times_may_be_given(tmp_path: Path) -> None:
-    path = save(tmp_path, "a.csv", ["t,q", "0,0", "500,1", "1000,2"])
-    assert read_record(path, time_unit="us").fs == FS_HZ
-    with pytest.raises(DataError, match="'kg' is no unit of time; give s, ms, us or ns"):
-        read_record(path, time_unit="kg")
+def test_the_methods_share_their_rows() -> None:
+    records = clean("qc", "light")
+    job = Job(QC, records, choose_filter(QC, records))
+    for name in ("wls", "iv"):
+        observation, fit = METHODS[name].run(job)
+        assert observation.columns == fit.columns == QC.base_parameters

@@ -1,0 +1,81 @@
+"""Iterative refinement of a least-squares solution, with its residuals in twice the working precision.
+
+Where the residual is large and the columns nearly dependent, rounding in the residual alone costs twice as
+many digits as the columns do. Solving for the residual together with the solution (the augmented system of
+Björck, BIT 7, 1967, 257-278) wins them back. Products and sums keep what they round off (Dekker, Numer. Math.
+18, 1971), so that no wider type is needed, which not every machine has.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+SPLITTER = 2.0**27 + 1.0  # splits 53 bits into two halves whose products are exact
+ROUNDS = 2
+
+
+def refined(W: FloatArray, Y: FloatArray, x: FloatArray, inverse: FloatArray) -> FloatArray:
+    """Return the solution of W^T (Y - W x) = 0, improved from an approximate one.
+
+    Parameters
+    ----------
+    W : array, shape (r, c)
+        Of full rank; its condition number squared must stay below the inverse of the rounding unit.
+    Y : array, shape (r,)
+    x : array, shape (c,)
+    inverse : array, shape (c, c)
+        (W^T W)^-1, to a few digits.
+    """
+    residual = Y - W @ x
+    for _ in range(ROUNDS):
+        defect = _defect(W, Y, x, residual)
+        step = inverse @ (W.T @ defect + _projection(W, residual))
+        x = x + step
+        residual = residual + (defect - W @ step)
+    return x
+
+
+def _defect(W: FloatArray, Y: FloatArray, x: FloatArray, residual: FloatArray) -> FloatArray:
+    """Return Y - residual - W x, shape (r,)."""
+    total, lost = _sum(Y, -residual)
+    for column, value in zip(W.T, x, strict=True):
+        product, below = _product(column, np.full(len(column), -value))
+        total, more = _sum(total, product)
+        lost = lost + (below + more)
+    return total + lost
+
+
+def _projection(W: FloatArray, residual: FloatArray) -> FloatArray:
+    """Return W^T residual, shape (c,), adding up by halves."""
+    total, lost = _product(W, residual[:, None])
+    while len(total) > 1:
+        odd = total[-1:] if len(total) % 2 else total[:0]
+        odd_lost = lost[-1:] if len(total) % 2 else lost[:0]
+        pairs = len(total) // 2
+        sums, more = _sum(total[:pairs], total[pairs : 2 * pairs])
+        lost = np.concatenate([lost[:pairs] + lost[pairs : 2 * pairs] + more, odd_lost])
+        total = np.concatenate([sums, odd])
+    return np.asarray(total[0] + lost[0])
+
+
+def _sum(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a + b and what rounding has left out of it."""
+    total = a + b
+    part = total - a
+    return total, (a - (total - part)) + (b - part)
+
+
+def _product(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a b and what rounding has left out of it."""
+    product = a * b
+    (a_high, a_low), (b_high, b_low) = _halves(a), _halves(b)
+    return product, ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
+
+
+def _halves(a: FloatArray) -> tuple[FloatArray, FloatArray]:
+    shifted = SPLITTER * a
+    high = shifted - (shifted - a)
+    return high, a - high

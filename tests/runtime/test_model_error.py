@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from generated import two_mass_bench_qm_qc
+from modelgen.runtime.contract import model_from_module
+from modelgen.runtime.data import Record
+from modelgen.runtime.identify import identify
+from modelgen.runtime.model_error import Disagreement, disagreement_notes, significant_drift
+
+X = np.array([10.0, 10.0])
+BENCH = model_from_module(two_mass_bench_qm_qc)
+
+
+def test_a_move_below_what_sampling_allows_does_not_count() -> None:
+    tiny = Disagreement(100.0, np.array([1e-3, 1.0]), np.array([1e-9, 0.1]), X)
+    assert tiny.significant.tolist() == [False, True]
+
+
+def test_only_what_noise_does_not_explain_counts() -> None:
+    found = (
+        Disagreement(100.0, np.array([1.0, 0.1]), np.array([0.1, 0.1]), X),
+        Disagreement(400.0, np.array([-2.0, 0.2]), np.array([0.1, 0.1]), X),
+    )
+    np.testing.assert_allclose(significant_drift(found, 2), [[2.5, 0.0], [0.0, 0.0]])
+    (note,) = disagreement_notes(found, ("a", "b"), ("a", "b"))
+    assert "a 20 % at 400 Hz" in note
+    assert "b" not in note.split("(")[1].split(")")[0]
+    assert disagreement_notes(found, ("a", "b"), ("b",)) == ()
+    np.testing.assert_array_equal(significant_drift((), 2), np.zeros((2, 2)))
+
+
+@pytest.fixture(scope="module")
+def bench(shared_data: Path) -> Record:
+    from scipy.io import loadmat
+
+    data = loadmat(shared_data / "two_mass_bench" / "MultisineTypeA.mat")
+    signals = {"q_m": data["theta_mx"].ravel(), "q_c": -data["theta_my"].ravel(), "i": data["iq_adx"].ravel()}
+    return Record(signals, 2500.0, "bench")
+
+
+def test_the_bench_agrees_over_periods_and_names_its_model_error(bench: Record) -> None:
+    periods = [
+        Record(
+            {key: s[2500 * a : 2500 * b] for key, s in bench.signals.items()}, 2500.0, f"periods {a + 1}-{b}"
+        )
+        for a, b in ((1, 10), (10, 20))
+    ]
+    first, second = (identify(BENCH, record, "iv") for record in periods)
+    for name in ("Jm", "Jc", "K"):
+        assert first.conf_int()[name][0] < second.params[name] < first.conf_int()[name][1]
+        assert second.conf_int()[name][0] < first.params[name] < second.conf_int()[name][1]
+        # the intervals are not blown up
+        assert 1.96 * first.relative_std[name] < 10.0
+    assert any("model error" in note for note in first.notes)
