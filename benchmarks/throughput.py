@@ -41,13 +41,14 @@ FloatArray = npt.NDArray[np.float64]
 
 def _has_numba() -> bool:
     """Import numba while this folder is not looked at: its coverage.py is not the package numba asks for."""
-    here = sys.path.pop(0)
+    places = list(sys.path)
+    sys.path[:] = [place for place in places if Path(place).resolve() != Path(__file__).resolve().parent]
     try:
         import_module("numba")
     except ImportError:
         return False
     finally:
-        sys.path.insert(0, here)
+        sys.path[:] = places
     return True
 
 

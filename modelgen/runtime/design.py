@@ -26,6 +26,7 @@ from modelgen.runtime.simulate import Simulation, simulate
 FloatArray = npt.NDArray[np.float64]
 
 PAIR = ("chirp", "trapezoid")
+DEFAULT_METHOD = "wls"
 RELATIVE_STEP = 1e-6
 
 
@@ -109,11 +110,6 @@ class Experiment:
         return _records(self.model, self.simulations, self.instruments, seed)
 
 
-def default_method() -> str:
-    """Return "iv" where there is such an estimator, else "wls"."""
-    return "iv" if "iv" in METHODS else "wls"
-
-
 def experiment(
     model: Model,
     parameters: Mapping[str, float],
@@ -138,7 +134,7 @@ def experiment(
     fs, duration_s : float
         Sampling frequency in Hz; duration in s of an excitation that is given by its kind.
     method : str, optional
-        The estimator: "iv" where there is one, else "wls".
+        The estimator, by default "wls"; "iv" has no bias, and takes far longer.
     choice : FilterChoice, optional
         Its filter, by default chosen as from measured records.
     """
@@ -146,7 +142,7 @@ def experiment(
         simulate(model, parameters, kind, fs=fs, duration_s=duration_s if isinstance(kind, str) else None)
         for kind in excitations
     )
-    name = method or default_method()
+    name = method or DEFAULT_METHOD
     noisy = _records(model, simulations, instruments, 0)
     choice = choice or choose_filter(model, noisy)
     fit = METHODS[name].run(Job(model, noisy, choice))[1]

@@ -19,6 +19,7 @@ from modelgen.runtime.delays import advanced
 from modelgen.runtime.direction_sources import direction_problems, wanted_directions, with_directions
 from modelgen.runtime.drift import FARTHER_FACTORS, cutoff_drift, load_row_drift, other_cutoffs
 from modelgen.runtime.estimate import Estimate
+from modelgen.runtime.friction_asymmetry import asymmetries, asymmetry_notes
 from modelgen.runtime.identifiability import not_identifiable
 from modelgen.runtime.judge import Solved, judge
 from modelgen.runtime.methods import METHODS, Job
@@ -59,8 +60,10 @@ def identify(
     records : Record or sequence of Record
         With the channels of the model's sensors and actuators, in SI.
     method : str
-        "wls": every signal through the same zero-phase filter, weighted least squares. "pham2002": the paper
-        to the letter, for comparison; biased where its filter reaches into the dynamics.
+        "wls": every signal through the same zero-phase filter, weighted least squares. "iv": instrumental
+        variables on the same rows, free of the bias that noise of the sensors gives least squares, with the
+        delays of forces estimated. "pham2002": the paper to the letter, for comparison; biased where its
+        filter reaches into the dynamics.
     cutoff_hz, filter_order, decimation, direction_cutoff_hz : optional
         Taken as given; otherwise chosen from the records, see `modelgen.runtime.choose`. Frequencies in Hz.
     drop : int, optional
@@ -73,7 +76,8 @@ def identify(
     drift_check : bool
         With "wls", fit again at 0.7 and 1.4 times the cut-off, and with half and twice the weight of rows
         without a force; add to the covariance how far the estimate drifts: what noise in the sensors and
-        missing dynamics do to it shows there, not in the residual.
+        missing dynamics do to it shows there, not in the residual. With "iv" only what noise does not explain
+        counts: it is model error.
     rows_for_tag : mapping of str to sequence of str, or "pham2002", optional
         Rows (by name) that records of a tag may feed; records of other tags feed all rows. "pham2002" is the
         paper's pairing: differentiated rows from records tagged ``chirp``, the others from ``trapezoid``.
@@ -149,6 +153,9 @@ def identify(
         else:
             drift += cutoff_drift(fit, choice, lowest_fs, again) + load_row_drift(fit, observation)
     say("judging the fit")
+    if chosen.matched:
+        asymmetric = asymmetries(fit, model, given, choice, drop or 0, refused)
+        fit = replace(fit, notes=fit.notes + asymmetry_notes(asymmetric))
     solved = Solved(job, method, observation, fit, refused, drift)
     return judge(solved, residual_dof, prune_percent)
 

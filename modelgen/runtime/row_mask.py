@@ -17,13 +17,11 @@ from modelgen.runtime.chunk import Chunk
 from modelgen.runtime.contract import Model
 from modelgen.runtime.filtered_record import DIRECTION_TOLERANCE, SUPPORT_TOLERANCE
 from modelgen.runtime.filters import support_samples
+from modelgen.runtime.observation import STANDSTILL_PERIODS, direction_keys
 from modelgen.runtime.reversals import reversals, standstills, widen
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-
-# sign() is meaningless while a mass sticks for longer than this many periods of the cut-off.
-STANDSTILL_PERIODS = 2.0
 
 
 @dataclass(frozen=True)
@@ -76,15 +74,3 @@ def row_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, .
         else:
             found.append(RowMask(direction_keys(model, row), reach(0) + late, shortest))
     return tuple(found)
-
-
-def direction_keys(model: Model, row: int) -> tuple[str, ...]:
-    """Return the signals whose sign enters a row."""
-    used = dict.fromkeys(key for terms in model.regressor_columns[row].values() for _, key in terms)
-    signs = [feature.of for feature in model.features if feature.key in used and isinstance(feature.of, str)]
-    brought = [
-        signal.key
-        for signal in model.signals
-        if signal.key in used and signal.sensor is None and signal.actuator is None
-    ]
-    return tuple(dict.fromkeys(signs + brought))

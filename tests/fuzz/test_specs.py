@@ -1,18 +1,30 @@
-"""Any text and any table of TOML either is a spec or gets explained: no other exception, no hang."""
+"""Any text and any table of TOML either is a spec or gets explained: no other exception, no hang.
+
+Every test tries 200 examples, the same ones in every run; with MODELGEN_FUZZ=nightly 10,000 new ones.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+import os
 from typing import Any
 
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from modelgen.errors import ModelgenError, SpecError
 from modelgen.module_check import module_problems
 from modelgen.render.writer import generate
 from modelgen.spec import parse_spec
+
+NIGHTLY = os.environ.get("MODELGEN_FUZZ") == "nightly"
+FUZZ = settings(
+    max_examples=10_000 if NIGHTLY else 200,
+    deadline=5000,  # ms
+    derandomize=not NIGHTLY,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much],
+)
 
 PLAIN = st.sampled_from(
     ["m", "c", "q_m", "J_m", "J_c", "K", "F_v", "F_s", "O", "Gamma", "ground", "nominal", "qm"]
@@ -78,16 +90,19 @@ def toml(value: Any) -> str:
     return {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
 
 
+@FUZZ
 @given(DOCUMENT)
 def test_any_tables(document: dict[str, Any]) -> None:
     explained(document_text(document))
 
 
+@FUZZ
 @given(st.text(max_size=300))
 def test_any_text(text: str) -> None:
     explained(text)
 
 
+@FUZZ
 @given(st.data())
 def test_a_good_file_with_one_piece_replaced(data: st.DataObject) -> None:
     start = data.draw(st.integers(0, len(GOOD)))

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from modelgen.errors import DataError
+from generated import emps_rigid_qm
+from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.data import Record
 
 RAMP = np.arange(5.0)
@@ -130,3 +131,12 @@ def test_a_record_can_be_sent_and_copied() -> None:
     record = Record({"q_m": RAMP, "a_c": -RAMP}, 1000.0, name="run", tag="chirp")
     assert pickle.loads(pickle.dumps(record)) == record
     assert copy.deepcopy(record) == record
+
+
+def test_ten_samples_are_a_record_but_no_experiment() -> None:
+    samples = np.linspace(0.0, 1.0, 10) ** 2
+    keys = [signal["sensor"] or signal["actuator"] for signal in emps_rigid_qm.SIGNALS]
+    record = Record(dict.fromkeys(keys, samples), fs=100.0, name="short")
+    with pytest.raises(ModelgenError, match=r"short|records"):
+        emps_rigid_qm.identify([record])
+    assert np.array_equal(samples, np.linspace(0.0, 1.0, 10) ** 2)
