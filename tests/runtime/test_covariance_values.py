@@ -1,0 +1,96 @@
+"""The figures inside the covariances, against sums written out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modelgen.runtime.covariance import (
+    LARGEST_CORRELATION,
+    WIDER,
+    andrews_bandwidth,
+    bandwidth_from_moments,
+    fixed_b_factor,
+    hac_covariance,
+    influence,
+    long_run_covariance,
+)
+from modelgen.runtime.observation import RowBlock
+from modelgen.runtime.wls import Fit, least_squares
+
+RNG = np.random.default_rng(8)
+SERIES = [RNG.normal(size=(40, 2)).cumsum(axis=0), RNG.normal(size=(25, 2))]
+
+
+@pytest.mark.parametrize(
+    ("bandwidth", "n", "quantile"),
+    [(0.0, 10, 1.96), (2.0, 10, 2.5662608), (5.0, 10, 3.48215), (10.0, 10, 4.813), (30.0, 10, 4.813)],
+)
+def test_the_fixed_b_factor_is_the_square_of_a_ratio_of_quantiles(
+    bandwidth: float, n: int, quantile: float
+) -> None:
+    assert fixed_b_factor(bandwidth, n) == pytest.approx((quantile / 1.96) ** 2, rel=1e-9)
+
+
+def test_the_bandwidth_is_andrews_formula_written_out() -> None:
+    power, product, n = np.array([4.0, 1.0, 0.0]), np.array([2.0, -0.3, 0.0]), 1000
+    rho = [0.5, -0.3]
+    numerator = sum(4 * r**2 * (1 - r**2) ** 2 / ((1 - r) ** 6 * (1 + r) ** 2) for r in rho)
+    denominator = sum((1 - r**2) ** 2 / (1 - r) ** 4 for r in rho)
+    expected = 1.1447 * (numerator / denominator * n) ** (1 / 3)
+    found = bandwidth_from_moments(power, product, n)
+    assert found in (pytest.approx(expected), pytest.approx(WIDER * expected))
+
+
+def test_a_correlation_near_one_is_bounded() -> None:
+    at_bound = bandwidth_from_moments(np.array([1.0]), np.array([LARGEST_CORRELATION]), 500)
+    assert bandwidth_from_moments(np.array([1.0]), np.array([0.999]), 500) == at_bound
+    assert bandwidth_from_moments(np.zeros(2), np.zeros(2), 500) == 1.0
+
+
+def test_the_long_run_covariance_is_a_double_sum_over_instants() -> None:
+    bandwidth = andrews_bandwidth(SERIES)
+    expected = np.zeros((2, 2))
+    for psi in SERIES:
+        for i, here in enumerate(psi):
+            for j, there in enumerate(psi):
+                expected += max(0.0, 1.0 - abs(i - j) / bandwidth) * np.outer(here, there)
+    expected *= fixed_b_factor(bandwidth, 65)
+    assert np.allclose(long_run_covariance(SERIES), expected, rtol=1e-10)
+
+
+def fit_of_two_rows_and_two_records() -> Fit:
+    """Return a fit whose blocks share instants within a record, and leave some of them out."""
+    fields = {name: None for name in RowBlock.__dataclass_fields__}
+    blocks, weights = [], (1.0, 0.5, 2.0)
+    for record, grid in ((0, 30), (0, 30), (1, 20)):
+        place = np.flatnonzero(RNG.random(grid) < 0.8)
+        W, Y = RNG.normal(size=(place.size, 2)), RNG.normal(size=place.size)
+        blocks.append(RowBlock(**{**fields, "W": W, "Y": Y, "place": place, "grid": grid, "record": record}))
+    W = np.concatenate([w * b.W for w, b in zip(weights, blocks, strict=True)])
+    Y = np.concatenate([w * b.Y for w, b in zip(weights, blocks, strict=True)])
+    solution = least_squares(W, Y)
+    residuals = tuple(block.Y - block.W @ solution.x for block in blocks)
+    return Fit(("a", "b"), (), solution, tuple(blocks), weights, residuals)
+
+
+def test_influence_adds_up_the_rows_of_an_instant() -> None:
+    fit = fit_of_two_rows_and_two_records()
+    series = influence(fit)
+    assert [psi.shape for psi in series] == [(30, 2), (20, 2)]
+    expected = [np.zeros((30, 2)), np.zeros((20, 2))]
+    for block, weight, residual in zip(fit.blocks, fit.weights, fit.residuals, strict=True):
+        for place, row, e in zip(block.place, block.W, residual, strict=True):
+            expected[block.record][place] += weight**2 * e * fit.solution.inverse @ row
+    for found, wanted in zip(series, expected, strict=True):
+        assert np.allclose(found, wanted, rtol=1e-12, atol=1e-15)
+
+
+def test_hac_counts_the_degrees_of_freedom_and_the_projected_columns() -> None:
+    fit = fit_of_two_rows_and_two_records()
+    r = sum(len(residual) for residual in fit.residuals)
+    assert np.allclose(hac_covariance(fit), long_run_covariance(influence(fit)) * r / (r - 2), rtol=1e-12)
+    doubled = replace(fit, projected=tuple(2.0 * block.W for block in fit.blocks))
+    assert np.allclose(np.concatenate(influence(doubled)), 2.0 * np.concatenate(influence(fit)))
