@@ -38,15 +38,13 @@ def sensor_sets(chain: ChainSpec, chosen: str | None) -> list[str]:
 
 def compared_sensor_sets(chain: ChainSpec, chosen: str | None) -> tuple[SetSummary, ...]:
     """Return the sensor sets to show: the chosen one, all of the spec's, or ("all") every subset."""
-    from modelgen.symbolic.overview import every_subset, overview
-    from modelgen.symbolic.pipeline import build
+    from modelgen.symbolic.overview import every_subset, overview, single
 
     if chosen == "all" and "all" not in chain.sensor_sets:
         chain, chosen = every_subset(chain), None
-    names = sensor_sets(chain, chosen)
     if chosen is not None:
-        build(chain, chosen)  # a single set that cannot be built is an error, not a line in a table
-    return overview(chain, names)
+        return (single(chain, chosen),)
+    return overview(chain, sensor_sets(chain, None))
 
 
 def proof_of(motion: MotionEquations) -> bool:

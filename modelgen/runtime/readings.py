@@ -11,6 +11,7 @@ import numpy.typing as npt
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import missing_name
+from modelgen.runtime.direction_sources import wanted_directions
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,5 +66,4 @@ def readings(
         if resolution.get(key):
             reading = resolution[key] * np.round(reading / resolution[key])
         measured[key] = reading
-    directions = (s.key for s in model.signals if s.sensor is None and s.actuator is None)
-    return measured | {key: true[key] for key in directions}
+    return measured | {key: true[key] for key in wanted_directions(model)}

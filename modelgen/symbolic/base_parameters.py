@@ -85,8 +85,8 @@ def base_model(rows: IdentificationRows) -> BaseModel:
 def _identifiable(
     rows: IdentificationRows, wanted: Sequence[str], base: Sequence[BaseParameter]
 ) -> tuple[str, ...]:
-    alone = {b.combination[0][0] for b in base if len(b.combination) == 1}
     if not rows.composites:
+        alone = {b.combination[0][0] for b in base if len(b.combination) == 1}
         return tuple(name for name in wanted if name in alone)
     columns = [[(rows.composites.get(name, name), factor) for name, factor in b.combination] for b in base]
     return identifiable_parameters(wanted, columns)

@@ -36,13 +36,27 @@ def overview(spec: ChainSpec, names: Iterable[str]) -> tuple[SetSummary, ...]:
     summaries = []
     for name in names:
         try:
-            model = build(spec, name)
+            summaries.append(_summary(build(spec, name), full))
         except ModelError as error:
             summaries.append(SetSummary(name, None, error.problems[0].what, full))
-            continue
-        lost = tuple(parameter for parameter in full if parameter not in model.identifiable)
-        summaries.append(SetSummary(name, model, "", lost))
     return tuple(summaries)
+
+
+def single(spec: ChainSpec, name: str) -> SetSummary:
+    """Build one sensor set and compare it likewise; a set that cannot be built is an error here.
+
+    Raises
+    ------
+    SpecError, ModelError
+        As `modelgen.symbolic.pipeline.build`.
+    """
+    model = build(spec, name)
+    return _summary(model, _full(spec))
+
+
+def _summary(model: BaseModel, full: tuple[str, ...]) -> SetSummary:
+    lost = tuple(parameter for parameter in full if parameter not in model.identifiable)
+    return SetSummary(model.rows.sensor_set, model, "", lost)
 
 
 def every_subset(spec: ChainSpec) -> ChainSpec:
