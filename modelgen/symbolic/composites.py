@@ -7,14 +7,17 @@ name, so that rows share their columns; a quotient that is a physical parameter 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from sympy.polys.rings import PolyElement
+from sympy import QQ, Symbol
+from sympy.polys.rings import PolyElement, PolyRing
 
-from modelgen.symbolic.elimination import EliminatedRow
-from modelgen.symbolic.polynomials import Functional
+from modelgen.chain import Parameter
+from modelgen.symbolic.common_factor import common_factor, exact_quotient
+from modelgen.symbolic.eliminated_row import EliminatedRow
+from modelgen.symbolic.polynomials import Functional, by_order
 from modelgen.symbolic.reading import Candidate
 from modelgen.symbolic.row import Composite
 from modelgen.symbolic.signals import Signal, Term, collect
@@ -34,16 +37,16 @@ class Part(NamedTuple):
 class Composites:
     """The composites of one sensor set, named once each, in order of appearance."""
 
-    def __init__(self, parameters: Collection[str]) -> None:
+    def __init__(self, parameters: Sequence[Parameter]) -> None:
         self.named: dict[str, Composite] = {}
-        self._parameters = parameters
+        self._parameters = [parameter.name for parameter in parameters]
+        self._dampings = {p.name for p in parameters if p.role in ("damping", "viscous")}
         self._names: dict[str, str] = {}
 
     def candidate(self, row: EliminatedRow) -> Candidate:
         """Return the row with named composites, normalised by a measured force."""
         parts = list(_parts(row))
-        # The lowest derivative of a force, or of a coordinate in a row that no force enters.
-        normal = min(parts, key=lambda part: (not part.left, part.signal.order))
+        normal = min(parts, key=self._rank)
         terms: list[Term] = []
         for part in parts:
             columns = [(None, Fraction(1))] if part is normal else self._columns(part.value, normal.value)
@@ -62,6 +65,24 @@ class Composites:
         name = f"{'+'.join(row.bodies)} without {', '.join(row.eliminated)}"
         return Candidate(name, row.bodies, collect(terms), origin, masked)
 
+    def _rank(self, part: Part) -> tuple[bool, bool, int]:
+        """Prefer the lowest derivative of a force; without a force, the highest derivative of a coordinate.
+
+        The highest derivative is the noisiest: on the left-hand side its noise does no harm. It must not hang
+        on a damping alone, which may be as good as zero.
+        """
+        names = [symbol.name for symbol in part.value.ring.symbols]
+        weak = all(
+            any(power and name in self._dampings for name, power in zip(names, powers, strict=True))
+            for powers in part.value
+        )
+        return not part.left, weak and not part.left, part.signal.order if part.left else -part.signal.order
+
+    def quotient(self, parameter: str, divisor: str) -> str:
+        """Return the name of the quotient of two physical parameters."""
+        ring = PolyRing([Symbol(parameter), Symbol(divisor)], QQ)
+        return self._name(*ring.gens)
+
     def held(self, column: str | None) -> tuple[str, ...]:
         """Return the physical parameters in a column."""
         if column is None:
@@ -74,7 +95,8 @@ class Composites:
         A sum of physical parameters becomes their columns, which other rows may hold as well; a true quotient
         or product becomes one composite.
         """
-        numerator, denominator = value.cancel(scale)
+        common = common_factor(value, scale)
+        numerator, denominator = exact_quotient(value, common), exact_quotient(scale, common)
         if denominator.is_ground and all(sum(exponents) <= 1 for exponents in numerator):
             names = [symbol.name for symbol in numerator.ring.symbols]
             bottom = _fraction(denominator.LC)
@@ -112,16 +134,6 @@ def _fraction(value: Any) -> Fraction:
     return Fraction(int(value.numerator), int(value.denominator))
 
 
-def by_order(poly: PolyElement) -> Iterator[tuple[int, PolyElement]]:
-    """Yield (power of s, its coefficient) of a polynomial, lowest power first."""
-    ring = poly.ring
-    table: dict[int, PolyElement] = {}
-    for exponents, coefficient in poly.items():
-        order, rest = exponents[0], (0, *exponents[1:])
-        table.setdefault(order, ring.zero.copy())[rest] = coefficient
-    yield from sorted(table.items())
-
-
 def quotient_text(numerator: PolyElement, denominator: PolyElement) -> str:
     """Return a quotient as text, for example ``(J_m + J_c)/K``."""
     top, bottom = (
@@ -139,9 +151,9 @@ def monomials(poly: PolyElement) -> Iterator[str]:
     """Yield the terms of a polynomial as text, in the order of its ring."""
     names = [symbol.name for symbol in poly.ring.symbols]
     for exponents, coefficient in poly.terms():
-        factors = [] if coefficient == 1 else [str(coefficient)]
+        factors = [] if abs(coefficient) == 1 else [str(abs(coefficient))]
         factors += [n if e == 1 else f"{n}**{e}" for n, e in zip(names, exponents, strict=True) if e]
-        yield "*".join(factors) or "1"
+        yield ("-" if coefficient < 0 else "") + ("*".join(factors) or "1")
 
 
 def _parts(row: EliminatedRow) -> Iterator[Part]:

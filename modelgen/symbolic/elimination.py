@@ -10,42 +10,27 @@ several measured neighbours, other choices of equations may need fewer derivativ
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from itertools import combinations
-from typing import TypeVar
 
 from sympy.polys.rings import PolyElement
 
-from modelgen.chain import ChainSpec
 from modelgen.errors import ModelError
-from modelgen.symbolic.identifiability import evaluate, random_point, reduce_modular
+from modelgen.symbolic.common_factor import common_factor, exact_quotient
+from modelgen.symbolic.eliminated_row import EliminatedRow, weighted_sum
 from modelgen.symbolic.newton import Equation, MotionEquations
-from modelgen.symbolic.polynomials import Coordinates, Place, PolynomialSystem, polynomial_system, unit
-from modelgen.symbolic.signals import Signal
+from modelgen.symbolic.polynomials import Coordinates, PolynomialSystem, polynomial_system, unit
 
 #: More unseen neighbours than this are refused: the number of terms grows exponentially with them.
 LARGEST_ELIMINATION = 4
 #: Alternative choices of equations are tried up to this many; beyond, each measured body's own row is kept.
 MOST_CHOICES = 64
-Key = TypeVar("Key")
+#: Around an unseen group, all seen coordinates but one may be eliminated, too, if they are no more than this.
+MOST_SEEN = 3
 
 
-@dataclass(frozen=True)
-class EliminatedRow:
-    """sum of polynomial * coordinate = sum of polynomial * force - constants, free of unseen coordinates."""
-
-    bodies: tuple[str, ...]
-    eliminated: tuple[str, ...]
-    coordinates: Mapping[Place, PolyElement]
-    forces: Mapping[str, PolyElement]
-    constants: Mapping[Signal, PolyElement]
-
-
-def eliminated_rows(
-    motion: MotionEquations, coordinates: Coordinates, where: str
-) -> tuple[EliminatedRow, ...]:
-    """Return independent rows of lowest order for all equations that hold unseen coordinates.
+def eliminated_rows(motion: MotionEquations, coordinates: Coordinates, where: str) -> Iterator[EliminatedRow]:
+    """Yield rows for all equations that hold unseen coordinates, those to be preferred first.
 
     Raises
     ------
@@ -53,19 +38,26 @@ def eliminated_rows(
         If more than LARGEST_ELIMINATION unseen coordinates would have to be eliminated at once, or something
         nonlinear.
     """
-    unseen = {e.body: frozenset(_unseen_in(e, coordinates)) for e in motion.equations}
+    unseen = unseen_by_equation(motion, coordinates)
     equation_of = {equation.body: equation for equation in motion.equations}
-    rows: list[EliminatedRow] = []
-    for bodies, others in _choices(coordinates.unseen, unseen, where):
-        # A ring of its own for every row: the cost of a polynomial grows with the generators of its ring.
-        system = polynomial_system(motion.spec, [equation_of[body] for body in bodies], coordinates)
-        row = _eliminate(system, bodies, others, where)
-        if row is not None:
-            rows.append(row)
+
+    def rows(choices: Iterable[tuple[tuple[str, ...], tuple[str, ...]]]) -> Iterator[EliminatedRow]:
+        for bodies, others in choices:
+            # A ring of its own for every row: the cost of a polynomial grows with the generators of its ring.
+            system = polynomial_system(motion.spec, [equation_of[body] for body in bodies], coordinates)
+            row = _eliminate(system, bodies, others, where)
+            if row is not None:
+                yield row
+
     # Rows that a force enters come first: they fix the scale of their parameters.
-    rows.sort(key=lambda row: (not row.forces, _order(row), len(row.bodies)))
-    wanted = sum(1 for held in unseen.values() if held) - len(coordinates.unseen)
-    return tuple(_independent(rows, wanted, motion.spec))
+    found = list(rows(_choices(coordinates.unseen, unseen, where)))
+    yield from sorted(found, key=lambda row: (not row.forces, row.order, len(row.bodies)))
+    yield from rows(_alone(motion, coordinates, unseen))
+
+
+def unseen_by_equation(motion: MotionEquations, coordinates: Coordinates) -> dict[str, frozenset[str]]:
+    """Return the unseen coordinates that every body's equation holds."""
+    return {equation.body: frozenset(_unseen_in(equation, coordinates)) for equation in motion.equations}
 
 
 def _unseen_in(equation: Equation, coordinates: Coordinates) -> Iterator[str]:
@@ -92,6 +84,28 @@ def _choices(
         for equations in _few(combinations(pool, len(group) + 1)):
             tried.setdefault(equations, group)
     yield from tried.items()
+
+
+def _alone(
+    motion: MotionEquations, coordinates: Coordinates, unseen: Mapping[str, frozenset[str]]
+) -> Iterator[tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Yield choices that leave one coordinate of those around an unseen group: seen ones go as well.
+
+    Their orders are high, but nothing can be added to such a row: it is the transfer from the forces.
+    """
+    held = {equation.body: _bodies_in(equation) for equation in motion.equations}
+    for group in _groups(coordinates.unseen, unseen.values()):
+        around = {other for body in held if unseen[body] & set(group) for other in held[body]}
+        bodies = tuple(body for body in held if body in around)
+        seen = [body for body in bodies if body not in group]
+        alone = all(unit(body) in coordinates.measured and unseen[body] <= set(group) for body in seen)
+        if alone and 2 <= len(seen) <= MOST_SEEN:
+            for kept in seen:
+                yield bodies, (*group, *(body for body in seen if body != kept))
+
+
+def _bodies_in(equation: Equation) -> dict[str, None]:
+    return {term.signal.name: None for term in equation.terms if term.signal.kind == "coordinate"}
 
 
 def _few(choices: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
@@ -142,16 +156,10 @@ def _eliminate(
         multipliers.append(-minor if skipped % 2 else minor)
     if not any(multipliers):
         return None
-    common = reduce(lambda a, b: a.gcd(b), [m for m in multipliers if m])
-    weights = {body: m.exquo(common) for body, m in zip(equations, multipliers, strict=True) if m}
+    common = reduce(common_factor, [m for m in multipliers if m])
+    weights = {body: exact_quotient(m, common) for body, m in zip(equations, multipliers, strict=True) if m}
     _refuse_nonlinear(system, weights, unseen, where)
-    return EliminatedRow(
-        tuple(weights),
-        unseen,
-        _combine((system.equations[b].coordinates, w) for b, w in weights.items()),
-        _combine((system.equations[b].forces, w) for b, w in weights.items()),
-        _combine((system.equations[b].constants, w) for b, w in weights.items()),
-    )
+    return weighted_sum(system, weights, unseen)
 
 
 def _determinant(matrix: list[list[PolyElement]], zero: PolyElement) -> PolyElement:
@@ -165,15 +173,6 @@ def _determinant(matrix: list[list[PolyElement]], zero: PolyElement) -> PolyElem
             term = entry * _determinant(rest, zero)
             total = total - term if column % 2 else total + term
     return total
-
-
-def _combine(parts: Iterable[tuple[Mapping[Key, PolyElement], PolyElement]]) -> dict[Key, PolyElement]:
-    total: dict[Key, PolyElement] = {}
-    for table, weight in parts:
-        for key, value in table.items():
-            term = value * weight
-            total[key] = total[key] + term if key in total else term
-    return {key: value for key, value in total.items() if value}
 
 
 def _refuse_nonlinear(
@@ -194,26 +193,3 @@ def _refuse_nonlinear(
                     f"the asymmetric viscous friction of {functional[0][0]} would have to be eliminated",
                     f"add a sensor on {functional[0][0]}, or make its friction symmetric",
                 )
-
-
-def _order(row: EliminatedRow) -> int:
-    return max(int(p.degree(0)) for p in row.coordinates.values())
-
-
-def _independent(rows: Sequence[EliminatedRow], wanted: int, spec: ChainSpec) -> Iterator[EliminatedRow]:
-    """Keep rows, lowest order first, that are independent at a random point of a prime field."""
-    point = random_point(["s derivative", *(parameter.name for parameter in spec.parameters)])
-    pivots: dict[object, dict[object, int]] = {}
-    for row in rows:
-        vector: dict[object, int] = {
-            key: value
-            for table in (row.coordinates, row.forces)
-            for key, poly in table.items()
-            if (value := evaluate(poly, point))
-        }
-        reduce_modular(vector, pivots)
-        if vector:
-            pivots[next(iter(vector))] = vector
-            yield row
-        if len(pivots) == wanted:
-            return

@@ -8,7 +8,7 @@ identified may still have several isolated solutions; those are found when numbe
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, MutableMapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, MutableMapping, Sequence
 from fractions import Fraction
 from random import Random
 from typing import TypeVar
@@ -42,9 +42,9 @@ def identifiable_parameters(
     for combination in base:
         vector: Vector[str] = {}
         for column, factor in combination:
-            weight = _modular(factor)
+            weight = modular(factor)
             slopes = {column: 1} if isinstance(column, str) else _gradient(column, point)
-            _add(vector, slopes, weight)
+            add_modular(vector, slopes, weight)
         reduce_modular(vector, pivots)
         if vector:
             pivots[next(iter(vector))] = vector
@@ -67,36 +67,52 @@ def reduce_modular(vector: MutableMapping[Key, int], pivots: Mapping[Key, Mappin
     while pending:
         key = pending[0]
         pivot = pivots[key]
-        _add(vector, pivot, -vector[key] * pow(pivot[key], -1, PRIME))
+        add_modular(vector, pivot, -vector[key] * pow(pivot[key], -1, PRIME))
         pending = [key for key in vector if key in pivots]
 
 
 def evaluate(poly: PolyElement, point: Mapping[str, int]) -> int:
     """Return the value of a polynomial at a point of the prime field, given by generator names."""
+    return sum(value for _, value in _terms(poly, point)) % PRIME
+
+
+def _terms(poly: PolyElement, point: Mapping[str, int]) -> Iterator[tuple[tuple[int, ...], int]]:
+    """Yield (exponents, value) of every term."""
     values = [point.get(symbol.name, 1) for symbol in poly.ring.symbols]
-    total = 0
     for exponents, coefficient in poly.items():
-        term = _modular(Fraction(int(coefficient.numerator), int(coefficient.denominator)))
+        term = modular(Fraction(int(coefficient.numerator), int(coefficient.denominator)))
         for value, exponent in zip(values, exponents, strict=True):
             if exponent:
-                term = term * pow(value, exponent, PRIME) % PRIME
-        total = (total + term) % PRIME
-    return total
+                term = term * (value if exponent == 1 else pow(value, exponent, PRIME)) % PRIME
+        yield exponents, term
+
+
+def _slopes(poly: PolyElement, point: Mapping[str, int]) -> tuple[int, Vector[str]]:
+    """Return the value of a polynomial and its gradient; a term's slope is exponent times value over x."""
+    total, slopes = 0, [0] * poly.ring.ngens
+    for exponents, term in _terms(poly, point):
+        total += term
+        for place, exponent in enumerate(exponents):
+            if exponent:
+                slopes[place] += exponent * term
+    names = [symbol.name for symbol in poly.ring.symbols]
+    return total % PRIME, {
+        name: slope * pow(point[name], -1, PRIME) % PRIME
+        for name, slope in zip(names, slopes, strict=True)
+        if slope % PRIME
+    }
 
 
 def _gradient(column: Composite, point: Mapping[str, int]) -> Vector[str]:
-    top, bottom = column.numerator, column.denominator
-    a, b = evaluate(top, point), evaluate(bottom, point)
+    a, top = _slopes(column.numerator, point)
+    b, bottom = _slopes(column.denominator, point)
     square = pow(b, -2, PRIME)
-    slopes = {}
-    for symbol, variable in zip(top.ring.symbols, top.ring.gens, strict=True):
-        slope = evaluate(top.diff(variable), point) * b - a * evaluate(bottom.diff(variable), point)
-        if slope % PRIME:
-            slopes[symbol.name] = slope * square % PRIME
-    return slopes
+    slopes = {name: (top.get(name, 0) * b - a * bottom.get(name, 0)) * square for name in {**top, **bottom}}
+    return {name: slope % PRIME for name, slope in slopes.items() if slope % PRIME}
 
 
-def _add(vector: MutableMapping[Key, int], other: Mapping[Key, int], factor: int) -> None:
+def add_modular(vector: MutableMapping[Key, int], other: Mapping[Key, int], factor: int) -> None:
+    """Add a multiple of another vector, in place; entries that become zero are dropped."""
     for key, value in other.items():
         total = (vector.get(key, 0) + factor * value) % PRIME
         if total:
@@ -105,5 +121,6 @@ def _add(vector: MutableMapping[Key, int], other: Mapping[Key, int], factor: int
             vector.pop(key, None)
 
 
-def _modular(value: Fraction | int) -> int:
+def modular(value: Fraction | int) -> int:
+    """Return a rational as an element of the prime field."""
     return value.numerator * pow(value.denominator, -1, PRIME) % PRIME

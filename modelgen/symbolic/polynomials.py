@@ -9,7 +9,7 @@ ones: bodies that the sensors give one by one, then relative sensors, then the b
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -38,13 +38,13 @@ class Coordinates:
 
 @dataclass(frozen=True)
 class PolynomialEquation:
-    """One body's equation: polynomials by coordinate and actuator, and of sign() and the constant 1."""
+    """One body's equation: polynomials by coordinate, actuator, sign() or the constant 1, and cube."""
 
     body: str
     coordinates: Mapping[Place, PolyElement]
     forces: Mapping[str, PolyElement]
     constants: Mapping[Signal, PolyElement]
-    cubes: tuple[Signal, ...]
+    cubes: Mapping[Signal, PolyElement]
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def _equation(
     places: dict[Place, PolyElement] = {}
     forces: dict[str, PolyElement] = {}
     constants: dict[Signal, PolyElement] = {}
-    cubes = []
+    cubes: dict[Signal, PolyElement] = {}
     for parameter, signal, coefficient in terms:
         factor = ring.ground_new(_rational(coefficient))
         value = factor * (values[parameter] if parameter is not None else ring.one)
@@ -128,10 +128,20 @@ def _equation(
             place = (signal.kind, unit(signal.name))
             places[place] = places.get(place, ring.zero) + value * s**signal.order
         elif signal.kind == "cube":
-            cubes.append(signal)
+            cubes[signal] = cubes.get(signal, ring.zero) + value
         else:
             constants[signal] = constants.get(signal, ring.zero) + value
-    return PolynomialEquation(body, places, forces, constants, tuple(cubes))
+    return PolynomialEquation(body, places, forces, constants, cubes)
+
+
+def by_order(poly: PolyElement) -> Iterator[tuple[int, PolyElement]]:
+    """Yield (power of s, its coefficient) of a polynomial, lowest power first."""
+    ring = poly.ring
+    table: dict[int, PolyElement] = {}
+    for exponents, coefficient in poly.items():
+        order, rest = exponents[0], (0, *exponents[1:])
+        table.setdefault(order, ring.zero.copy())[rest] = coefficient
+    yield from sorted(table.items())
 
 
 def _rational(value: Exact) -> object:

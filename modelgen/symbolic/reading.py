@@ -12,7 +12,7 @@ from modelgen.symbolic.newton import deflection
 from modelgen.symbolic.row import Feature, KeyTerm, NeededSignal, Row
 from modelgen.symbolic.sensing import Combination, Reading, Sensing
 from modelgen.symbolic.signals import DIRECTIONS, Exact, Signal, Term, differentiate
-from modelgen.units import force_unit
+from modelgen.units import force_unit, signal_unit
 
 TIMES = {0: "", 1: ", differentiated once", 2: ", differentiated twice"}
 
@@ -61,8 +61,15 @@ class Reader:
             order=max(t.signal.order for t in terms if t.signal.kind not in ("force", "one")),
             terms=tuple(KeyTerm(p, key, c) for (p, key), c in total.items() if c),
             reversals=self._reversals(candidate, times),
-            unit=force_unit(self._motion[bodies[0]], times),
+            unit=self._unit(candidate, times),
         )
+
+    def _unit(self, candidate: Candidate, times: int) -> str:
+        """Return the unit of a row: a force's, or a coordinate's where that stands on the left-hand side."""
+        left = [term.signal for term in candidate.terms if term.parameter is None]
+        if left and all(signal.kind == "coordinate" for signal in left):
+            return signal_unit(self._motion[left[0].name], "position", left[0].order + times)
+        return force_unit(self._motion[candidate.bodies[0]], times)
 
     def signals_in_order(self) -> tuple[NeededSignal, ...]:
         """Return the needed signals: sensors in the order of the set, then forces, then given directions."""

@@ -7,6 +7,7 @@ so the sums of lower r (see sums.py) stand beside the rows of the bodies and car
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from modelgen.errors import ModelError
@@ -18,9 +19,11 @@ from modelgen.symbolic.newton import MotionEquations, deflection
 from modelgen.symbolic.polynomials import choose_coordinates
 from modelgen.symbolic.reading import Candidate, Reader
 from modelgen.symbolic.row import IdentificationRows
+from modelgen.symbolic.scale import scaled
 from modelgen.symbolic.sensing import ORDER, Sensing
 from modelgen.symbolic.signals import DIRECTIONS, Exact, Term
 from modelgen.symbolic.sums import NEVER, groups, sum_terms
+from modelgen.symbolic.unique_rows import UniqueRows
 
 
 @paused_collector()
@@ -37,7 +40,7 @@ def identification_rows(motion: MotionEquations, sensor_set: str) -> Identificat
     _refuse_forceless(spec)
     sensing = Sensing.of(spec, sensors)
     reader = Reader(spec, sensing, f"{spec.source}: sensors.{sensor_set}")
-    composites = Composites([parameter.name for parameter in spec.parameters])
+    composites = Composites(spec.parameters)
     chosen = _choose(motion, sensing, composites, reader.where)
     rows = tuple(reader.row(candidate, times) for candidate, times in chosen)
     features = tuple(reader.features.values())
@@ -91,7 +94,22 @@ def _choose(
     chosen += _sums(motion, sensing, level_of_body)
     if len(level_of_body) < len(motion.equations):
         chosen += _eliminations(motion, sensing, sensing, composites, where)
-    return [*chosen, *_recovered(motion, sensing, composites, chosen, where)]
+    chosen += _recovered(motion, sensing, composites, chosen, where)
+    if composites.named:  # without an elimination every row shares its columns with one that a force enters
+        chosen = scaled(chosen, motion.spec, composites)
+    return _named_apart(chosen)
+
+
+def _named_apart(chosen: Iterable[tuple[Candidate, int]]) -> list[tuple[Candidate, int]]:
+    """Number rows of the same name: two eliminations may take the same equations."""
+    count: Counter[str] = Counter()
+    named = []
+    for candidate, times in chosen:
+        count[candidate.name] += 1
+        number = count[candidate.name]
+        name = candidate.name if number == 1 else f"{candidate.name} ({number})"
+        named.append((candidate._replace(name=name), times))
+    return named
 
 
 def _eliminations(
@@ -99,7 +117,8 @@ def _eliminations(
 ) -> Iterator[tuple[Candidate, int]]:
     """Yield the rows that eliminate what `seen`, a part of the sensors, does not see."""
     coordinates = choose_coordinates([equation.body for equation in motion.equations], seen)
-    for row in eliminated_rows(motion, coordinates, where):
+    candidates = eliminated_rows(motion, coordinates, where)
+    for row in UniqueRows(motion, coordinates, sensing).choose(candidates, where):
         candidate = composites.candidate(row)
         times = differentiations(candidate.terms, sensing)
         assert times is not None, "an eliminated row holds measured coordinates only"

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from modelgen.spec import Sensor
-from modelgen.symbolic.newton import MotionEquations
+from modelgen.symbolic.newton import MotionEquations, deflection
 from modelgen.symbolic.sensing import ORDER, Sensing
 from modelgen.symbolic.signals import Exact, Term
 
@@ -53,6 +53,14 @@ class Output:
 
 
 @dataclass(frozen=True)
+class Spring:
+    """A cubic stiffness: force `parameter` times the cube of a combination of coordinates."""
+
+    parameter: str
+    deflection: tuple[tuple[int, Exact], ...]
+
+
+@dataclass(frozen=True)
 class StateSpace:
     """Accelerations as sparse entries; the module's state_space() spells them out."""
 
@@ -63,7 +71,7 @@ class StateSpace:
     e: tuple[Entry, ...]
     resistances: tuple[Resistance, ...]
     outputs: tuple[Output, ...]
-    has_cubic: bool
+    springs: tuple[Spring, ...]
 
 
 def state_space(motion: MotionEquations, sensors: tuple[Sensor, ...]) -> StateSpace:
@@ -106,8 +114,12 @@ def state_space(motion: MotionEquations, sensors: tuple[Sensor, ...]) -> StateSp
         Output(sensor, ORDER[sensor.measures], tuple((place[b], c) for b, c in combination.items()))
         for sensor, combination in zip(sensors, sensing.combinations, strict=True)
     )
-    cubic = any(link.stiffness3 for link in spec.links)
-    return StateSpace(tuple(place), actuators, tuple(a), tuple(b), e, resistances, outputs, cubic)
+    springs = tuple(
+        Spring(link.stiffness3, tuple((place[body], c) for body, c in deflection(link)))
+        for link in spec.links
+        if link.stiffness3
+    )
+    return StateSpace(tuple(place), actuators, tuple(a), tuple(b), e, resistances, outputs, springs)
 
 
 def _direction_name(coulomb: str | None, friction: str, suffix: str) -> str | None:
