@@ -161,13 +161,14 @@ def main() -> None:
     parser.add_argument("--case", nargs="+", default=list(CASES), choices=CASES)
     parser.add_argument("--sensors", nargs="+", default=list(SENSOR_SETS), choices=SENSOR_SETS)
     parser.add_argument("--parameters", nargs="+", default=list(PARAMETER_SETS), choices=PARAMETER_SETS)
+    parser.add_argument("--workers", type=int, help="processes, by default one a core")
     options = parser.parse_args()
     # numba looks for a module "coverage": this script is not it
     here = Path(__file__).resolve().parent
     sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != here]
     print(f"{'case':<12}{'sensors':<8}{'set':<9}{'method':<7}{'parameter':<10}"
           f"{'bias/sd':>8}{'cover':>7}{'sd %':>9}{'n':>5}")  # fmt: skip
-    with ProcessPoolExecutor() as pool:
+    with ProcessPoolExecutor(options.workers) as pool:
         for case in options.case:
             for sensors in options.sensors:
                 for parameters in options.parameters:

@@ -27,7 +27,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from memory import CHANNELS, write_record
 from throughput import FS, GENERATED
 
-from modelgen.runtime.fleet import FleetEstimate, FleetRecord, fleet_client, identify_fleet
+from modelgen.runtime.fleet import FleetEstimate, FleetRecord, identify_fleet
+from modelgen.runtime.fleet_cluster import fleet_client
 from modelgen.runtime.mapped import open_npy
 
 

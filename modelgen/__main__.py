@@ -1,8 +1,20 @@
-"""`python -m modelgen` is the command line."""
+"""`python -m modelgen` and the script `modelgen` are the command line."""
 
 from __future__ import annotations
 
-from modelgen.cli import main
+import sys
+
+
+def run() -> None:
+    """Run the command line; Ctrl-C while it is still being imported ends it as it does later."""
+    try:
+        from modelgen.cli import main
+
+        main()
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)
+
 
 if __name__ == "__main__":
-    main()
+    run()

@@ -21,6 +21,19 @@ Trust = Annotated[
 ]
 
 
+def given_options(context: typer.Context) -> dict[str, str]:
+    """Return what was typed after the command's name, by option, as text."""
+    given = {}
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if source is None or source.name != "COMMANDLINE":
+            continue
+        value = context.params[str(parameter.name)]
+        listed = value if isinstance(value, (list, tuple)) else (value,)
+        given[parameter.opts[0]] = ", ".join(str(item) for item in listed)
+    return given
+
+
 def load_chain(spec: str) -> ChainSpec:
     """Read a spec from a path, or from the catalogue if it looks like no path."""
     from modelgen.spec import catalog_path, load_spec
@@ -83,6 +96,48 @@ def delays_from(items: Sequence[str]) -> Mapping[str, float] | str | None:
     if len(items) == 1 and "=" not in items[0]:
         return items[0]
     return amounts("--delay", items) if items else None
+
+
+def period_from(
+    items: Sequence[str], map_file: Path | None = None
+) -> Mapping[str, float] | float | str | None:
+    """Return what --period-s says: seconds for all records or for each, or the word none.
+
+    Without it, what the mapping file declares; None if that declares nothing.
+    """
+    if not items and map_file is not None:
+        from modelgen.runtime.mapping_file import load_mapping
+
+        return load_mapping(map_file).period_s
+    if len(items) == 1 and "=" not in items[0]:
+        return _number_or(items[0])
+    return amounts("--period-s", items) if items else None
+
+
+def hold_out_from(items: Sequence[str]) -> Sequence[str] | float | None:
+    """Return what --hold-out says: a share, or names of records; None if it was not given."""
+    share = _number_or(items[0]) if len(items) == 1 else items
+    return share if items and isinstance(share, float) else list(items) or None
+
+
+def cutoffs_from(text: str | None) -> Sequence[float] | str | None:
+    """Return what --scan-cutoffs says: frequencies in Hz, or the word auto; None if it was not given."""
+    if text is None or text == "auto":
+        return text
+    numbers = [_number_or(part) for part in text.split(",")]
+    found = [number for number in numbers if isinstance(number, float)]
+    if len(found) < len(numbers):
+        remedy = "write auto, or frequencies in Hz with commas, such as 100,200,300"
+        raise DataError.at(f"--scan-cutoffs {text}", "cannot be read", remedy)
+    return found
+
+
+def _number_or(text: str) -> float | str:
+    """Return a number if the text is one, else the text."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def amounts(option: str, items: Iterable[str]) -> dict[str, float]:

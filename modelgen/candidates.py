@@ -25,7 +25,7 @@ from modelgen.errors import DataError, ModelgenError, Problem
 if TYPE_CHECKING:
     from modelgen.chain import ChainSpec, Sensor
     from modelgen.runtime.contract import Model
-    from modelgen.runtime.design import Instrument
+    from modelgen.runtime.instrument import Instrument
 
 LEVELS = ("noise", "resolution", "price")
 MEASURES = ("position", "velocity", "acceleration")
@@ -48,7 +48,7 @@ def load_candidates(path: Path, chain: ChainSpec) -> Candidates:
         With one problem per mistake of the file.
     """
     from modelgen.chain import Sensor
-    from modelgen.runtime.design import Instrument
+    from modelgen.runtime.instrument import Instrument
 
     try:
         given = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -17,42 +17,63 @@ from modelgen.arguments import (
     Trust,
     amounts,
     compared_sensor_sets,
+    cutoffs_from,
     delays_from,
     excitation_from,
+    given_options,
+    hold_out_from,
     load_chain,
     parameter_values,
+    period_from,
     proof_of,
     sensor_sets,
 )
 from modelgen.comparison_command import compare
-from modelgen.data_arguments import MEND_HELP, DataOptions, direction_sources, read_files, reading_lines
+from modelgen.data_arguments import (
+    BESIDE_REFERENCE,
+    MEND_HELP,
+    REFERENCE,
+    DataOptions,
+    direction_sources,
+    read_files,
+    reading_lines,
+)
 from modelgen.design_command import design
-from modelgen.errors import ModelgenError, SpecError
+from modelgen.errors import ModelgenError, Problem, SpecError
 from modelgen.examples import examples_of
 from modelgen.fleet_command import fleet
-from modelgen.output import explain, print_json, report, say
-from modelgen.progress import counted
+from modelgen.output import explain, note, print_json, report, say
+from modelgen.progress import counted, shown
 from modelgen.validation_command import validate
+
+# typer brings its own copy of click, whose errors it does not export; they share this base
+UsageError: Any = typer.BadParameter.__mro__[1]
 
 
 class _Explained(TyperGroup):
-    """The group of all commands: turns what modelgen can explain into one line per mistake, no traceback."""
+    """The group of all commands: tells what is wrong and what to do, for every mistake, with no traceback."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            with shown():
+                return super().invoke(ctx)
         except ModelgenError as error:
             for problem in error.problems:
                 explain(problem)
             raise typer.Exit(error.exit_code) from error
+        except UsageError as error:
+            command = error.ctx.command_path if error.ctx else "modelgen"
+            what = error.format_message().strip().rstrip(".").replace("\n", " ")
+            explain(Problem(command, what, f"see {command} --help"))
+            raise typer.Exit(2) from error
         except BrokenPipeError:
             raise  # the reader of a pipe has gone: typer ends quietly
         except OSError as error:
-            remedy = "check the path and its permissions"
-            typer.echo(f"error: {error.filename or 'file'}: {error.strerror or error}; {remedy}", err=True)
+            where = str(error.filename or "file")
+            explain(Problem(where, str(error.strerror or error), "check the path and its permissions"))
             raise typer.Exit(2) from error
         except MemoryError as error:
-            typer.echo("error: memory: is not enough; give fewer, shorter or decimated records", err=True)
+            explain(Problem("memory", "is not enough", "give fewer, shorter or decimated records"))
             raise typer.Exit(2) from error
         except KeyboardInterrupt as error:
             typer.echo("interrupted", err=True)
@@ -223,13 +244,16 @@ def import_(
 
 @app.command(epilog=examples_of("identify"))
 def identify(
+    context: typer.Context,
     data: Annotated[
         list[Path], typer.Argument(metavar="DATA", help="One data file a record: see modelgen import.")
     ],
     module: Annotated[Path, typer.Option("--model", metavar="MODULE.py", help="A generated module.")],
     method: Annotated[
-        Literal["wls", "iv", "pham2002"],
-        typer.Option(help="Matched filters, instrumental variables on them, or the paper to the letter."),
+        Literal["wls", "iv", "tls", "pham2002"],
+        typer.Option(
+            help="Matched filters, on them instrumental variables or total least squares; or the paper."
+        ),
     ] = "wls",
     mapping: Annotated[
         list[str] | None,
@@ -284,6 +308,32 @@ def identify(
     residual_dof: Annotated[
         Literal["r-c", "r-1"], typer.Option(help="Degrees of freedom of the residual in eq. (11).")
     ] = "r-c",
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME", help="A parameter not to prune, and not to refuse on doubt; repeatable."
+        ),
+    ] = None,
+    period_s: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SECONDS|RECORD=SECONDS|none", help="Period of the excitation; found in the forces."
+        ),
+    ] = None,
+    hold_out: Annotated[
+        list[str] | None,
+        typer.Option(metavar="RECORD|SHARE", help="Records, or the end of all, to test with; repeatable."),
+    ] = None,
+    scan_cutoffs: Annotated[
+        str | None,
+        typer.Option(metavar="auto|HZ,HZ,...", help="Estimate behind other filters, too, and compare."),
+    ] = None,
+    robust: Annotated[
+        Literal["huber"] | None, typer.Option(help="Samples with large residuals weigh less.")
+    ] = None,
+    bounds: Annotated[
+        Literal["physical"] | None, typer.Option(help="No negative inertia, stiffness, damping, friction.")
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE.json", help="Save the estimate.")
     ] = None,
@@ -309,7 +359,7 @@ def identify(
     What is "chosen" is chosen from the records and explained in the output, unless it is given.
     """
     from modelgen.atomic_write import write_whole
-    from modelgen.reporting import check_report_path, write_figure, write_report
+    from modelgen.reporting import FIGURES, REPORTS, check_output, write_figure, write_report
     from modelgen.runtime.contract import load_model
     from modelgen.runtime.identify import identify as run
 
@@ -317,9 +367,12 @@ def identify(
     options = DataOptions(
         mapping or (), scale or (), fs, time, time_unit, map_file, mend or (), direction or (), tag or ()
     )
-    if report_file is not None:
-        check_report_path(report_file, overwrite)
-    readings = read_files(data, model, options, ("reference",) if controller and report_file else ())
+    # what would go wrong at the end is said at the beginning
+    for path, suffixes in ((output, ()), (report_file, REPORTS), (figure, FIGURES)):
+        if path is not None:
+            check_output(path, suffixes, overwrite)
+    told = (REFERENCE, BESIDE_REFERENCE) if controller and report_file else ()
+    readings = read_files(data, model, options, *told)
     estimate = run(
         model,
         [reading.record for reading in readings],
@@ -335,19 +388,33 @@ def identify(
         delays=delays_from(delay or ()),
         held=held or (),
         rows_for_tag=None if pairing == "all" else pairing,
+        keep=keep or (),
+        period_s=period_from(period_s or (), map_file),
+        hold_out=hold_out_from(hold_out or ()),
+        scan_cutoffs=cutoffs_from(scan_cutoffs),
+        robust=robust,
+        bounds=bounds,
         progress=say,
     )
     if output is not None:
         write_whole(output, estimate.to_json().encode(), overwrite=overwrite)
     if report_file is not None:
         say("writing the report")
-        asked = {"--method": method, "data": [str(path) for path in data], "--mend": list(mend or ())}
-        write_report(report_file, model, module, readings, estimate, asked, spec, controller, overwrite)
+        write_report(
+            report_file,
+            model,
+            module,
+            readings,
+            estimate,
+            given_options(context),
+            spec,
+            controller,
+            overwrite,
+        )
     if figure is not None:
         write_figure(figure, model, readings, estimate, overwrite)
-    for path, reading in zip(data, readings, strict=True):
-        for line in reading_lines(reading):
-            typer.echo(f"{path}: {line}", err=True)
+    note(reading_lines(data, readings))
+    note([f"wrote {path}" for path in (output, report_file, figure) if path is not None])
     if as_json:
         print_json(estimate.to_dict())
     else:
@@ -384,7 +451,17 @@ def simulate(
         list[str] | None,
         typer.Option(metavar="KEY=STEP", help="Step a channel is rounded to, SI; repeatable."),
     ] = None,
+    bias: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=ERROR", help="Constant error of a channel, SI; repeatable."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    controller: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="The loop; one slow against the lowest mode.")
+    ] = None,
+    with_reference: Annotated[
+        bool, typer.Option("--with-reference", help="Also write what the loop was told, for validate.")
+    ] = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
@@ -395,12 +472,15 @@ def simulate(
     from modelgen.render.writer import generate as module_text
     from modelgen.render.writer import module_name
     from modelgen.runtime.contract import model_from_text
+    from modelgen.runtime.controller_file import load_controller
+    from modelgen.runtime.simulate import record_with_reference
     from modelgen.runtime.simulate import simulate as run
     from modelgen.runtime.write import write_record
 
     chain = load_chain(spec)
     model = model_from_text(module_text(chain, sensors), module_name(chain, sensors))
     signal, file_fs = excitation_from(excitation)
+    loop, drive = load_controller(controller) if controller else (None, None)
     result = run(
         model,
         parameter_values(chain, parameters),
@@ -409,9 +489,12 @@ def simulate(
         duration_s=duration_s,
         noise=amounts("--noise", noise or ()),
         resolution=amounts("--resolution", resolution or ()),
+        bias=amounts("--bias", bias or ()),
         seed=seed,
+        controller=loop,
+        drive=drive,
     )
-    record = result.record
+    record = record_with_reference(result) if with_reference else result.record
     write_record(data, record, overwrite=overwrite)
     facts = {
         "written": [str(data)],
@@ -423,7 +506,7 @@ def simulate(
     report(facts, [line], as_json)
 
 
-app.command()(validate)
-app.command()(compare)
-app.command()(fleet)
-app.command()(design)
+app.command(epilog=examples_of("validate"))(validate)
+app.command(epilog=examples_of("compare"))(compare)
+app.command(epilog=examples_of("fleet"))(fleet)
+app.command(epilog=examples_of("design"))(design)

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from modelgen.runtime.mapping_file import MappingFile
     from modelgen.runtime.read import Reading
 
+# what a closed loop was told: the first is needed wherever it is simulated, the others are used where mapped
+REFERENCE = ("reference",)
+BESIDE_REFERENCE = ("reference_rate", "feedforward")
 MEND_HELP = "What to mend: duplicates, gaps, fill, uneven, clocks or offset=KEY; repeatable."
 
 
@@ -34,12 +37,17 @@ class DataOptions:
 
 
 def read_files(
-    paths: Sequence[Path], model: Model, options: DataOptions, extra: Sequence[str] = ()
+    paths: Sequence[Path],
+    model: Model,
+    options: DataOptions,
+    extra: Sequence[str] = (),
+    optional: Sequence[str] = (),
 ) -> list[Reading]:
     """Read one record a file, and report the mistakes of all of them at once.
 
     Options given on the command line go before those of the mapping file; `extra` names channels that the
-    records must bring besides the model's.
+    records must bring besides the model's, `optional` those they may bring where they are mapped. A mapping
+    file may map the reference of the loop even where nobody needs it.
     """
     from modelgen.runtime.data import missing_name
     from modelgen.runtime.mapping_file import MappingFile, load_mapping
@@ -53,8 +61,9 @@ def read_files(
     known = [sensor.key for sensor in model.sensors] + [actuator.key for actuator in model.actuators]
     sources = direction_sources(options)
     measured = [key for key in model.channels if key not in sources]
-    wanted = tuple(dict.fromkeys((*measured, *sources.values(), *extra)))
-    channels = dict.fromkeys((*known, *wanted))
+    mapped = [key for key in optional if key in columns]
+    wanted = tuple(dict.fromkeys((*measured, *sources.values(), *extra, *mapped)))
+    channels = dict.fromkeys((*known, *wanted, *REFERENCE, *BESIDE_REFERENCE))
     where = str(options.map_file) if options.map_file else "--map"
     problems = [missing_name(where, "channel", key, channels) for key in columns if key not in channels]
     factors = {key: factor for key, factor in factors.items() if key in wanted or key not in channels}
@@ -110,10 +119,11 @@ def channel_units(model: Model) -> dict[str, str]:
     return sensors | {actuator.key: actuator.unit for actuator in model.actuators}
 
 
-def reading_lines(reading: Reading) -> list[str]:
-    """Return what was taken for what, what was found wrong, and what was mended."""
-    return [
-        *(f"took: {text}" for text in reading.took),
-        *(f"found: {finding.what} (--mend {finding.kind})" for finding in reading.findings),
-        *(f"mended: {text}" for text in reading.mended),
-    ]
+def reading_lines(paths: Sequence[Path], readings: Sequence[Reading]) -> list[str]:
+    """Return what the files were taken for, what was found wrong with them, and what was mended."""
+    lines = []
+    for path, reading in zip(paths, readings, strict=True):
+        lines += [f"{path}: took: {text}" for text in reading.took]
+        lines += [f"{path}: found: {finding.what} (--mend {finding.kind})" for finding in reading.findings]
+        lines += [f"{path}: mended: {text}" for text in reading.mended]
+    return lines

@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from modelgen.errors import DataError
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.output import print_json, say
 
 if TYPE_CHECKING:
-    from rich.console import Group
-
     from modelgen.chain import ChainSpec
     from modelgen.runtime.contract import Model
-    from modelgen.runtime.design import Instrument, Prediction
+    from modelgen.runtime.design import Prediction
     from modelgen.runtime.excitation import Excitation
-
-Justify = Literal["left", "right"]
+    from modelgen.runtime.instrument import Instrument
 
 
 def design(
@@ -58,6 +55,13 @@ def design(
     criterion: Annotated[
         Literal["worst", "d-optimal", "condition"], typer.Option(help="What --optimise looks at.")
     ] = "worst",
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=PEAK",
+            help="Largest position (travel), velocity, force or deflection, SI; by default the pair's.",
+        ),
+    ] = None,
     rounds: Annotated[int, typer.Option(min=1, help="Trials of --optimise.")] = 200,
     fs_hz: Annotated[float, typer.Option(help="Sampling frequency in Hz.")] = 5000.0,
     duration_s: Annotated[float, typer.Option(help="Duration in s of every record.")] = 2.0,
@@ -76,8 +80,10 @@ def design(
 
     Prices, noise and resolution come from a file of candidates, or from the options for the spec's own sets.
     """
-    from modelgen.arguments import load_chain, parameter_values
-    from modelgen.runtime.design import DEFAULT_METHOD, cheapest, rank
+    from modelgen.arguments import amounts, load_chain, parameter_values
+    from modelgen.design_tables import describe, design_tables
+    from modelgen.runtime.design import cheapest, rank
+    from modelgen.runtime.experiment import DEFAULT_METHOD
     from modelgen.runtime.methods import METHODS
     from modelgen.tables import console
 
@@ -102,10 +108,12 @@ def design(
     if monte_carlo:
         described["monte_carlo"] = _confirm(ranked, models, values, instruments, kinds, options, monte_carlo)
     if optimise is not None:
-        best = ranked[0]
-        described["excitation"] = _optimise(
-            models[best.sensor_set], values, instruments, options, criterion, rounds, optimise, overwrite
-        )
+        if ranked[0].missing:
+            what = f"leaves {', '.join(ranked[0].missing)} open"
+            raise IdentifiabilityError.at(f"--optimise: {ranked[0].sensor_set}", what, "add a sensor")
+        best = models[ranked[0].sensor_set]
+        search = {"criterion": criterion, "rounds": rounds, "limits": amounts("--limit", limit or ())}
+        described["excitation"] = _optimise(best, values, instruments, options, search, optimise, overwrite)
     if as_json:
         print_json(described)
     else:
@@ -125,7 +133,7 @@ def _sets(
     from modelgen.arguments import amounts, sensor_sets
     from modelgen.candidates import candidate_models, load_candidates, spec_model
     from modelgen.runtime.data import missing_name
-    from modelgen.runtime.design import Instrument
+    from modelgen.runtime.instrument import Instrument
     from modelgen.runtime.readings import instrument_keys
 
     if candidates is not None:
@@ -187,17 +195,16 @@ def _confirm(
     options: Mapping[str, Any],
     draws: int,
 ) -> dict[str, Any]:
-    from dataclasses import asdict
-
-    from modelgen.runtime.design import experiment, monte_carlo
+    from modelgen.design_tables import describe_monte_carlo
+    from modelgen.runtime.experiment import experiment
+    from modelgen.runtime.monte_carlo import monte_carlo
 
     found = {}
     for prediction in ranked:
         if prediction.precisions:
             planned = experiment(models[prediction.sensor_set], values, instruments, kinds, **options)
-            spreads = monte_carlo(planned, draws, say)
-            found[prediction.sensor_set] = [asdict(spread) for spread in spreads]
-    return {"experiments": draws, "sets": found}
+            found[prediction.sensor_set] = monte_carlo(planned, draws, say)
+    return describe_monte_carlo(found, list(found), draws)
 
 
 def _optimise(
@@ -205,19 +212,18 @@ def _optimise(
     values: Mapping[str, float],
     instruments: Mapping[str, Instrument],
     options: Mapping[str, Any],
-    criterion: str,
-    rounds: int,
+    search: Mapping[str, Any],
     path: Path,
     overwrite: bool,
 ) -> dict[str, Any]:
     from modelgen.runtime.excitation_design import optimise
     from modelgen.runtime.series import write_references
 
-    found = optimise(model, values, instruments, criterion=criterion, rounds=rounds, progress=say, **options)
+    found = optimise(model, values, instruments, progress=say, **search, **options)
     written = write_references(path, found.excitations, options["fs"], overwrite=overwrite)
     return {
         "written": [str(p) for p in written],
-        "criterion": criterion,
+        "criterion": search["criterion"],
         "limits": {key: float(value) for key, value in found.limits.items()},
         "reached": {key: float(value) for key, value in found.reached.items()},
         "pair_worst_percent": found.pair_worst,
@@ -225,89 +231,3 @@ def _optimise(
         "gain": found.pair_worst / found.worst,
         "parameters": {name: {"pair_percent": a, "optimised_percent": b} for name, a, b in found.parameters},
     }
-
-
-def describe(prediction: Prediction) -> dict[str, Any]:
-    """Return a prediction as plain values."""
-    return {
-        "sensor_set": prediction.sensor_set,
-        "channels": list(prediction.channels),
-        "price": prediction.price,
-        "worst_percent": prediction.worst,
-        "condition_number": prediction.condition_number,
-        "missing": list(prediction.missing),
-        "reason": prediction.reason,
-        "parameters": {
-            p.name: {"std_percent": p.std, "bias_percent": p.bias, "error_percent": p.error}
-            for p in prediction.precisions
-        },
-    }
-
-
-def design_tables(described: Mapping[str, Any]) -> Group:
-    """Lay out what was predicted, confirmed and optimised."""
-    from rich.console import Group
-    from rich.text import Text
-
-    from modelgen.tables import table
-
-    names = list(dict.fromkeys(name for entry in described["sets"] for name in entry["parameters"]))
-    columns: list[tuple[str, Justify]] = [("sensors", "left"), ("price", "right"), ("worst %", "right")]
-    columns += [(f"{name} %", "right") for name in names]
-    rows, notes = [], []
-    for entry in described["sets"]:
-        errors = [entry["parameters"].get(name, {}).get("error_percent") for name in names]
-        shown = ["-" if error is None else f"{error:.3g}" for error in errors]
-        rows.append((entry["sensor_set"], f"{entry['price']:g}", f"{entry['worst_percent']:.3g}", *shown))
-        notes += [Text(f"{entry['sensor_set']}: {entry['reason']}")] if entry["reason"] else []
-    notes += [Text(f"{name}: {reason}") for name, reason in described["refused"].items()]
-    title = f"Predicted relative errors ({described['method']}), most precise first"
-    wanted = f"{described['wanted_percent']:g} %"
-    cheapest = described["cheapest"]
-    verdict = f"cheapest within {wanted}: {cheapest}" if cheapest else f"no set reaches {wanted}"
-    parts: list[Any] = [table(title, columns, rows), Text(""), Text(verdict), *notes]
-    if "monte_carlo" in described:
-        parts += [Text(""), _confirmed(described["monte_carlo"])]
-    if "excitation" in described:
-        parts += [Text(""), *_optimised(described["excitation"])]
-    return Group(*parts)
-
-
-def _confirmed(found: Mapping[str, Any]) -> Any:
-    from modelgen.tables import table
-
-    columns: list[tuple[str, Justify]] = [("sensors", "left"), ("parameter", "left")]
-    columns += [("std %", "right"), ("predicted", "right"), ("bias %", "right"), ("predicted", "right")]
-    rows = [
-        (name, s["name"], f"{s['std']:.3g}", f"{s['predicted_std']:.3g}", f"{s['bias']:.3g}",
-         f"{s['predicted_bias']:.3g}")
-        for name, spreads in found["sets"].items()
-        for s in spreads
-    ]  # fmt: skip
-    return table(f"Monte Carlo, {found['experiments']} experiments", columns, rows)
-
-
-def _optimised(found: Mapping[str, Any]) -> list[Any]:
-    from rich.text import Text
-
-    from modelgen.tables import table
-
-    columns: list[tuple[str, Justify]] = [
-        ("parameter", "left"),
-        ("pair %", "right"),
-        ("optimised %", "right"),
-    ]
-    rows = [
-        (name, f"{e['pair_percent']:.3g}", f"{e['optimised_percent']:.3g}")
-        for name, e in found["parameters"].items()
-    ]
-    limits = ", ".join(
-        f"{key} {found['reached'][key]:.4g} of {value:.4g}" for key, value in found["limits"].items()
-    )
-    line = f"largest error {found['worst_percent']:.3g} % instead of {found['pair_worst_percent']:.3g} %"
-    return [
-        table("Optimised excitation against chirp and trapezoid", columns, rows),
-        Text(f"{line}: {found['gain']:.2f} times better"),
-        Text(f"peaks within the pair's: {limits}"),
-        *(Text(f"wrote {path}") for path in found["written"]),
-    ]

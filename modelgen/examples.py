@@ -15,10 +15,26 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "identify": (
         "modelgen identify run1.csv --model generated/emps300_qm_ac.py --map-file run1.map.toml "
         "--report report.html",
-        "modelgen identify chirp.npz --model generated/emps300_qm_ac.py --json",
+        "modelgen identify chirp.npz --model generated/emps300_qm_ac.py -o estimate.json",
     ),
     "simulate": (
         "modelgen simulate emps300 --sensors qm_ac --parameters light --excitation chirp -o chirp.npz",
+        "modelgen simulate emps300 --sensors qm_ac --parameters light --excitation trapezoid "
+        "--controller loop.toml --with-reference -o trapezoid.npz",
+    ),
+    "validate": (
+        "modelgen validate trapezoid.npz --model generated/emps300_qm_ac.py --estimate estimate.json "
+        "--controller loop.toml",
+    ),
+    "compare": (
+        "modelgen compare emps300",
+        "modelgen compare generated/emps300_qm_ac.py generated/emps300_qm_qc.py --parameters table_2",
+    ),
+    "fleet": (
+        "modelgen fleet axis1/run1.npz axis2/run1.npz --model generated/emps300_qm_ac.py --cutoff-hz 60",
+    ),
+    "design": (
+        "modelgen design emps300 --parameters light --noise q_m=1e-5 --noise q_c=1e-5 --noise a_c=0.5",
     ),
 }
 

@@ -18,6 +18,7 @@ from modelgen.atomic_write import write_whole
 FloatArray = npt.NDArray[np.float64]
 
 MEASURED, REBUILT, DIFFERENCE = "#9aa5b1", "#0b5cad", "#c2410c"
+QUANTITIES = {"N m": "torque", "N": "force"}  # a row that is differentiated has another unit
 # matplotlib would write the date and its version
 UNDATED: dict[str, dict[str, None]] = {
     ".png": {"Software": None},
@@ -60,7 +61,7 @@ def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2) -> None:
         axis.plot(panel.time_s, difference, color=DIFFERENCE, linewidth=0.8, label="difference")
         axis.set_title(panel.title, loc="left", fontsize=10)
         axis.set_xlabel("time in s")
-        axis.set_ylabel(f"{'torque' if panel.unit.startswith('N m') else 'force'} in {panel.unit}")
+        axis.set_ylabel(f"{QUANTITIES.get(panel.unit, 'row')} in {panel.unit}")
         axis.margins(x=0.0)
     for axis in list(axes.flat)[len(panels) :]:
         axis.set_visible(False)

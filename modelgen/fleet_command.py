@@ -1,4 +1,4 @@
-"""`modelgen fleet`: records of many machines on the workers of dask; one estimate a machine, one pooled."""
+"""`modelgen fleet`: records of many machines on dask workers; estimates of records, machines and all."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 from modelgen.arguments import Trust
 from modelgen.errors import DataError, ModelgenError
 from modelgen.output import report, say
+from modelgen.progress import shown
 
 if TYPE_CHECKING:
     from modelgen.runtime.channels import Channels
@@ -49,19 +50,22 @@ def fleet(
         bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
     ] = False,
 ) -> None:
-    """Identify every machine of a fleet, and what suits all; files are read in stretches by the workers.
+    """Identify every record and machine of a fleet, and what suits all; workers read the files in stretches.
 
-    A file that cannot be read, or a worker that is lost, costs its record only, and is named.
+    A file that cannot be read, or a worker that is lost, costs its record only, and is named. Standard
+    deviations are those of the noise; `identify` adds how the estimate drifts with its settings. Estimates
+    of single records are in --json.
     """
     from modelgen.runtime.contract import load_model
-    from modelgen.runtime.fleet import fleet_client, identify_fleet
+    from modelgen.runtime.fleet import identify_fleet
+    from modelgen.runtime.fleet_cluster import fleet_client
     from modelgen.runtime.mapping_options import parse_mapping, parse_scales
 
     model = load_model(module, trust)
     columns = _columns(model.channels, parse_mapping(mapping or ()), parse_scales(scale or ()))
     records, unread = _opened(data, columns, fs)
-    say("starting the workers")
-    with fleet_client(scheduler, workers) as client:
+    say("starting the workers" if scheduler is None else f"asking {scheduler}")
+    with shown(), fleet_client(scheduler, workers) as client:
         found = identify_fleet(
             client,
             module.read_text(encoding="utf-8"),
@@ -132,8 +136,11 @@ def _facts(found: FleetEstimate, unread: Mapping[str, str]) -> dict[str, Any]:
     return {
         "machines": {machine: _estimate(estimate) for machine, estimate in found.machines.items()},
         "pooled": _estimate(found.pooled),
+        "records": {name: _estimate(estimate) for name, estimate in found.records.items()},
         "failed": {**unread, **found.failed},
         "refused": dict(found.refused),
+        "refused_records": dict(found.refused_records),
+        "lost": dict(found.lost),
     }
 
 
@@ -142,6 +149,7 @@ def _estimate(estimate: StreamEstimate) -> dict[str, Any]:
         "records": list(estimate.records),
         "params": dict(estimate.params),
         "bse": dict(estimate.bse),
+        "cov_params": None if estimate.covariance is None else estimate.covariance.tolist(),
         "not_identifiable": list(estimate.not_identifiable),
         "nobs": estimate.nobs,
         "relative_error": estimate.relative_error,
@@ -160,5 +168,7 @@ def _lines(facts: Mapping[str, Any]) -> list[str]:
         if estimate["not_identifiable"]:
             lines.append(f"    not identifiable: {', '.join(estimate['not_identifiable'])}")
     lines += [f"{machine}: no estimate of its own ({why})" for machine, why in facts["refused"].items()]
+    lines += [f"{name}: no estimate of its own ({why})" for name, why in facts["refused_records"].items()]
     lines += [f"left out: {why}" for why in facts["failed"].values()]
+    lines += [f"lost before its covariance: {why}" for why in facts["lost"].values()]
     return lines

@@ -14,7 +14,12 @@ if TYPE_CHECKING:
     from modelgen.runtime.contract import Feature, Model, Sensor
 
 ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
-LARGEST_DENOMINATOR = 10**6
+# A number is taken for the simplest fraction within its rounding. That of an arbitrary number has numerator
+# times denominator near 2^53; a gear of 628.3, squared, has 100 * 39476089.
+LARGEST_PRODUCT = 10**13
+ROUNDING = 1e-15
+DIGITS = 16
+SOLVED = 1e-9
 ONE = FormalSignal("one", "1", 0)
 Sum = dict[FormalSignal, Fraction]
 
@@ -46,11 +51,21 @@ def exact(value: float) -> Fraction:
     ModelError
         When there is none.
     """
-    found = Fraction(value).limit_denominator(LARGEST_DENOMINATOR)
-    if float(found) != value:
+    found = simplest(value, ROUNDING)
+    if abs(found.numerator) * found.denominator > LARGEST_PRODUCT:
         remedy = "compare specs with ratios of small whole numbers"
         raise ModelError.at("regressor", f"has the coefficient {value!r}, no small fraction", remedy)
     return found
+
+
+def simplest(value: float, tolerance: float) -> Fraction:
+    """Return a fraction within a relative tolerance of a number, with as short a denominator as can be."""
+    given = Fraction(value)
+    for digits in range(1, DIGITS):
+        found = given.limit_denominator(10**digits)
+        if abs(found - given) <= tolerance * abs(given):
+            return found
+    return given
 
 
 def _column_parameters(model: Model) -> list[dict[str, Fraction]]:
@@ -62,10 +77,10 @@ def _column_parameters(model: Model) -> list[dict[str, Fraction]]:
     ]
     columns = []
     for name, here, there in zip(model.base_parameters, *jacobians, strict=True):
-        linear = name not in model.composites and np.allclose(here, there, rtol=1e-12, atol=1e-12)
+        linear = name not in model.composites and np.allclose(here, there, rtol=1e-12, atol=0.0)
         pairs = zip(model.parameters, here, strict=True)
-        shares = {p: Fraction(float(c)).limit_denominator(1000) for p, c in pairs if abs(c) > 1e-9}
-        columns.append(shares if linear and shares else {name: Fraction(1)})
+        shares = {p: exact(float(c)) for p, c in pairs if linear and c}
+        columns.append(shares or {name: Fraction(1)})
     return columns
 
 
@@ -116,5 +131,7 @@ class _Translation:
         row = space.C[[s.key for s in self._model.sensors].index(sensor.key)]
         n, order = len(bodies), ORDER_OF[sensor.measures]
         found = row[order * n : (order + 1) * n] if order < 2 else np.linalg.lstsq(space.A[n:].T, row)[0]
-        pairs = zip(bodies, np.round(found, 9), strict=True)
-        return {body: Fraction(float(c)).limit_denominator(LARGEST_DENOMINATOR) for body, c in pairs if c}
+        # what the equations of motion were solved for has lost a few digits
+        size = float(np.abs(found).max())
+        pairs = zip(bodies, found.tolist(), strict=True)
+        return {body: simplest(c, SOLVED) for body, c in pairs if abs(c) > SOLVED * size}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -175,9 +176,10 @@ def import_lines(described: Description, written: Path | None, module: Path | No
         lines.append(f"{entry['key']} <- {entry['column'] or 'no column fits'}  ({entry['why']})")
     if written is not None:
         lines += ["", f"wrote {written}: check it, then"]
-        model = module or "MODULE.py"
-        command = f"modelgen identify {described['file']} --model {model} --map-file {written}"
-        lines.append(f"  {command} --report report.html")
+        data, model, mapping = (
+            shlex.quote(str(path)) for path in (described["file"], module or "MODULE.py", written)
+        )
+        lines.append(f"  modelgen identify {data} --model {model} --map-file {mapping} --report report.html")
     return lines
 
 

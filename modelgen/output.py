@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -19,6 +20,12 @@ def say(step: str) -> None:
         typer.echo(f"{step} ...", err=True)
 
 
+def note(lines: Sequence[str]) -> None:
+    """Tell on stderr what the user should know beside the answer."""
+    for line in lines:
+        typer.echo(visible(line), err=True)
+
+
 def visible(text: str) -> str:
     """Return a text with control characters written out: a file's name must not steer the terminal."""
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
@@ -30,10 +37,16 @@ def explain(problem: Problem) -> None:
     if not sys.stderr.isatty():
         typer.echo(f"error: {problem}", err=True)
         return
-    typer.secho("error: ", fg="red", bold=True, nl=False, err=True)
+    colour = None if _wants_colour() else False
+    typer.secho("error: ", fg="red", bold=True, nl=False, err=True, color=colour)
     typer.echo(f"{problem.where}: {problem.what}", err=True)
-    typer.secho("  try: ", fg="green", nl=False, err=True)
+    typer.secho("  try: ", fg="green", nl=False, err=True, color=colour)
     typer.echo(problem.remedy, err=True)
+
+
+def _wants_colour() -> bool:
+    """Tell whether a terminal is to be coloured: https://no-color.org, and terminals that cannot."""
+    return not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
 def report(facts: dict[str, Any], lines: Sequence[str], as_json: bool) -> None:
@@ -41,12 +54,15 @@ def report(facts: dict[str, Any], lines: Sequence[str], as_json: bool) -> None:
     if as_json:
         print_json(facts)
     else:
-        typer.echo("\n".join(lines))
+        typer.echo("\n".join(visible(part) for line in lines for part in line.split("\n")))
 
 
 def print_json(value: Any) -> None:
     """Print strict JSON: what is not finite becomes null."""
-    typer.echo(json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False))
+    text = json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False)
+    if not text.replace("\n", "").isprintable():  # JSON itself allows some characters that steer a terminal
+        text = "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
+    typer.echo(text)
 
 
 def _finite(value: Any) -> Any:

@@ -1,26 +1,86 @@
-"""Progress of long work over many things: how many are done, how fast, and the time left; terminals only."""
+"""Progress of long work over many things: how many are done, how fast, and the time left; terminals only.
+
+Whoever works through a list says so (`counted`); it is shown only where somebody asked for it (`shown`), so
+that a library stays silent.
+"""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress, TaskID
 
 T = TypeVar("T")
 
 
-def counted(items: Sequence[T], what: str, console: Console | None = None) -> Iterator[T]:
-    """Yield the items, with a line on stderr that is gone at the end: "reading 3/12, 1.4/s, 0:00:06".
+class _Display:
+    """One line a list that is being worked through, the outermost first; nothing between two lists."""
 
-    Nothing is shown for a single item, nor where stderr goes to a file or another program. `console` takes
-    the place of stderr.
+    def __init__(self, console: Console | None) -> None:
+        self._console = console
+        self._progress: Progress | None = None
+
+    def begin(self, what: str, total: int) -> TaskID:
+        if self._progress is None:
+            self._progress = _progress(self._console)
+            self._progress.start()
+        return self._progress.add_task(what, total=total)
+
+    def advance(self, task: TaskID) -> None:
+        if self._progress is not None:
+            self._progress.advance(task)
+
+    def end(self, task: TaskID) -> None:
+        if self._progress is None:
+            return
+        self._progress.refresh()
+        self._progress.remove_task(task)
+        if not self._progress.tasks:
+            self._progress.stop()
+            self._progress = None
+
+
+_display: ContextVar[_Display | None] = ContextVar("display", default=None)
+
+
+@contextmanager
+def shown(console: Console | None = None) -> Iterator[None]:
+    """Show what is counted within, on stderr: "reading 3/12, 1.4/s, 0:00:06".
+
+    Nothing is shown where stderr goes to a file or another program. `console` takes the place of stderr.
     """
-    if len(items) < 2 or (console is None and not sys.stderr.isatty()):
+    if console is None and not sys.stderr.isatty():
+        yield
+        return
+    token = _display.set(_Display(console))
+    try:
+        yield
+    finally:
+        _display.reset(token)
+
+
+def counted(items: Sequence[T], what: str) -> Iterator[T]:
+    """Yield the items, and count them for whoever watches (`shown`); a single item is not worth a line."""
+    display = _display.get()
+    if display is None or len(items) < 2:
         yield from items
         return
+    task = display.begin(what, len(items))
+    try:
+        for item in items:
+            yield item
+            display.advance(task)
+    finally:
+        display.end(task)
+
+
+def _progress(console: Console | None) -> Progress:
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -37,8 +97,11 @@ def counted(items: Sequence[T], what: str, console: Console | None = None) -> It
             return Text(f"{task.speed:.3g}/s" if task.speed else "")
 
     columns = ("{task.description}", BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
-    with Progress(*columns, console=console or Console(stderr=True), transient=True) as shown:
-        task = shown.add_task(what, total=len(items))
-        for item in items:
-            yield item
-            shown.advance(task)
+    # what goes to stdout is the answer, and none of the display's business
+    return Progress(
+        *columns,
+        console=console or Console(stderr=True),
+        transient=True,
+        redirect_stdout=False,
+        redirect_stderr=False,
+    )

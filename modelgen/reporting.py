@@ -17,19 +17,22 @@ from modelgen.report.page import report_page
 from modelgen.spec import catalog_path, load_spec
 
 if TYPE_CHECKING:
+    from modelgen.figure import Panel
     from modelgen.runtime.contract import Model
+    from modelgen.runtime.data import Record
     from modelgen.runtime.estimate import Estimate
     from modelgen.runtime.read import Reading
     from modelgen.runtime.validate import Validation
 
 
 FIGURES = (".png", ".svg", ".pdf")
+REPORTS = (".html", ".htm")
 
 
-def check_report_path(path: Path, overwrite: bool) -> None:
-    """Refuse a report's path before any work is done."""
-    if path.suffix.lower() not in (".html", ".htm"):
-        raise DataError.at(str(path), f"has the suffix {path.suffix!r}", "write the report to a .html file")
+def check_output(path: Path, suffixes: Sequence[str], overwrite: bool) -> None:
+    """Refuse the path of a result before any work is done for it; any suffix will do if there are none."""
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise DataError.at(str(path), f"has the suffix {path.suffix!r}", f"give it {' or '.join(suffixes)}")
     if path.exists() and not overwrite:
         raise DataError.at(str(path), "exists already", "choose another name, or give --overwrite")
 
@@ -62,15 +65,24 @@ def write_figure(
     path: Path, model: Model, readings: Sequence[Reading], estimate: Estimate, overwrite: bool
 ) -> None:
     """Write measured and rebuilt rows that hold a force as PNG, SVG or PDF, one panel a record and row."""
-    from modelgen.figure import Panel, draw_forces
+    from modelgen.figure import draw_forces
+
+    check_output(path, FIGURES, overwrite)
+    panels = force_panels(model, [reading.record for reading in readings], estimate)
+    try:
+        draw_forces(panels, path, columns=min(len(panels), 2))
+    except ImportError as error:
+        remedy = "get it with: pip install 'modelgen[plot]'"
+        raise DataError.at(str(path), "needs matplotlib, which is not installed", remedy) from error
+
+
+def force_panels(model: Model, records: Sequence[Record], estimate: Estimate) -> list[Panel]:
+    """Return measured and rebuilt rows that hold a force, for `modelgen.figure.draw_forces`."""
+    from modelgen.figure import Panel
     from modelgen.report.rebuilt import rebuild
 
-    if path.suffix.lower() not in FIGURES:
-        raise DataError.at(str(path), f"has the suffix {path.suffix!r}", f"give one of {', '.join(FIGURES)}")
-    if path.exists() and not overwrite:
-        raise DataError.at(str(path), "exists already", "choose another name, or give --overwrite")
-    rows, _ = rebuild(model, [reading.record for reading in readings], estimate)
-    panels = [
+    rows, _ = rebuild(model, records, estimate)
+    return [
         Panel(
             f"{row.record}, row {row.row}",
             row.unit,
@@ -81,11 +93,6 @@ def write_figure(
         for row in rows
         if row.has_force
     ]
-    try:
-        draw_forces(panels, path, columns=min(len(panels), 2))
-    except ImportError as error:
-        remedy = "get it with: pip install 'modelgen[plot]'"
-        raise DataError.at(str(path), "needs matplotlib, which is not installed", remedy) from error
 
 
 def closed_loops(

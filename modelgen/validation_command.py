@@ -10,14 +10,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from modelgen.arguments import Trust
+from modelgen.data_arguments import (
+    BESIDE_REFERENCE,
+    MEND_HELP,
+    REFERENCE,
+    DataOptions,
+    read_files,
+    reading_lines,
+)
 from modelgen.errors import DataError
-from modelgen.output import print_json, say
+from modelgen.output import note, print_json, say
 
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from modelgen.runtime.contract import Model
-    from modelgen.runtime.data import Record
     from modelgen.runtime.validate import Validation
 
 
@@ -38,8 +44,14 @@ def validate(
         list[str] | None,
         typer.Option(metavar="KEY=FACTOR", help="Factor (or scalar of the file) to SI units; repeatable."),
     ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option(metavar="MAP.toml", help="What modelgen import wrote; --map goes before it."),
+    ] = None,
     fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz.")] = None,
-    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of times in s.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of times.")] = None,
+    time_unit: Annotated[str | None, typer.Option(metavar="UNIT", help="s, ms, us or ns; as stated.")] = None,
+    mend: Annotated[list[str] | None, typer.Option(metavar="WHAT", help=MEND_HELP)] = None,
     value: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="A parameter the estimate lacks, SI; repeatable."),
@@ -75,7 +87,10 @@ def validate(
     loop, drive = load_controller(controller)
     saved = _load_json(estimate)
     parameters = {**parameters_of(saved, model), **amounts("--set", value or ())}
-    records = _read(data, model, mapping or (), scale or (), fs, time)
+    given = DataOptions(mapping or (), scale or (), fs, time, time_unit, map_file, mend or ())
+    readings = read_files(data, model, given, REFERENCE, BESIDE_REFERENCE)
+    note(reading_lines(data, readings))
+    records = [reading.record for reading in readings]
     options: dict[str, Any] = {"drive": drive, "cutoff_hz": cutoff_hz, "oversample": oversample}
     say("simulating")
     found = run(model, parameters, records, loop, used=tuple(saved.get("records", ())), **options)
@@ -144,35 +159,6 @@ def validation_tables(described: Mapping[str, Any]) -> Group:
         ]
         parts.append(table(heading, columns, rows))
     return Group(*parts)
-
-
-def _read(
-    paths: Sequence[Path],
-    model: Model,
-    mapping: Sequence[str],
-    scales: Sequence[str],
-    fs: float | None,
-    time: str | None,
-) -> list[Record]:
-    """Read one record a file, with the reference beside the model's channels."""
-    from modelgen.runtime.data import missing_name
-    from modelgen.runtime.mapping_options import parse_mapping, parse_scales
-    from modelgen.runtime.read import read_record
-
-    columns, factors = parse_mapping(mapping), parse_scales(scales)
-    optional = ("reference_rate", "feedforward")
-    known = (*model.channels, "reference", *optional)
-    problems = [missing_name("--map", "channel", key, known) for key in columns if key not in known]
-    needed = (*model.channels, "reference", *(key for key in optional if key in columns))
-    records = []
-    for path in paths:
-        try:
-            records.append(read_record(path, columns, factors, fs, time, needed=needed))
-        except DataError as error:
-            problems += error.problems
-    if problems:
-        raise DataError(*problems)
-    return records
 
 
 def _load_json(path: Path) -> dict[str, Any]:

@@ -80,9 +80,7 @@ def test_every_command_has_json_and_help(command: str) -> None:
     ],
 )
 def test_usage_errors_exit_2(arguments: tuple[str, ...]) -> None:
-    result = run(*arguments)
-    assert result.exit_code == 2
-    assert "Usage:" in result.stderr
+    assert_explained(run(*arguments), 2, "--help")
 
 
 # new ---------------------------------------------------------------------------------------------------

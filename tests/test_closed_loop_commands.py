@@ -96,6 +96,17 @@ def test_identify_then_validate_on_a_record_held_out(here: Path) -> None:
     assert "q_m: tracking error" in text
 
 
+def test_simulate_adds_the_bias_of_an_accelerometer(here: Path) -> None:
+    from modelgen.runtime.read import read_record
+
+    common = ("simulate", "emps300", "--sensors", "qm_ac", "--parameters", "light", "--excitation", "chirp")
+    run(*common, "--duration-s", "0.4", "-o", "right.csv")
+    run(*common, "--duration-s", "0.4", "--bias", "a_c=-3", "-o", "biased.csv")
+    right, biased = (read_record(name).signals for name in ("right.csv", "biased.csv"))
+    assert biased["a_c"] - right["a_c"] == pytest.approx(-3.0, abs=1e-9)
+    assert (biased["q_m"] == right["q_m"]).all()
+
+
 def test_validate_needs_all_parameters(here: Path) -> None:
     chirp = simulated(here, "chirp")
     (here / "loop.toml").write_text(CONTROLLER)
@@ -154,8 +165,10 @@ def test_design_ranks_what_candidates_can_do(here: Path) -> None:
 def test_design_optimises_and_confirms(here: Path) -> None:
     noise = ("--noise", "q_m=2e-5", "--noise", "q_c=2e-5", "--noise", "Gamma_m=1e-4")
     options = ("emps300", "--sensors", "qm_qc", "--parameters", "table_2", "--method", "wls", *noise)
-    text = run("design", *options, "--optimise", "best.csv", "--rounds", "1", "--monte-carlo", "5")
-    assert "Monte Carlo, 5 experiments" in text
+    limit = ("--limit", "velocity=80")
+    text = run("design", *options, "--optimise", "best.csv", "--rounds", "1", *limit, "--monte-carlo", "5")
+    assert "of 80" in text
+    assert "Monte Carlo: 5 experiments" in text
     assert "times better" in text
     assert (here / "best_1.csv").exists()
     played = ("--parameters", "table_2", "--excitation", "best_2.csv", "-o", "played.csv")

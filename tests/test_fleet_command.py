@@ -44,10 +44,35 @@ def test_every_machine_gets_its_estimate_and_a_corrupt_file_is_named(tmp_path: P
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
     assert list(found["machines"]) == ["press", "crane"]
+    assert list(found["records"]) == [str(folder.resolve()), str(whole.resolve())]
+    assert len(found["pooled"]["cov_params"]) == len(found["pooled"]["params"])
     for estimate in (*found["machines"].values(), found["pooled"]):
         assert estimate["params"]["K"] == pytest.approx(truth["K"], rel=1e-3)
     assert list(found["failed"]) == [str(broken)]
     assert "is no readable record" in found["failed"][str(broken)]
+
+
+def test_a_scheduler_is_asked_and_the_table_names_machines(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    truth = MODEL.parameter_sets["table_2"]
+    for machine, kind in (("press", "chirp"), ("crane", "trapezoid")):
+        record = simulate(MODEL, truth, kind, duration_s=2.0, oversample=8).record
+        folder = tmp_path / machine / "run1"
+        folder.mkdir(parents=True)
+        for channel, samples in record.signals.items():
+            np.save(folder / f"{channel}.npy", samples)
+    files = [str(tmp_path / machine / "run1") for machine in ("press", "crane")]
+    options = ["--model", str(MODULE), "--cutoff-hz", "300", "--fs", "5000"]
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        asked = ["--scheduler", cluster.scheduler_address]
+        result = CliRunner().invoke(app, ["fleet", *files, *options, *asked])
+    assert result.exit_code == 0, result.output
+    lines = result.stdout.splitlines()
+    titles = [line.split(":")[0] for line in lines if not line.startswith(" ")]
+    assert titles == ["press", "crane", "pooled"]
+    assert sum(line.split()[0] == "K" for line in lines if line.startswith(" ")) == 3
 
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:

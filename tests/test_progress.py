@@ -10,18 +10,44 @@ from rich.console import Console
 
 from modelgen.errors import Problem
 from modelgen.output import explain
-from modelgen.progress import counted
+from modelgen.progress import counted, shown
 
 
-def test_a_terminal_sees_the_count() -> None:
+def test_a_terminal_sees_the_count_and_the_rate() -> None:
     seen = io.StringIO()
-    console = Console(file=seen, force_terminal=True, width=100)
-    assert list(counted([1, 2, 3], "reading", console)) == [1, 2, 3]
+    with shown(Console(file=seen, force_terminal=True, width=100)):
+        assert list(counted([1, 2, 3], "reading")) == [1, 2, 3]
     assert "reading" in seen.getvalue() and "3/3" in seen.getvalue()
+    assert re.search(r"[\d.e+]+/s", seen.getvalue())
+
+
+def test_a_list_within_a_list_has_a_line_of_its_own() -> None:
+    seen = io.StringIO()
+    with shown(Console(file=seen, force_terminal=True, width=100)):
+        for _ in counted([1, 2], "records"):
+            assert list(counted(range(4), "rows")) == [0, 1, 2, 3]
+    assert re.search(r"records.*1/2.*rows.*4/4", seen.getvalue(), re.DOTALL)
+
+
+def test_a_mistake_within_ends_the_display() -> None:
+    seen = io.StringIO()
+    with shown(Console(file=seen, force_terminal=True, width=100)):
+        with pytest.raises(ValueError, match="stop"):
+            for _ in counted([1, 2], "records"):
+                raise ValueError("stop")
+        assert list(counted([1, 2], "afterwards")) == [1, 2]
+    assert "afterwards" in seen.getvalue()
+
+
+def test_a_library_is_silent(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    assert list(counted([1, 2, 3], "reading")) == [1, 2, 3]
+    assert capsys.readouterr() == ("", "")
 
 
 def test_a_pipe_sees_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    assert list(counted([1, 2, 3], "reading")) == [1, 2, 3]
+    with shown():
+        assert list(counted([1, 2, 3], "reading")) == [1, 2, 3]
     assert capsys.readouterr() == ("", "")
 
 

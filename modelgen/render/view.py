@@ -106,7 +106,7 @@ def model_view(model: BaseModel) -> ModelView:
         nonlinear=nonlinear,
         directions=literal({r.body: 1.0 for r in space.resistances if r.asymmetric}),
         state_space_lines=tuple(_state_space_lines(space)),
-        has_cubic=space.has_cubic,
+        has_cubic=bool(space.springs),
     )
 
 
@@ -224,6 +224,11 @@ def _constants(model: BaseModel, space: StateSpace, units: Mapping[str, str]) ->
             for r in space.resistances
         ),
     }
+    if space.springs:
+        values["CUBIC_SPRINGS"] = tuple(
+            {"parameter": s.parameter, "deflection": tuple((i, float(c)) for i, c in s.deflection)}
+            for s in space.springs
+        )
     return tuple((name, literal(value)) for name, value in values.items())
 
 

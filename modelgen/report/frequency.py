@@ -18,9 +18,9 @@ from modelgen.runtime.estimate import Estimate
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
-SEGMENTS = 8  # with half overlap 15 averages: a coherence of 0.26 and less may be chance (95 %)
+SEGMENTS = 8  # with half overlap: of independent noises 95 % of the coherence lies below 0.36
 LOWEST_BIN = 2
-MOST_POINTS = 700
+MOST_POINTS = 550  # no more than the plot has pixels
 NEEDED = ("inertia", "stiffness", "damping")
 
 

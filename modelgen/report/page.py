@@ -32,6 +32,8 @@ from modelgen.report.plots import (
     zoomable,
 )
 from modelgen.report.rebuilt import Rebuilt, autocorrelation, rebuild
+from modelgen.report.scan_plot import scan_plots
+from modelgen.runtime.check_lines import check_tables
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.estimate import Estimate, Parameter
@@ -89,6 +91,8 @@ def report_page(
             interval_kind=INTERVAL_KINDS[estimate.covariance_kind],
             sensor_sets=sensor_sets,
             residuals=_residuals(rows, estimate, records),
+            checks=check_tables(estimate.checks),
+            scans=scan_plots(estimate.checks.scan),
             frequency=_frequency(model, records, estimate),
             missing=missing_parameters(model, estimate),
             zeroed=taken_as_zero(model, estimate),

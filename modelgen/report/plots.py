@@ -20,8 +20,8 @@ from modelgen.runtime.validate import Validation
 # 16-bit values the page may carry in all: 3.2 MB of base64
 BUDGET = 1_200_000
 MOST_BUCKETS = 60_000
-# below this the phase of a measured response is mere chance
-LEAST_COHERENCE = 0.3
+# below this the phase of a measured response may be mere chance, see `frequency.SEGMENTS`
+LEAST_COHERENCE = 0.36
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]

@@ -51,10 +51,11 @@ class Autocorrelation:
 
 
 def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tuple[list[Rebuilt], FloatArray]:
-    """Return every row on every record, and the singular values of W with columns of unit length.
+    """Return every row on every record used, and the singular values of W with columns of unit length.
 
-    W is weighted as in the fit, and holds the columns that were in it.
+    W is weighted as in the fit, and holds the columns that were in it; records held out are left out.
     """
+    records = [record for record in records if record.name in estimate.records]
     x = _solution(model, estimate)
     weights = {(entry.record, entry.row): entry.weight for entry in estimate.rows}
     fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.nuisance))

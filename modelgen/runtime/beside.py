@@ -34,8 +34,8 @@ FloatArray = npt.NDArray[np.float64]
 FEEDBACK_SHARE = 1.0 / 30.0
 SMOOTHING = 4.0
 SMOOTHING_ORDER = 2
-# Simulated parameters stay above this share of a positive scale: a plant without inertia cannot be run.
-LEAST_INERTIA = 1e-3
+# An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
+LEAST_INERTIA = 1e-6
 REFERENCE = "reference"
 
 
@@ -96,19 +96,19 @@ def run_beside(
 
 def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
     """Return parameters with which a chain can be simulated: signs that physics forbids are taken away."""
-    inertias = [
-        value
-        for name, value in parameters.items()
-        if name in model.roles and model.roles[name].role == "inertia"
-    ]
-    least = LEAST_INERTIA * max((abs(value) for value in inertias), default=1.0)
-    lowest = {"inertia": least, "coulomb": 0.0, "stiffness": 0.0, "damping": 0.0, "viscous": 0.0}
-    return {
-        name: max(value, lowest[model.roles[name].role])
-        if name in model.roles and model.roles[name].role in lowest
-        else value
-        for name, value in parameters.items()
-    }
+    largest: dict[str, float] = {}
+    for name, value in parameters.items():
+        if name in model.roles and model.roles[name].role == "inertia":
+            unit = model.units.get(name, "")
+            largest[unit] = max(largest.get(unit, 0.0), abs(value))
+    moved = dict(parameters)
+    for name, value in parameters.items():
+        role = model.roles[name].role if name in model.roles else ""
+        if role == "inertia":
+            moved[name] = max(value, LEAST_INERTIA * largest[model.units.get(name, "")])
+        elif role in ("coulomb", "stiffness", "damping", "viscous"):
+            moved[name] = max(value, 0.0)
+    return moved
 
 
 def _is_reading(model: Model, key: str) -> bool:
@@ -134,7 +134,7 @@ def _feedback_hz(choice: FilterChoice) -> float:
 
 def _followed(plant: Plant, body: str, record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
     """Return the slow part of a body's position and velocity, shape (n,) each."""
-    sensor, gear = _nearest_sensor(plant, body, record)
+    sensor, gear = nearest_sensor(plant, body, record)
     raw = record.signals[sensor.key] * gear
     cutoff_hz = min(SMOOTHING * _feedback_hz(choice), 0.4 * record.fs)
     smooth = zero_phase(raw, SMOOTHING_ORDER, cutoff_hz, record.fs)
@@ -147,7 +147,7 @@ def _followed(plant: Plant, body: str, record: Record, choice: FilterChoice) -> 
     return position, velocity
 
 
-def _nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, float]:
+def nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, float]:
     """Return the sensor that shows a body's slow motion best, and the ratio of the two motions."""
     rigid = vibration(plant).lowest
     sensors = [sensor for sensor in plant.model.sensors if sensor.body and sensor.key in record.signals]

@@ -132,6 +132,11 @@ def split_name(text: str) -> tuple[str, str | None]:
     match = re.fullmatch(r"(.*\S)\s*(?:\bin\b| / )\s*(\S+)", text)
     if match and unit_from_text(match.group(2)):
         return match.group(1).strip(), match.group(2)
+    # Rohde & Schwarz: the column of times has no other name
+    match = re.fullmatch(r"in (\S+)", text.strip())
+    unit = unit_from_text(match.group(1)) if match else None
+    if match and unit and unit.si == "s":
+        return "time", match.group(1)
     match = re.fullmatch(r"(.+)_(ms|us|ns|sec|deg|rad|rpm|Nm|mm|um)", text)
     if match:
         return text, match.group(2)

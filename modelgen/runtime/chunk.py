@@ -11,7 +11,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.channels import Channels, read_continued
+from modelgen.errors import DataError
+from modelgen.runtime.channels import Channels, not_finite, read_continued
 from modelgen.runtime.signal_plan import SignalPlan
 
 FloatArray = npt.NDArray[np.float64]
@@ -48,21 +49,27 @@ class Chunk:
         self._directions: dict[str, FloatArray] = {}
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
-        """Return samples of a channel, at most the plan's margin and `halo` beyond the chunk."""
+        """Return samples of a channel, at most the plan's margins and `halo` beyond the chunk."""
         if channel not in self.plan.full_rate_channels:
             return read_continued(self.source, channel, start, stop)
-        margin = self.plan.margin + self.halo
-        low = self.start - margin
+        before, behind = self.plan.margins
+        low = self.start - before - self.halo
         if channel not in self._channels:
-            self._channels[channel] = read_continued(self.source, channel, low, self.stop + margin)
+            self._channels[channel] = read_continued(
+                self.source, channel, low, self.stop + behind + self.halo
+            )
         return self._channels[channel][start - low : stop - low]
+
+    def not_finite(self, channel: str, start: int, stop: int) -> DataError:
+        """Return the error that names the sample of a channel that is not finite."""
+        return not_finite(self.source, channel, start, stop)
 
     def direction(self, key: str, start: int, stop: int) -> FloatArray:
         """Return samples of a velocity whose sign is a direction of motion."""
-        margin = max(self.plan.feature_operator.reach, self.halo)
-        low = self.start - margin
+        before, behind = self.plan.feature_operator.margins
+        low = self.start - max(before, self.halo)
         if key not in self._directions:
-            self._directions[key] = self.plan.direction(self.read, key, low, self.stop + margin)
+            self._directions[key] = self.plan.direction(self, key, low, self.stop + max(behind, self.halo))
         return self._directions[key][start - low : stop - low]
 
     def signals(self) -> KeptSignals:
@@ -86,14 +93,14 @@ class KeptSignals(Mapping[str, FloatArray]):
         if key in plan.signals:
             channel, column = plan.signals[key]
             if channel not in self._made:
-                self._made[channel] = plan.table(chunk.read, channel, chunk.first, chunk.count)
+                self._made[channel] = plan.table(chunk, channel, chunk.first, chunk.count)
                 for times, place in plan.forces.get(channel, {}).items():
                     lever = plan.levers[channel]
                     power = float(np.sum((lever * self._made[channel][:, place]) ** 2))
                     self.force_power[times] = self.force_power.get(times, 0.0) + power
             return self._made[channel][:, column]
         if key not in self._made:
-            self._made[key] = plan.feature(chunk.read, chunk.direction, key, chunk.first, chunk.count)
+            self._made[key] = plan.feature(chunk, key, chunk.first, chunk.count)
         return self._made[key]
 
     def forget(self, row: int) -> None:
@@ -120,11 +127,11 @@ def chunks(
     grid : range
         Samples of the record that are kept.
     halo : int
-        Samples beyond the plan's margin that the masks look at.
+        Samples beyond the plan's margins that the masks look at.
     samples : int, optional
         Samples in a chunk; changes memory and speed, never the result.
     """
-    size = samples or max(CHUNK_SAMPLES, HALOS * (plan.margin + halo))
+    size = samples or max(CHUNK_SAMPLES, HALOS * (max(plan.margins) + halo))
     # whole blocks: the products are then the same whatever the size of a chunk
     block = plan.feature_operator.block
     count = -(-size // block) * block // plan.filtering.factor

@@ -116,9 +116,10 @@ def open_loop(plant: Plant, bandwidth_hz: float = inf) -> FrictionSystem:
     column, lags = plant.actuator, int(isfinite(bandwidth_hz))
     resting = plant.space((0,) * len(plant.sticking))
     drift = np.r_[resting.E @ plant.offsets, np.zeros(lags)]
+    springs = plant.cubic_forces(lags)
     B = np.vstack((resting.B[:, [column]], np.zeros((lags, 1))))
     if not lags:
-        return FrictionSystem(lambda mode: plant.space(mode).A, B, drift, plant.coulomb_bodies)
+        return FrictionSystem(lambda mode: plant.space(mode).A, B, drift, plant.coulomb_bodies, 0, springs)
     rate = 2.0 * pi * bandwidth_hz
 
     def matrix(mode: Mode) -> FloatArray:
@@ -129,7 +130,7 @@ def open_loop(plant: Plant, bandwidth_hz: float = inf) -> FrictionSystem:
 
     command = np.zeros_like(B)
     command[-1] = rate
-    return FrictionSystem(matrix, command, drift, plant.coulomb_bodies, lags)
+    return FrictionSystem(matrix, command, drift, plant.coulomb_bodies, lags, springs)
 
 
 def closed_loop(

@@ -100,6 +100,14 @@ class Friction:
 
 
 @dataclass(frozen=True)
+class CubicSpring:
+    """A force of `parameter` times the cube of a deflection: (coordinate, coefficient) pairs."""
+
+    parameter: str
+    deflection: tuple[tuple[int, float], ...]
+
+
+@dataclass(frozen=True)
 class Role:
     """What a physical parameter is (inertia, viscous, coulomb, ...) and the bodies it acts on."""
 
@@ -138,6 +146,7 @@ class Model:
     friction: tuple[Friction, ...]
     measurement_columns: tuple[Terms, ...]
     regressor_columns: tuple[Mapping[int, Terms], ...]
+    cubic_springs: tuple[CubicSpring, ...] = ()
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -176,11 +185,20 @@ class Model:
 
         `start`, shape (parameters,), holds logarithms of the parameters (area sines for offsets).
         """
-        return cast(tuple[dict[str, float], float], self.module.fit_physical(base, start))
+        try:
+            return cast(tuple[dict[str, float], float], self.module.fit_physical(base, start))
+        except np.linalg.LinAlgError:
+            return dict.fromkeys(self.parameters, np.nan), np.inf
 
     def physical_from_base(self, base: npt.ArrayLike) -> dict[str, float]:
-        """Return the identifiable physical parameters (name to value, SI) from the base ones."""
-        return cast(dict[str, float], self.module.physical_from_base(np.asarray(base, dtype=float)))
+        """Return the identifiable physical parameters (name to value, SI) from the base ones.
+
+        NaN where composites are so far from those of any chain that the iteration breaks down.
+        """
+        try:
+            return cast(dict[str, float], self.module.physical_from_base(np.asarray(base, dtype=float)))
+        except np.linalg.LinAlgError:
+            return dict.fromkeys(self.identifiable, np.nan)
 
     def state_space(
         self, parameters: Mapping[str, float], directions: Mapping[str, int] | None = None
@@ -233,6 +251,7 @@ def model_from_module(module: Any) -> Model:
         friction=tuple(Friction(**entry) for entry in module.FRICTION),
         measurement_columns=tuple(columns["measurement"]),
         regressor_columns=tuple(MappingProxyType(dict(row)) for row in columns["regressor"]),
+        cubic_springs=tuple(CubicSpring(**entry) for entry in getattr(module, "CUBIC_SPRINGS", ())),
     )
 
 

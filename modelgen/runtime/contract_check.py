@@ -43,6 +43,13 @@ def _is_count(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and value >= 0
 
 
+def _is_combination(value: Any) -> bool:
+    return isinstance(value, tuple) and all(
+        isinstance(pair, tuple) and len(pair) == 2 and _is_count(pair[0]) and is_number(pair[1])
+        for pair in value
+    )
+
+
 def _maps_texts(test: Callable[[Any], bool]) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, Mapping) and all(_is_text(k) and test(v) for k, v in value.items())
 
@@ -124,7 +131,13 @@ ENTRIES: dict[str, dict[str, Kind]] = {
         "offset": TEXT_OR_NONE,
         "asymmetric": Kind("True or False", lambda value: isinstance(value, bool)),
     },
+    "CUBIC_SPRINGS": {
+        "parameter": TEXT,
+        "deflection": Kind("(coordinate, coefficient) pairs", _is_combination),
+    },
 }
+# Only chains with such springs have it.
+OPTIONAL = ("CUBIC_SPRINGS",)
 ROLE = {"role": _one_of(ROLE_NAMES), "bodies": TEXTS}
 FUNCTION_NAMES = (
     "features",
@@ -163,7 +176,7 @@ def _shape_problems(module: Any) -> list[tuple[str, str]]:
         elif not kind.test(value):
             found.append((name, f"is not {kind.description}"))
     for name, kinds in ENTRIES.items():
-        entries = getattr(module, name, None)
+        entries = getattr(module, name, () if name in OPTIONAL else None)
         if not isinstance(entries, tuple):
             found.append((name, "is absent" if entries is None else "is not a tuple of dicts"))
             continue
@@ -204,9 +217,24 @@ def _reference_problems(module: Any) -> list[tuple[str, str]]:
     for index, sensor in enumerate(module.SENSORS):
         if (sensor["body"] is None) == (sensor["deflection"] is None):
             found.append((f"SENSORS[{index}]", "needs either a body or a deflection"))
+    found += _spring_problems(module)
     for place, name, allowed, kind in _references(module):
         if name not in allowed:
             found.append((place, f"names {name!r}, which is no {kind}"))
+    return found
+
+
+def _spring_problems(module: Any) -> list[tuple[str, str]]:
+    """Return what is wrong with the cubic springs: one for each such parameter, on bodies that exist."""
+    springs = getattr(module, "CUBIC_SPRINGS", ())
+    cubic = [name for name, entry in module.ROLES.items() if entry["role"] == "stiffness3"]
+    named = [entry["parameter"] for entry in springs]
+    found = [("CUBIC_SPRINGS", f"lacks {name!r}") for name in cubic if name not in named]
+    found += [("CUBIC_SPRINGS", f"names {n!r}, which is no cubic stiffness") for n in named if n not in cubic]
+    bodies = sum(len(entry["bodies"]) for entry in module.ROLES.values() if entry["role"] == "inertia")
+    for index, entry in enumerate(springs):
+        if any(place >= bodies for place, _ in entry["deflection"]):
+            found.append((f"CUBIC_SPRINGS[{index}]", f"has a coordinate beyond the {bodies} bodies"))
     return found
 
 

@@ -129,10 +129,12 @@ def missing_name(where: str, kind: str, name: str, available: Iterable[str]) -> 
 
 def _label_problems(name: Any, tag: Any) -> list[Problem]:
     problems = []
-    if not isinstance(name, str) or not name:
-        problems.append(Problem("record", f"name is {name!r}", "give a non-empty string"))
-    if tag is not None and not isinstance(tag, str):
-        problems.append(Problem("record", f"tag is {tag!r}", "give a string or None"))
+    # control characters would steer the terminal that an estimate is printed on
+    if not isinstance(name, str) or not name or not name.isprintable():
+        remedy = "give a string of visible characters (rename the file, if it is a file's name)"
+        problems.append(Problem("record", f"name is {name!r}", remedy))
+    if tag is not None and not (isinstance(tag, str) and tag.isprintable()):
+        problems.append(Problem("record", f"tag is {tag!r}", "give a string of visible characters, or None"))
     return problems
 
 

@@ -1,10 +1,9 @@
 """Time alignment: how late each force channel is, with its standard deviation, and records set right.
 
 A force record that is late by tau gives Gamma(t) = record(t + tau). The row's mismatch Y - W X changes with
-tau at a rate D that is formed by moving the force a little either way; with -D as one more column the same
-solution gives the step of tau and its covariance. At the end the column is taken out again by projecting it
-out of the regressors (Frisch and Waugh 1933): X and its covariance are then those of the fit that leaves tau
-free.
+tau at a rate D, the force's derivative; with -D as one more column the same solution gives the step of tau
+and its covariance. At the end the column is taken out again by projecting it out of the regressors (Frisch
+and Waugh 1933): X and its covariance are then those of the fit that leaves tau free.
 """
 
 from __future__ import annotations
@@ -16,8 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.choose import FilterChoice
+from modelgen.runtime.contract import Model
 from modelgen.runtime.covariance import hac_covariance
 from modelgen.runtime.data import Record
+from modelgen.runtime.filtered_record import FilteredRecord
 from modelgen.runtime.observation import Observation
 from modelgen.runtime.two_stage import two_stage, with_regressors
 from modelgen.runtime.wls import Fit
@@ -25,14 +27,13 @@ from modelgen.runtime.wls import Fit
 FloatArray = npt.NDArray[np.float64]
 # records, first values -> rows and their fit
 Run = Callable[[tuple[Record, ...], Fit | None], tuple[Observation, Fit]]
-Observe = Callable[[tuple[Record, ...]], Observation]
+# fit, records, channel -> how Y - W X changes with the channel's delay, one array a block
+Rates = Callable[[Fit, tuple[Record, ...], str], tuple[FloatArray, ...]]
 
 ROUNDS = 30
 # Done when a delay moves by less than this share of its standard deviation, or of a sample.
 SMALL_STEP = 0.05
 SMALLEST_STEP = 1e-4
-# The rate of change is a difference over this part of a sample either way.
-DIFFERENCE = 0.05
 SMALLEST_CHANGE = 1e-6
 # A delay beyond this, in samples, is no small misalignment any more.
 LARGEST_DELAY = 20.0
@@ -93,7 +94,7 @@ def with_holds(records: Sequence[Record], channels: Sequence[str]) -> tuple[Reco
 
 
 def fit_with_delays(
-    records: tuple[Record, ...], channels: Sequence[str], run: Run, observe: Observe
+    records: tuple[Record, ...], channels: Sequence[str], run: Run, rates_of: Rates
 ) -> tuple[Observation, Fit]:
     """Estimate delays of force channels together with the parameters, by Gauss-Newton steps.
 
@@ -104,8 +105,8 @@ def fit_with_delays(
         Forces, each with one delay for all records.
     run : callable
         Takes records, and a fit to start from once there is one, to rows and their fit: one round of it.
-    observe : callable
-        Takes records to the same rows.
+    rates_of : callable
+        Takes a fit, its records and a channel to what `delay_rates` returns.
 
     Returns
     -------
@@ -123,7 +124,7 @@ def fit_with_delays(
     for _ in range(ROUNDS):
         moved = tuple(advanced(record, delays) for record in records)
         observation, fit = run(moved, start)
-        rates = [_rates(fit, moved, channel, sample, observe) for channel in channels]
+        rates = [rates_of(fit, moved, channel) for channel in channels]
         larger = _with_rates(fit, rates)
         c = len(fit.columns)
         spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))
@@ -148,23 +149,31 @@ def fit_with_delays(
     return observation, replace(_without(fit, rates), delays=found)
 
 
-def _rates(
-    fit: Fit, records: tuple[Record, ...], channel: str, sample: float, observe: Observe
+def delay_rates(
+    fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice, drop: int, channel: str
 ) -> tuple[FloatArray, ...]:
-    """Return d(Y - W X) / d tau of one channel, one array a block of the fit, per s."""
-    step = DIFFERENCE * sample
-    ends = []
-    for sign in (1.0, -1.0):
-        moved = observe(tuple(advanced(record, {channel: sign * step}) for record in records))
-        columns = [moved.columns.index(name) for name in fit.columns]
-        blocks = {(block.record, block.row): block for block in moved.blocks}
-        end = []
-        for block in fit.blocks:
-            other = blocks[block.record, block.row]
-            keep = np.searchsorted(other.place, block.place)
-            end.append(other.Y[keep] - other.W[keep][:, columns] @ fit.solution.x)
-        ends.append(end)
-    return tuple((after - before) / (2.0 * step) for after, before in zip(*ends, strict=True))
+    """Return d(Y - W X) / d tau of one force channel, one array a block of the fit, per s.
+
+    An advanced force changes by its derivative, which is filtered already where a row differentiates it.
+    """
+    orders = {signal.key: signal.derivative for signal in model.signals if signal.actuator == channel}
+    columns = [model.base_parameters.index(name) for name in fit.columns]
+    filtered: dict[int, FilteredRecord] = {}
+    rates = []
+    for block in fit.blocks:
+        if block.record not in filtered:
+            record, factor = records[block.record], choice.decimation[block.record]
+            filtered[block.record] = FilteredRecord(model, record, choice, factor, drop)
+        signals = filtered[block.record]
+        terms = list(model.measurement_columns[block.row])
+        for column, x in zip(columns, fit.solution.x, strict=True):
+            terms += [(-share * x, key) for share, key in model.column_terms(block.row, column)]
+        rate = np.zeros(len(signals.grid))
+        for share, key in terms:
+            if key in orders:
+                rate += share * signals.smooth(channel, orders[key] + 1)[signals.grid]
+        rates.append(rate[block.place])
+    return tuple(rates)
 
 
 def _with_rates(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:

@@ -10,22 +10,28 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import sqrt
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.progress import counted
 from modelgen.runtime.choose import HIGHEST_CUTOFF, FilterChoice
 from modelgen.runtime.observation import Observation
 from modelgen.runtime.wls import LOAD_ROW_SHARE, Fit, fit_matched
 
 FloatArray = npt.NDArray[np.float64]
+Found = TypeVar("Found")  # a fit, of whatever kind
 
 # Cut-offs and weights of load rows that are tried, as multiples of those in use.
 CUTOFF_FACTORS = (1.0 / sqrt(2.0), sqrt(2.0))
 # farther cut-offs, once the near ones have shown that the model lacks something
 FARTHER_FACTORS = (0.35, 0.5, 2.0)
 LOAD_ROW_FACTORS = (0.5, 2.0)
+# The cut-off of directions that is tried: a fast vibration shifts the moment at which a low-passed velocity
+# changes its sign, and where that matters, this shows it.
+DIRECTION_FACTOR = 2.0
 
 
 def cutoff_drift(
@@ -38,9 +44,9 @@ def cutoff_drift(
 def other_cutoffs(
     choice: FilterChoice,
     lowest_fs: float,
-    again: Callable[[FilterChoice], Fit],
+    again: Callable[[FilterChoice], Found],
     factors: Sequence[float] = CUTOFF_FACTORS,
-) -> list[tuple[FilterChoice, Fit]]:
+) -> list[tuple[FilterChoice, Found]]:
     """Return the fits at other cut-offs, multiples of the present one, where the records allow them.
 
     Parameters
@@ -53,7 +59,7 @@ def other_cutoffs(
         Observes and fits with other settings.
     """
     others = []
-    for factor in factors:
+    for factor in counted(factors, "other cut-offs"):
         cutoff_hz = min(factor * choice.cutoff_hz, HIGHEST_CUTOFF * lowest_fs)
         if factor > 1.0 and cutoff_hz <= choice.cutoff_hz:
             continue
@@ -63,6 +69,26 @@ def other_cutoffs(
         except (DataError, IdentifiabilityError):
             continue  # a lower cut-off reaches farther: the record may be too short for it
     return others
+
+
+def direction_drift(
+    fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Fit]
+) -> FloatArray:
+    """Return the square of X's drift with the cut-off of directions, shape (c, c); parameters as above."""
+    return _mean_square(fit, other_direction(choice, lowest_fs, again))
+
+
+def other_direction(
+    choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Found]
+) -> list[Found]:
+    """Return the fit at a higher cut-off of directions, where the records allow it; parameters as above."""
+    higher_hz = min(DIRECTION_FACTOR * choice.direction_cutoff_hz, HIGHEST_CUTOFF * lowest_fs)
+    if higher_hz <= choice.direction_cutoff_hz:
+        return []
+    try:
+        return [again(replace(choice, direction_cutoff_hz=higher_hz))]
+    except (DataError, IdentifiabilityError):
+        return []  # nearer to the noise, a body may seem to reverse all the time
 
 
 def load_row_drift(fit: Fit, observation: Observation) -> FloatArray:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.runtime.checks import Checks
 from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.estimate_formats import data_frame, html_table, latex_table, markdown_table
 from modelgen.runtime.pruning import Pruning
@@ -87,7 +88,8 @@ class Estimate:
     not_identifiable : mapping of str to str
         Base or physical parameter to the reason why there is no number for it.
     resid : array, shape (nobs,)
-        Weighted residual, rows stacked; in the unit of the row where there is only one block.
+        Weighted residual, rows stacked; in the unit of the row where there is only one block. Empty where
+        the records were read in chunks; `residual_count` then says how long it would be.
     condition_number, condition_number_raw : float
         Of the weighted observation matrix, with and without scaling its columns to unit length.
     relative_error, error_norm : float
@@ -104,6 +106,8 @@ class Estimate:
         What one should know before believing the numbers.
     other_solutions : tuple of mappings
         Further sets of physical parameters that fit the composites of an elimination as well.
+    checks : Checks
+        What the guards and the tests of the residual say, and the comparisons that were asked for.
     """
 
     chain: str
@@ -135,6 +139,8 @@ class Estimate:
     notes: tuple[str, ...]
     other_solutions: tuple[Mapping[str, float], ...] = ()
     delay_std: Mapping[str, float] = field(default_factory=dict)
+    checks: Checks = field(default_factory=Checks)
+    residual_count: int | None = None
 
     def __post_init__(self) -> None:
         for name in ("covariance", "noise_covariance", "printed_covariance", "base", "resid"):
@@ -175,15 +181,17 @@ class Estimate:
     @property
     def nobs(self) -> int:
         """Number of rows of the weighted observation matrix."""
-        return len(self.resid)
+        return len(self.resid) if self.residual_count is None else self.residual_count
 
     def cov_params(self, kind: str | None = None) -> FloatArray:
         """Return the covariance of `params`, shape (parameters, parameters).
 
-        `kind` is None for the one behind `bse`, "noise" for the part of it that the residuals explain, and
-        "printed" for eq. (11).
+        `kind` is None for the one behind `bse`, "noise" for the part of it that the residuals explain,
+        "printed" for eq. (11), and "periods" for the spread over periods where every record has some.
         """
         kinds = {None: self.covariance, "noise": self.noise_covariance, "printed": self.printed_covariance}
+        if self.checks.periods is not None:
+            kinds["periods"] = np.array(self.checks.periods.covariance)
         return kinds[kind]
 
     def conf_int(self, alpha: float = 0.05) -> Mapping[str, tuple[float, float]]:
@@ -241,6 +249,7 @@ class Estimate:
             "pruning": asdict(self.pruning),
             "filtering": asdict(self.filtering),
             "notes": self.notes,
+            "checks": asdict(self.checks),
         }
         return {key: _plain(value) for key, value in plain.items()}
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from math import exp, inf, log
 
 import numpy as np
@@ -18,9 +19,11 @@ import numpy.typing as npt
 from modelgen.errors import DataError, ModelgenError, Problem
 from modelgen.runtime.closed_loop import bandwidth_hz, vibration
 from modelgen.runtime.contract import Model
-from modelgen.runtime.design import PAIR, Experiment, Instrument, Precision, experiment, predict
 from modelgen.runtime.excitation import Excitation
+from modelgen.runtime.experiment import PAIR, Experiment, experiment
+from modelgen.runtime.instrument import Instrument
 from modelgen.runtime.plant import Plant, make_plant
+from modelgen.runtime.prediction import Predicted, predict
 from modelgen.runtime.series import Shape, series_excitation
 from modelgen.runtime.simulate import Simulation, simulate
 
@@ -31,14 +34,20 @@ CRITERIA = ("worst", "d-optimal", "condition")
 HARMONICS = 2
 PARTS = 3
 CHANGED = 0.2
-# First trials: speeds in shares of the limit, bands in multiples of the elastic frequencies.
-START_SPEEDS = (0.9, 0.07, -0.9)
-START_TIMES = (-0.2, 0.3, -0.2)
-START_BANDS = ((0.3, 1.5), (0.6, 1.3), (0.8, 1.3))
+# First trials: a slow part, a fast one, the way back; the only reversal is then a steep one, which is seen in
+# time. Bands in multiples of the elastic frequencies, and shares of the force: where the multisine makes the
+# driven body reverse, friction is seen late.
+START_SPEEDS = (0.07, 0.9, -0.9)
+START_TIMES = (0.42, 0.29, 0.29)
+START_BANDS = ((0.3, 1.5), (0.6, 1.3), (0.9, 1.15))
+START_FORCES = ((0.9, 1.0, 1.0), (0.5, 1.0, 1.0))
 SHORTEST_PART = 0.05
+LEAST_FORCE = 0.02
 HIGHEST_PART_OF_FS = 0.2
 SCALINGS = 4
 MOST_SHRINKS = 20
+# The criterion's logarithm where an experiment fails, or leaves a parameter open.
+FAILED = 50.0
 # The scale of a trial is met to this share below the limit.
 SAFETY = 0.999
 
@@ -105,16 +114,16 @@ def optimise(
     bounds = {**_peaks(plant, pair.simulations), **(limits or {})}
     trial = _Trial(plant, instruments, bounds, criterion, fs, duration_s, method)
     best = _search(trial, rounds, say)
-    before = {entry.name: entry.error for entry in predict(pair)[1]}
-    planned, precisions = trial.planned(best)
+    before = {entry.name: entry.error for entry in predict(pair).precisions}
+    planned, found = trial.planned(best)
     return Optimised(
         tuple(found.reference for found in planned.simulations),
         trial.shapes(best),
         bounds,
         _peaks(plant, planned.simulations),
         max(before.values()),
-        max(entry.error for entry in precisions),
-        tuple((entry.name, before[entry.name], entry.error) for entry in precisions),
+        found.worst,
+        tuple((entry.name, before.get(entry.name, inf), entry.error) for entry in found.precisions),
     )
 
 
@@ -139,11 +148,11 @@ class _Trial:
 
     @property
     def starts(self) -> list[FloatArray]:
-        """Search variables of the first trials: a fast and a slow speed each way, several bands."""
+        """Search variables of the first trials."""
         found = []
-        for low, high in START_BANDS:
+        for (low, high), forces in product(START_BANDS, START_FORCES):
             band = [log(low * self._elastic_hz[0]), log(high * self._elastic_hz[1]), 0.0]
-            one = [*START_SPEEDS, *START_TIMES, *[0.8] * PARTS, *[0.0] * (2 * HARMONICS), *band]
+            one = [*START_SPEEDS, *np.log(START_TIMES), *forces, *[0.0] * (2 * HARMONICS), *band]
             found.append(np.array(one))
         return found
 
@@ -156,7 +165,7 @@ class _Trial:
         shares = np.maximum(np.exp(times) / np.exp(times).sum(), SHORTEST_PART)
         shares /= shares.sum()
         one = Shape(
-            tuple(speeds.tolist()), tuple(shares.tolist()), tuple(np.maximum(forces, 0.0).tolist()),
+            tuple(speeds.tolist()), tuple(shares.tolist()), tuple(np.clip(forces, LEAST_FORCE, 1.0).tolist()),
             tuple(sines.tolist()), tuple(cosines.tolist()), low, high, float(v[-1]),
         )  # fmt: skip
         speeds, sines, cosines = -speeds, -sines, -cosines
@@ -170,35 +179,34 @@ class _Trial:
         return tuple(self._scaled(shape) for shape in self.shapes(variables))
 
     def _scaled(self, shape: Shape) -> Excitation:
+        """Scale the rate up to a limit, and the multisine to the share of a limit that its shape asks for."""
+        wanted = min(1.0, max(shape.forces))
         rate, force = 1.0, 1.0
         for _ in range(SCALINGS):
-            found = series_excitation(
-                shape, self._plant, self._limits, (rate, force), self._fs, self._duration_s
-            )
-            simulated = simulate(self._plant.model, self._plant.parameters, found, fs=self._fs)
-            peaks = _peaks(self._plant, [simulated])
-            share = {key: peaks[key] / self._limits[key] for key in LIMITS if self._limits[key] > 0.0}
+            found, share = self._tried(shape, rate, force)
             slow = max(share.get("position", 0.0), share.get("velocity", 0.0))
-            fast = max(share.get("force", 0.0), share.get("deflection", 0.0))
+            fast = max(share.get("force", 0.0), share.get("deflection", 0.0)) / wanted
             if 0.98 < slow <= 1.0 and 0.98 < fast <= 1.0:
                 return found
             rate *= SAFETY / slow
             force *= SAFETY / fast
         # where both depend on one another, stay on the safe side
         for _ in range(MOST_SHRINKS):
-            found = series_excitation(
-                shape, self._plant, self._limits, (rate, force), self._fs, self._duration_s
-            )
-            peaks = _peaks(
-                self._plant, [simulate(self._plant.model, self._plant.parameters, found, fs=self._fs)]
-            )
-            share_of_all = max(peaks[key] / self._limits[key] for key in LIMITS if self._limits[key] > 0.0)
-            if share_of_all <= 1.0:
+            found, share = self._tried(shape, rate, force)
+            largest = max(share.values())
+            if largest <= 1.0:
                 return found
-            rate, force = rate * SAFETY / share_of_all, force * SAFETY / share_of_all
+            rate, force = rate * SAFETY / largest, force * SAFETY / largest
         raise DataError.at("limits", "cannot all be kept", "raise them, or leave some out")
 
-    def planned(self, variables: FloatArray) -> tuple[Experiment, tuple[Precision, ...]]:
+    def _tried(self, shape: Shape, rate: float, force: float) -> tuple[Excitation, dict[str, float]]:
+        """Return the excitation at these scales, and its peaks as shares of the limits."""
+        scale = rate, force
+        found = series_excitation(shape, self._plant, self._limits, scale, self._fs, self._duration_s)
+        peaks = _peaks(self._plant, [simulate(self._plant.model, self._plant.parameters, found, fs=self._fs)])
+        return found, {key: peaks[key] / self._limits[key] for key in LIMITS if self._limits[key] > 0.0}
+
+    def planned(self, variables: FloatArray) -> tuple[Experiment, Predicted]:
         """Return the experiment and what it promises."""
         planned = experiment(
             self._plant.model,
@@ -208,25 +216,19 @@ class _Trial:
             fs=self._fs,
             method=self._method,
         )
-        return planned, predict(planned)[1]
+        return planned, predict(planned)
 
     def __call__(self, variables: FloatArray) -> float:
         """Return the criterion's logarithm; large where the experiment fails."""
         try:
-            planned = experiment(
-                self._plant.model,
-                self._plant.parameters,
-                self._instruments,
-                self.excitations(variables),
-                fs=self._fs,
-                method=self._method,
-            )
-            found, precisions = predict(planned)
+            found = self.planned(variables)[1]
         except ModelgenError:
-            return 50.0
+            return FAILED
+        if found.refused:
+            return FAILED
         if self._criterion == "condition":
-            return log(found.condition_number)
-        errors = np.log([max(entry.error, 1e-300) for entry in precisions])
+            return log(found.information.condition_number)
+        errors = np.log([max(entry.error, 1e-300) for entry in found.precisions])
         return float(errors.mean() if self._criterion == "d-optimal" else errors.max())
 
 

@@ -7,7 +7,7 @@ each round.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,12 +18,21 @@ from modelgen.runtime.frontal import solve_banded
 from modelgen.runtime.observation import LEAST_FORCE
 from modelgen.runtime.record_factors import RecordFactors
 from modelgen.runtime.row_factor import RowFactor
-from modelgen.runtime.wls import LOAD_ROW_SHARE, ROUNDS, SMALLEST_RESIDUAL, least_squares
+from modelgen.runtime.wls import (
+    LOAD_ROW_SHARE,
+    ROUNDS,
+    RUNAWAY_SHRINKAGE,
+    SMALLEST_RESIDUAL,
+    least_squares,
+)
 
 FloatArray = npt.NDArray[np.float64]
+Key = tuple[int, int]  # record and row
 
 # From so many columns the banded solution is used; below, all singular values are looked at.
 BANDED_COLUMNS = 40
+# Up to so many columns a whole inverse is no matter: (W^T W)^-1 takes a megabyte.
+MOST_COLUMNS = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +51,8 @@ class FactorFit:
         Its diagonal.
     undetermined : array of bool, shape (columns,)
         Columns that the rows cannot tell from others.
-    condition_number : float
-        Of W with columns of unit length; nan for the banded solution.
+    condition_number, condition_number_raw : float
+        Of W with columns of unit length, and as they are; nan for the banded solution.
     weights : dict of (record, row) to float
     rms : dict of (record, row) to float
         Of the unweighted residual.
@@ -51,6 +60,10 @@ class FactorFit:
         Rows of W.
     residual_norm, measured_norm : float
         Norms of Y - W X and Y, both weighted.
+    loads : tuple of (record, row)
+        Rows that hold no force: their weight is bounded.
+    runaways : tuple of (record, row)
+        Those among them that would pull their parameters towards zero if it were not.
     """
 
     columns: tuple[int, ...]
@@ -59,16 +72,24 @@ class FactorFit:
     variance: FloatArray
     undetermined: npt.NDArray[np.bool_]
     condition_number: float
-    weights: dict[tuple[int, int], float]
-    rms: dict[tuple[int, int], float]
+    condition_number_raw: float
+    weights: dict[Key, float]
+    rms: dict[Key, float]
     samples: int
     residual_norm: float
     measured_norm: float
+    loads: tuple[Key, ...]
+    runaways: tuple[Key, ...]
 
     @property
     def sigma(self) -> float:
         """Standard deviation of the weighted residual, eq. (11)."""
         return self.residual_norm / float(np.sqrt(self.samples - len(self.columns)))
+
+    @property
+    def relative_error(self) -> float:
+        """Norm of Y - W X relative to that of Y, both weighted."""
+        return self.residual_norm / self.measured_norm if self.measured_norm > 0.0 else np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +99,15 @@ class _Solution:
     variance: FloatArray
     undetermined: npt.NDArray[np.bool_]
     condition_number: float
+    condition_number_raw: float
 
 
-def fit_factors(model: Model, records: Sequence[RecordFactors], banded: bool | None = None) -> FactorFit:
+def fit_factors(
+    model: Model,
+    records: Sequence[RecordFactors],
+    banded: bool | None = None,
+    load_row_share: float = LOAD_ROW_SHARE,
+) -> FactorFit:
     """Fit as `wls.fit_matched` does: force-scaled start, weights from the residuals, load rows bounded.
 
     Parameters
@@ -89,6 +116,8 @@ def fit_factors(model: Model, records: Sequence[RecordFactors], banded: bool | N
     records : sequence of RecordFactors
     banded : bool, optional
         Whether to use the banded solution; by default where there are many columns.
+    load_row_share : float
+        Weight of a row without a force, as a share of what its first residual gives.
 
     Raises
     ------
@@ -102,7 +131,7 @@ def fit_factors(model: Model, records: Sequence[RecordFactors], banded: bool | N
         if factor.samples
     }
 
-    def own_scale(key: tuple[int, int]) -> float:
+    def own_scale(key: Key) -> float:
         return records[key[0]].force_scale(model.rows[key[1]])
 
     scales = _force_scales(model, records, blocks)
@@ -123,10 +152,10 @@ def fit_factors(model: Model, records: Sequence[RecordFactors], banded: bool | N
     use_band = len(columns) >= BANDED_COLUMNS if banded is None else banded
     triangles = {key: block.triangle for key, block in blocks.items()}
 
-    def solve(weights: dict[tuple[int, int], float]) -> _Solution:
+    def solve(weights: dict[Key, float]) -> _Solution:
         return _solve(blocks, triangles, weights, columns, len(model.base_parameters), use_band)
 
-    def rms(solution: _Solution) -> dict[tuple[int, int], float]:
+    def rms(solution: _Solution) -> dict[Key, float]:
         return {key: block.residual_rms(solution.x) for key, block in blocks.items()}
 
     weights = {key: 1.0 / scales[key] for key in blocks} if len(blocks) > 1 else dict.fromkeys(blocks, 1.0)
@@ -134,12 +163,19 @@ def fit_factors(model: Model, records: Sequence[RecordFactors], banded: bool | N
     if len(blocks) > 1:
         first = rms(solution)
         least = {
-            key: max(0.0 if forced[key] else first[key] / LOAD_ROW_SHARE, SMALLEST_RESIDUAL * scales[key])
+            key: max(0.0 if forced[key] else first[key] / load_row_share, SMALLEST_RESIDUAL * scales[key])
             for key in blocks
         }
         for _ in range(ROUNDS):
             weights = {key: 1.0 / max(value, least[key]) for key, value in rms(solution).items()}
             solution = solve(weights)
+    loads = tuple(key for key in blocks if not forced[key])
+    runaways: list[Key] = []
+    if loads and len(blocks) > 1:
+        smallest = {key: SMALLEST_RESIDUAL * scale for key, scale in scales.items()}
+        probe = solve({key: 1.0 / max(value, smallest[key]) for key, value in rms(solution).items()})
+        shrunk = {key: blocks[key].terms_norm(probe.x) for key in loads}
+        runaways += [k for k in loads if shrunk[k] < RUNAWAY_SHRINKAGE * blocks[k].terms_norm(solution.x)]
     found = rms(solution)
     squares = sum(blocks[key].samples * (weights[key] * found[key]) ** 2 for key in blocks)
     measured = sum((weights[key] * block.force_norm) ** 2 for key, block in blocks.items())
@@ -150,15 +186,51 @@ def fit_factors(model: Model, records: Sequence[RecordFactors], banded: bool | N
         solution.variance,
         solution.undetermined,
         solution.condition_number,
+        solution.condition_number_raw,
         weights,
         found,
         samples,
         float(np.sqrt(squares)),
         float(np.sqrt(measured)),
+        loads,
+        tuple(runaways),
     )
 
 
-def _columns(model: Model, blocks: dict[tuple[int, int], RowFactor]) -> tuple[int, ...]:
+def refit_factors(records: Sequence[RecordFactors], fit: FactorFit, columns: Sequence[int]) -> FactorFit:
+    """Return the fit of the same weighted rows to some of its columns, with the whole inverse."""
+    blocks = {
+        (index, factor.row): factor
+        for index, record in enumerate(records)
+        for factor in record.rows
+        if (index, factor.row) in fit.weights
+    }
+    triangles = {key: block.triangle for key, block in blocks.items()}
+    solution = _solve(blocks, triangles, fit.weights, tuple(columns), len(fit.x), banded=False)
+    rms = {key: block.residual_rms(solution.x) for key, block in blocks.items()}
+    squares = sum(blocks[key].samples * (fit.weights[key] * rms[key]) ** 2 for key in blocks)
+    return replace(
+        fit,
+        columns=tuple(columns),
+        x=solution.x,
+        inverse=solution.inverse,
+        variance=solution.variance,
+        undetermined=solution.undetermined,
+        condition_number=solution.condition_number,
+        condition_number_raw=solution.condition_number_raw,
+        rms=rms,
+        residual_norm=float(np.sqrt(squares)),
+    )
+
+
+def with_inverse(records: Sequence[RecordFactors], fit: FactorFit) -> FactorFit:
+    """Return the fit with its whole inverse, which the covariance needs, unless that would be too large."""
+    if fit.inverse is not None or len(fit.columns) > MOST_COLUMNS:
+        return fit
+    return refit_factors(records, fit, fit.columns)
+
+
+def _columns(model: Model, blocks: dict[Key, RowFactor]) -> tuple[int, ...]:
     """Return the base parameters whose columns are not zero in every sample used."""
     alive = np.zeros(len(model.base_parameters), dtype=bool)
     for block in blocks.values():
@@ -167,9 +239,9 @@ def _columns(model: Model, blocks: dict[tuple[int, int], RowFactor]) -> tuple[in
 
 
 def _solve(
-    blocks: dict[tuple[int, int], RowFactor],
-    triangles: dict[tuple[int, int], FloatArray],
-    weights: dict[tuple[int, int], float],
+    blocks: dict[Key, RowFactor],
+    triangles: dict[Key, FloatArray],
+    weights: dict[Key, float],
     columns: tuple[int, ...],
     width: int,
     banded: bool,
@@ -187,7 +259,7 @@ def _solve(
         if chain.full_rank:
             x[list(columns)] = chain.x
             sure = np.zeros(len(columns), dtype=bool)
-            return _Solution(x, None, chain.variance, sure, np.nan)
+            return _Solution(x, None, chain.variance, sure, np.nan, np.nan)
     dense = np.zeros((sum(len(triangle) for triangle in weighted), len(columns) + 1))
     first = 0
     for triangle, own_columns in zip(weighted, touched, strict=True):
@@ -195,12 +267,13 @@ def _solve(
         first += len(triangle)
     found = least_squares(dense[:, :-1], dense[:, -1])
     x[list(columns)] = found.x
-    return _Solution(x, found.inverse, np.diag(found.inverse), found.undetermined, found.condition_number)
+    conditions = found.condition_number, found.condition_number_raw
+    return _Solution(x, found.inverse, np.diag(found.inverse), found.undetermined, *conditions)
 
 
 def _force_scales(
-    model: Model, records: Sequence[RecordFactors], blocks: dict[tuple[int, int], RowFactor]
-) -> dict[tuple[int, int], float]:
+    model: Model, records: Sequence[RecordFactors], blocks: dict[Key, RowFactor]
+) -> dict[Key, float]:
     """Return for every row the rms over all records of the forces, differentiated as often."""
     scale_of: dict[int, float] = {}
     for row in dict.fromkeys(row for _, row in blocks):

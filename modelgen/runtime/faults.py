@@ -102,7 +102,7 @@ def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> 
 
 def same_clock(first: FloatArray, other: FloatArray) -> bool:
     """Tell whether two columns of times are one and the same to within a thousandth of a step."""
-    if first.size != other.size or first.size < 2:
-        return np.array_equal(first, other)
+    if first.size != other.size or first.size < 2 or not np.all(np.isfinite(first)):
+        return np.array_equal(first, other, equal_nan=True)
     step = abs(float(np.median(np.diff(first)))) or 1.0
     return bool(np.max(np.abs(first - other)) <= UNIFORM * step)

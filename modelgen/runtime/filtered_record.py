@@ -34,6 +34,7 @@ class FilteredRecord:
         self._features = {feature.key: feature for feature in model.features}
         self._smooth: dict[tuple[str, int], FloatArray] = {}
         self._kept: dict[str, FloatArray] = {}
+        self._directions: dict[str, FloatArray] = {}
         self._deepest = max(signal.derivative for signal in model.signals)
         self.edge = max(self.reach(derivative) for derivative in range(self._deepest + 1))
         self.grid = self._grid(factor, drop, len(model.base_parameters))
@@ -87,10 +88,12 @@ class FilteredRecord:
         raw = self.record.signals[_channel(signal)]
         if signal.sensor is None and signal.actuator is None:
             return raw
-        order, cutoff_hz = self.choice.filter_order, self.choice.direction_cutoff_hz
-        smooth = zero_phase(raw, order, cutoff_hz, self.record.fs)
-        velocity = differentiate(smooth, self.record.dt, signal.derivative)
-        return self._without_rounding(velocity, _channel(signal), signal.derivative)
+        if key not in self._directions:
+            order, cutoff_hz = self.choice.filter_order, self.choice.direction_cutoff_hz
+            smooth = zero_phase(raw, order, cutoff_hz, self.record.fs)
+            velocity = differentiate(smooth, self.record.dt, signal.derivative)
+            self._directions[key] = self._without_rounding(velocity, _channel(signal), signal.derivative)
+        return self._directions[key]
 
     def _without_rounding(self, samples: FloatArray, channel: str, derivative: int) -> FloatArray:
         """Return zeros for a derivative that is nothing but the rounding error of its channel."""

@@ -33,10 +33,18 @@ def zero_phase(samples: FloatArray, order: int, cutoff_hz: float, fs: float) -> 
     -------
     array, shape (n,)
     """
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
-    sos = butter(order, cutoff_hz, output="sos", fs=fs)
+    sos = _butterworth(order, cutoff_hz, fs)
     return np.asarray(sosfiltfilt(sos, samples, padtype="odd", padlen=3 * order), dtype=float)
+
+
+@lru_cache(maxsize=64)
+def _butterworth(order: int, cutoff_hz: float, fs: float) -> FloatArray:
+    """Return the filter's second-order sections; designing them takes as long as filtering a short record."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(order, cutoff_hz, output="sos", fs=fs), dtype=float)
 
 
 @lru_cache(maxsize=64)
@@ -46,9 +54,9 @@ def support_samples(order: int, cutoff_hz: float, fs: float, derivative: int, to
     Beyond it the response to an impulse stays below `tolerance` times its own peak: a disturbance at one
     sample (a jump of the friction, the end of the record) is not felt farther away than this.
     """
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
-    sos = butter(order, cutoff_hz, output="sos", fs=fs)
+    sos = _butterworth(order, cutoff_hz, fs)
     half = int(np.ceil((2.0 - np.log10(tolerance)) * order * fs / cutoff_hz)) + 8 * (derivative + 1)
     impulse = np.zeros(2 * half + 1)
     impulse[half] = 1.0

@@ -1,4 +1,4 @@
-"""Fleet: records of many machines on the workers of dask.distributed; one estimate a machine, one pooled.
+"""Fleet: records of many machines on dask workers; an estimate a record, a machine and one of all.
 
 A worker turns a stretch of a record into small triangles; those of a record are joined in a tree, and only
 triangles travel. What cannot be read, and what no worker survives, costs its record and is named.
@@ -6,11 +6,8 @@ triangles travel. What cannot be read, and what no worker survives, costs its re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -18,23 +15,27 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.channels import Channels
-from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.chunk import CHUNK_SAMPLES
-from modelgen.runtime.contract import Model, model_from_text
-from modelgen.runtime.factor_fit import FactorFit, fit_factors
-from modelgen.runtime.record_factors import RecordFactors, Task, matched_task, record_factors
-from modelgen.runtime.stream import StreamEstimate, stream_choice, stream_estimate
-from modelgen.runtime.stream_covariance import (
-    BartlettSums,
-    Moments,
-    MomentSums,
-    bandwidth_of,
-    inflation,
-    influence_chunks,
+from modelgen.runtime.factor_fit import FactorFit
+from modelgen.runtime.fleet_cluster import gathered, joined_in_a_tree
+from modelgen.runtime.fleet_work import (
+    Job,
+    fit_records,
+    fleet_model,
+    kernel_sums,
+    moments_of,
+    own_fit,
+    part_factors,
+    prepare,
 )
+from modelgen.runtime.stream import StreamEstimate, stream_choice, stream_estimate
+from modelgen.runtime.stream_covariance import Moments, bandwidth_of, inflation
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None]
+Group = tuple[str, str]  # kind of an estimate ("record", "machine", "fleet") and whose it is
+
+ALL: Group = ("fleet", "")
 
 # Samples to one task: tens of milliseconds, against which the scheduler's millisecond does not count.
 TASK_SAMPLES = 4 * CHUNK_SAMPLES
@@ -62,45 +63,22 @@ class FleetEstimate:
         Record to the reason why it is in no estimate.
     refused : mapping of str to str
         Machine to the reason why it has no estimate of its own.
+    records : mapping of str to StreamEstimate
+        One of each record, in their order.
+    refused_records : mapping of str to str
+        Record to the reason why it has no estimate of its own.
+    lost : mapping of str to str
+        Record that is in the estimates, but was lost before their covariances, to the reason; these estimates
+        have printed standard deviations only, and no covariance.
     """
 
     machines: Mapping[str, StreamEstimate]
     pooled: StreamEstimate
     failed: Mapping[str, str]
     refused: Mapping[str, str]
-
-
-@contextmanager
-def fleet_client(scheduler: str | None = None, workers: int | None = None) -> Iterator[Any]:
-    """Yield a client of the scheduler at an address, or of a local cluster with one process a core.
-
-    Raises
-    ------
-    DataError
-        When dask.distributed is not installed, or no scheduler answers.
-    """
-    try:
-        distributed: Any = import_module("distributed")
-    except ImportError as error:
-        remedy = "get it with: pip install 'modelgen[fleet]'"
-        raise DataError.at("fleet", "needs dask.distributed, which is not installed", remedy) from error
-    if scheduler is not None:
-        try:
-            with distributed.Client(scheduler, timeout=10) as client:
-                yield client
-        except (OSError, TimeoutError) as error:
-            remedy = "start one with: dask scheduler"
-            raise DataError.at(f"--scheduler {scheduler}", f"does not answer ({error})", remedy) from error
-        return
-    # one BLAS thread a worker: the workers are the threads
-    environment = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    with (
-        distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, env=environment
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        yield client
+    records: Mapping[str, StreamEstimate]
+    refused_records: Mapping[str, str]
+    lost: Mapping[str, str]
 
 
 def identify_fleet(
@@ -114,12 +92,12 @@ def identify_fleet(
     task_samples: int = TASK_SAMPLES,
     progress: Progress | None = None,
 ) -> FleetEstimate:
-    """Identify the parameters of every machine, and those that suit all.
+    """Identify the parameters of every record, of every machine, and those that suit all.
 
     Parameters
     ----------
     client : distributed.Client
-        See `fleet_client`.
+        See `modelgen.runtime.fleet_cluster.fleet_client`.
     module_text : str
         Text of the generated module; the workers execute it.
     records : sequence of FleetRecord
@@ -129,12 +107,12 @@ def identify_fleet(
     task_samples : int
         Samples to one task; changes the speed only.
     progress : callable, optional
-        Called with a few words as records are done.
+        Called with a few words before each step.
 
     Raises
     ------
     DataError
-        When records share a name, or none could be used.
+        When records share a name, none could be used, or no worker is left.
     IdentifiabilityError
         When all records together answer none of the parameters.
     """
@@ -143,176 +121,96 @@ def identify_fleet(
     if twice is not None:
         raise DataError.at(twice, "names two records", "give every record a name of its own")
     say = progress or (lambda _: None)
-    model = _model(module_text)
+    model = fleet_model(module_text)
     sources = [record.source for record in records]
     choice = stream_choice(model, sources, cutoff_hz, filter_order, decimation, direction_cutoff_hz)
     jobs = [
-        _Job(module_text, source, replace(choice, decimation=(factor,)), task_samples)
+        Job(module_text, source, replace(choice, decimation=(factor,)), task_samples)
         for source, factor in zip(sources, choice.decimation, strict=True)
     ]
-    tasks = {name: client.submit(_prepared, job, pure=False) for name, job in zip(names, jobs, strict=True)}
-    roots = {
-        name: _tree(client, [client.submit(_part, tasks[name], part, pure=False) for part in job.parts()])
-        for name, job in zip(names, jobs, strict=True)
-    }
-    factors, failed = _gathered(roots, say, "filtering")
+    tasks = {name: client.submit(prepare, job, pure=False) for name, job in zip(names, jobs, strict=True)}
+    roots = {}
+    for name, job in zip(names, jobs, strict=True):
+        parts = [client.submit(part_factors, tasks[name], part, pure=False) for part in job.parts()]
+        roots[name] = joined_in_a_tree(client, parts)
+    say("filtering the records")
+    factors, failed = gathered(roots, "records filtered")
     if not factors:
         raise DataError.at("records", "none could be used: " + "; ".join(failed.values()), "see the reasons")
-    groups: dict[str, list[str]] = {}
-    for record in records:
-        if record.source.name in factors:
-            groups.setdefault(record.machine, []).append(record.source.name)
-    fits: dict[str, FactorFit] = {}
+    own = {name: client.submit(own_fit, module_text, roots[name], pure=False) for name in factors}
+    own_fits, refused_records = gathered(own, "records solved")
+    groups = _groups([record for record in records if record.source.name in factors])
+    fits: dict[Group, FactorFit] = {("record", name): fit for name, fit in own_fits.items()}
     refused: dict[str, str] = {}
-    for machine, members in groups.items():
+    for group, members in groups.items():
         try:
-            fits[machine] = fit_factors(model, [factors[name] for name in members])
+            fits[group] = fit_records(model, [factors[name] for name in members])
         except ModelgenError as error:
-            refused[machine] = str(error)
-    pooled_members = list(factors)
-    pooled = fit_factors(model, list(factors.values()))
-    pairs = [(machine, fit, groups[machine]) for machine, fit in fits.items()]
-    pairs.append(("", pooled, pooled_members))
-    spread = _covariances(client, pairs, tasks, say)
-    machines = {
-        machine: stream_estimate(model, [factors[name] for name in members], fit, spread[machine])
-        for machine, fit, members in pairs[:-1]
+            if group == ALL:
+                raise
+            refused[group[1]] = str(error)
+    groups |= {("record", name): [name] for name in own_fits}
+    say("finding covariances")
+    spread, lost = _covariances(client, {group: (fit, groups[group]) for group, fit in fits.items()}, tasks)
+    estimates = {
+        group: stream_estimate(model, [factors[name] for name in groups[group]], fit, spread[group])
+        for group, fit in fits.items()
     }
-    all_records = [factors[name] for name in pooled_members]
-    return FleetEstimate(machines, stream_estimate(model, all_records, pooled, spread[""]), failed, refused)
-
-
-@dataclass(frozen=True, eq=False)
-class _Job:
-    """What a worker needs to know of a record."""
-
-    module_text: str
-    source: Channels
-    choice: FilterChoice
-    task_samples: int
-
-    def parts(self) -> range:
-        return range(max(1, -(-self.source.n // self.task_samples)))
-
-
-@lru_cache(maxsize=8)
-def _model(text: str) -> Model:
-    return model_from_text(text, "fleet")
-
-
-@dataclass(frozen=True, eq=False)
-class _Prepared:
-    """A job and the grid and survey of its record: what is found once for all its parts."""
-
-    job: _Job
-    task: Task
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # a module does not travel, its text does
-        return _again, (self.job, self.task.grid, self.task.survey)
-
-
-def _again(job: _Job, grid: range, survey: Any) -> _Prepared:
-    task = _task(job, survey)
-    return _Prepared(job, replace(task, grid=grid))
-
-
-def _prepared(job: _Job) -> _Prepared:
-    return _Prepared(job, _task(job, None))
-
-
-def _task(job: _Job, survey: Any) -> Task:
-    return matched_task(
-        _model(job.module_text), job.source, job.choice, job.choice.decimation[0], survey=survey
+    return FleetEstimate(
+        {name: found for (kind, name), found in estimates.items() if kind == "machine"},
+        estimates[ALL],
+        failed,
+        refused,
+        {name: found for (kind, name), found in estimates.items() if kind == "record"},
+        refused_records,
+        lost,
     )
 
 
-def _part(prepared: _Prepared, index: int) -> RecordFactors:
-    """Return the factors of one part of a record's grid, cut at whole blocks."""
-    task = prepared.task
-    parts = len(prepared.job.parts())
-    step = -(-len(task.grid) // parts)
-    block = task.plan.feature_operator.block
-    step = -(-step // block) * block
-    mine = task.grid[index * step : (index + 1) * step]
-    return record_factors(replace(task, grid=mine))
-
-
-def _tree(client: Any, parts: list[Any]) -> Any:
-    """Return the future of all parts joined, two by two."""
-    while len(parts) > 1:
-        joined = [
-            client.submit(RecordFactors.joined, a, b, pure=False)
-            for a, b in zip(parts[::2], parts[1::2], strict=False)
-        ]
-        parts = joined + parts[2 * len(joined) :]
-    return parts[0]
-
-
-def _gathered(futures: Mapping[str, Any], say: Progress, what: str) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the results in the order of the records, and the reasons of those that have none."""
-    results, failed = {}, {}
-    for done, (name, future) in enumerate(futures.items(), start=1):
-        try:
-            results[name] = future.result()
-        except ModelgenError as error:
-            failed[name] = str(error)
-        except Exception as error:  # whatever a worker died of
-            failed[name] = f"{name}: was lost ({type(error).__name__}: {error}); run it again by itself"
-        say(f"{what}: {done} of {len(futures)} records")
-    return results, failed
+def _groups(records: Sequence[FleetRecord]) -> dict[Group, list[str]]:
+    """Return the names of the records of each machine, and of all."""
+    groups: dict[Group, list[str]] = {}
+    for record in records:
+        groups.setdefault(("machine", record.machine), []).append(record.source.name)
+    groups[ALL] = [record.source.name for record in records]
+    return groups
 
 
 def _covariances(
-    client: Any,
-    fits: Sequence[tuple[str, FactorFit, list[str]]],
-    tasks: Mapping[str, Any],
-    say: Progress,
-) -> dict[str, FloatArray | None]:
-    """Return the HAC covariance of each fit; None without a whole inverse, or where a record was lost."""
-    wanted = [(machine, fit, members) for machine, fit, members in fits if fit.inverse is not None]
-    uses: dict[str, list[tuple[str, FactorFit, int]]] = {}
-    for machine, fit, members in wanted:
-        for index, name in enumerate(members):
-            uses.setdefault(name, []).append((machine, fit, index))
-    pairs = {name: [(fit, index) for _, fit, index in own] for name, own in uses.items()}
-    first = {name: client.submit(_moments, tasks[name], own, pure=False) for name, own in pairs.items()}
-    found, _ = _gathered(first, say, "covariances, first pass")
-    moments_of = {
-        machine: [_of(machine, uses[name], found[name]) for name in members if name in found]
-        for machine, _, members in wanted
-    }
-    widths = {machine: bandwidth_of(own) if own else 1.0 for machine, own in moments_of.items()}
-    second = {
-        name: client.submit(
-            _sums, tasks[name], pairs[name], [widths[machine] for machine, _, _ in own], pure=False
-        )
-        for name, own in uses.items()
-    }
-    sums, _ = _gathered(second, say, "covariances, second pass")
-    result: dict[str, FloatArray | None] = {machine: None for machine, _, _ in fits}
-    for machine, fit, members in wanted:
-        own_sums = [_of(machine, uses[name], sums[name]) for name in members if name in sums]
-        if len(own_sums) == len(moments_of[machine]) == len(members):
-            result[machine] = np.sum(own_sums, axis=0) * inflation(fit, moments_of[machine])
-    return result
+    client: Any, fits: Mapping[Group, tuple[FactorFit, list[str]]], tasks: Mapping[str, Any]
+) -> tuple[dict[Group, FloatArray | None], dict[str, str]]:
+    """Return the HAC covariance of each fit, and the records that were lost on the way, with the reason.
 
-
-def _of(machine: str, uses: list[tuple[str, FactorFit, int]], values: list[Any]) -> Any:
-    return next(value for (name, _, _), value in zip(uses, values, strict=True) if name == machine)
-
-
-def _moments(prepared: _Prepared, fits: list[tuple[FactorFit, int]]) -> list[Moments]:
-    sums = [MomentSums(len(fit.columns)) for fit, _ in fits]
-    for found in influence_chunks(fits, prepared.task):
-        for one, psi in zip(sums, found, strict=True):
-            one.add(psi)
-    return [one.result() for one in sums]
-
-
-def _sums(prepared: _Prepared, fits: list[tuple[FactorFit, int]], widths: list[float]) -> list[FloatArray]:
-    sums = [BartlettSums(len(fit.columns), width) for (fit, _), width in zip(fits, widths, strict=True)]
-    for found in influence_chunks(fits, prepared.task):
-        for one, psi in zip(sums, found, strict=True):
-            one.add(psi)
-    return [one.result() for one in sums]
+    There is none without a whole inverse, nor where a record was lost.
+    """
+    # groups of the same records have the same fit: a machine with one record, a fleet of one machine
+    chosen = {tuple(members): group for group, (_, members) in list(fits.items())[::-1]}
+    uses: dict[str, dict[Group, tuple[FactorFit, int]]] = {}
+    for same_members, group in chosen.items():
+        if fits[group][0].inverse is not None:
+            for index, name in enumerate(same_members):
+                uses.setdefault(name, {})[group] = fits[group][0], index
+    moments, lost = gathered(
+        {n: client.submit(moments_of, tasks[n], list(own.values()), pure=False) for n, own in uses.items()},
+        "covariances, first pass",
+    )
+    own_moments: dict[Group, list[Moments]] = {}
+    for name, found in moments.items():
+        for group, one in zip(uses[name], found, strict=True):
+            own_moments.setdefault(group, []).append(one)
+    widths = {group: bandwidth_of(own) for group, own in own_moments.items()}
+    second = {}
+    for name in moments:
+        own_fits, own_widths = list(uses[name].values()), [widths[group] for group in uses[name]]
+        second[name] = client.submit(kernel_sums, tasks[name], own_fits, own_widths, pure=False)
+    sums, also_lost = gathered(second, "covariances, second pass")
+    sums_of: dict[Group, list[FloatArray]] = {}
+    for name, totals in sums.items():
+        for group, total in zip(uses[name], totals, strict=True):
+            sums_of.setdefault(group, []).append(total)
+    result: dict[Group, FloatArray | None] = {}
+    for group, (fit, members) in fits.items():
+        same = chosen[tuple(members)]
+        whole = len(sums_of.get(same, [])) == len(members)
+        result[group] = np.sum(sums_of[same], axis=0) * inflation(fit, own_moments[same]) if whole else None
+    return result, lost | also_lost

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError
 from modelgen.runtime.crossing import LARGEST_NORM, power_series, value_at
-from modelgen.runtime.friction_mode import CoulombBody, FrictionSystem, Mode, ModeMotion
+from modelgen.runtime.friction_mode import CoulombBody, CubicForce, FrictionSystem, Mode, ModeMotion
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -71,6 +71,9 @@ class Flow:
             bodies=tuple(
                 CoulombBody(body.velocity, body.inertia / step_s**2, body.plus, body.minus)
                 for body in system.bodies
+            ),
+            springs=tuple(
+                CubicForce(spring.deflection / self.scale, rate * spring.push) for spring in system.springs
             ),
         )
         self._motions: dict[Mode, ModeMotion] = {}

@@ -12,6 +12,7 @@ from modelgen.runtime.channel_units import split_name
 from modelgen.runtime.data import Record
 from modelgen.runtime.read import read
 from modelgen.runtime.source import Columns, Source, is_time_name
+from modelgen.runtime.time_stamps import elapsed_s
 
 
 def record_from_frame(
@@ -47,8 +48,11 @@ def record_from_frame(
         units["time"] = "s"
     for title in frame.columns:
         column, unit = split_name(str(title))
-        columns[column] = np.asarray(frame[title])
-        if unit:
+        values = _values(frame[title])
+        columns[column] = elapsed_s(values)
+        if values.dtype.kind in "mM":
+            units[column] = "s"
+        elif unit:
             units[column] = unit
 
     def load(names: Sequence[str]) -> Columns:
@@ -58,12 +62,16 @@ def record_from_frame(
     return read(source, mapping, scales, fs, time, mend=mend).record
 
 
+def _values(column: Any) -> np.ndarray[Any, np.dtype[Any]]:
+    """Return a column or index; times with a zone would become objects."""
+    zoned = getattr(column.dtype, "tz", None) is not None
+    return np.asarray(column, dtype="datetime64[ns]" if zoned else None)
+
+
 def _index_seconds(index: Any) -> np.ndarray[Any, np.dtype[np.float64]] | None:
     """Return the index as times in s, or None where it only counts rows."""
-    values = np.asarray(index)
-    if values.dtype.kind == "M":
-        values = values - values[0]
-    if values.dtype.kind == "m":
-        return np.asarray(values / np.timedelta64(1, "ns"), dtype=float) * 1e-9
+    values = _values(index)
+    if values.dtype.kind in "mM":
+        return elapsed_s(values)
     named = index.name is not None and is_time_name(str(index.name))
     return values.astype(float) if named and values.dtype.kind in "iuf" else None

@@ -33,8 +33,18 @@ class CoulombBody:
 
 
 @dataclass(frozen=True, eq=False)
+class CubicForce:
+    """Adds push (deflection . x)^3 to x'; both have the shape of x, `deflection` is of positions only."""
+
+    deflection: FloatArray
+    push: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class FrictionSystem:
-    """x' = A(mode) x + B w + drift - Coulomb friction / inertia; x is n positions, their n velocities, lags.
+    """x' = A(mode) x + B w + drift - Coulomb friction / inertia + springs.
+
+    x is n positions, their n velocities, then lags.
 
     Parameters
     ----------
@@ -49,6 +59,8 @@ class FrictionSystem:
         May be empty.
     lags : int
         Number of states after positions and velocities: forces that follow a command late.
+    springs : tuple of CubicForce
+        Forces of springs that harden or soften, added to x'.
     """
 
     matrix: Callable[[Mode], FloatArray]
@@ -56,6 +68,7 @@ class FrictionSystem:
     drift: FloatArray
     bodies: tuple[CoulombBody, ...]
     lags: int = 0
+    springs: tuple[CubicForce, ...] = ()
 
     def scale(self, step_s: float) -> FloatArray:
         """Return what turns x from SI to time units of steps, shape of x: velocities become per step."""
@@ -87,7 +100,7 @@ class ModeMotion:
 
     def __init__(self, system: FrictionSystem, mode: Mode) -> None:
         self.mode = mode
-        self._bodies = system.bodies
+        self._bodies, self._springs = system.bodies, system.springs
         nx, m = system.B.shape
         self._nx, self._m = nx, m
         A, drift = system.matrix(mode), system.drift.copy()
@@ -190,5 +203,8 @@ class ModeMotion:
 
     def mode_at_rest(self, body: int, z: FloatArray) -> int:
         """Return the mode of a body whose velocity is zero: the net force on it decides."""
-        force = float(self.free[body] @ z) * self._bodies[body].inertia
+        pull = float(self.free[body] @ z)
+        for spring in self._springs:
+            pull += spring.push[self._bodies[body].velocity] * float(spring.deflection @ z[: self._nx]) ** 3
+        force = pull * self._bodies[body].inertia
         return int(force > self._bodies[body].plus) - int(force < -self._bodies[body].minus)

@@ -9,7 +9,7 @@ kept are ever computed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,8 +17,11 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError
 from modelgen.runtime.allpass import allpass_states, responses
+from modelgen.runtime.block_product import BlockProduct
+from modelgen.runtime.block_tables import block_tables
+from modelgen.runtime.compiled import wanted
 from modelgen.runtime.derivatives import EIGHTH_ORDER
-from modelgen.runtime.scan import Scan, choose_scan
+from modelgen.runtime.loop_blocks import LoopBlocks, compiled_run, loop_blocks
 from modelgen.runtime.two_sided import Sections, kernel_reach, kernels
 
 FloatArray = npt.NDArray[np.float64]
@@ -30,8 +33,6 @@ STATE_TOLERANCE = 1e-11
 # A block of this many samples balances the product within blocks against the states between them.
 BLOCK = 80
 FULL_RATE_BLOCK = 32
-# Samples worked on at a time: a panel and what is made of it stay in the cache.
-PANEL = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,79 +41,60 @@ class FusedOperator:
 
     Attributes
     ----------
-    factor : int
-        Every factor-th sample is kept.
     derivatives : tuple of int
         Orders of the derivatives, in the order of the columns returned.
     reach : int
         Samples on each side of a kept one that are felt in it (above `REACH_TOLERANCE`).
     error : float
         Largest share of a kernel's peak by which states and kernel differ.
-    block : int
-        Samples in a block; the first kept one is at `lead`.
-    before, after : int
-        Samples beside a block that the differences reach past the states.
-    gather, gather_back : array, shape (block, states)
-        What the samples of a block add to the state that runs forward, and to the one that runs backward.
-    powers : array, shape (levels, states, states)
-        Transposed transition over 1, 2, 4, ... blocks.
-    spread : array, shape (before + block + after + 2 * states, kept in a block * derivatives)
-        Samples and states -> samples kept.
-    scan : callable
-        Carries the states from block to block.
+    blocks : BlockProduct or LoopBlocks
+        The tables, and the code that uses them.
     """
 
-    factor: int
     derivatives: tuple[int, ...]
     reach: int
     error: float
-    block: int
-    lead: int
-    before: int
-    after: int
-    gather: FloatArray
-    gather_back: FloatArray
-    powers: FloatArray
-    spread: FloatArray
-    scan: Scan
+    blocks: BlockProduct | LoopBlocks
 
-    def apply(self, samples: FloatArray, start: int, count: int) -> FloatArray:
+    @property
+    def factor(self) -> int:
+        """Every factor-th sample is kept."""
+        return self.blocks.tables.factor
+
+    @property
+    def block(self) -> int:
+        """Samples in a block."""
+        return self.blocks.tables.block
+
+    @property
+    def margins(self) -> tuple[int, int]:
+        """Samples before the first and behind the last one kept that `apply` looks at: whole blocks."""
+        tables = self.blocks.tables
+        beside = tables.halo * tables.block
+        return tables.lead + tables.before + beside, tables.block + tables.after + beside
+
+    def apply(self, samples: FloatArray, start: int, count: int, signs: bool = False) -> FloatArray:
         """Return the derivatives at the samples start, start + factor, ..., shape (count, derivatives).
 
         Parameters
         ----------
         samples : array, shape (n,)
-            Zero outside; results within `reach` of an end feel that.
+            Zero outside, which is felt within `reach` of an end; no copy is made with `margins` beside
+            those kept.
         start, count : int
             First sample kept, and how many; they may lie outside.
+        signs : bool
+            Whether the signs of the samples take their place.
         """
-        kept_in_block = self.block // self.factor
-        out = np.empty((-(-count // kept_in_block) * kept_in_block, len(self.derivatives)))
-        # halos are read twice, so a panel is long against them
-        panels = max(1, round(count * self.factor / max(PANEL, 16 * self.reach)))
-        blocks = -(-len(out) // (kept_in_block * panels))
-        for first in range(0, len(out), blocks * kept_in_block):
-            panel = out[first : first + blocks * kept_in_block]
-            self._panel(samples, start + first * self.factor - self.lead, panel)
-        return out[:count]
+        return self.checked(samples, start, count, signs)[0]
 
-    def _panel(self, samples: FloatArray, origin: int, out: FloatArray) -> None:
-        """Fill in consecutive blocks; the first begins at sample `origin`."""
-        block, count, states = self.block, len(out) * self.factor // self.block, self.powers.shape[1]
-        halo = -(-self.reach // block)
-        first, last = origin - self.before, origin + count * block + self.after
-        behind = window(samples, first - halo * block, first + (count - 1) * block)
-        forward = behind.reshape(-1, block) @ self.gather
-        ahead = window(samples, origin + self.after + block, last + halo * block)
-        backward = ahead.reshape(-1, block) @ self.gather_back
-        self.scan(forward, backward, self.powers)
-        wide = block + self.before + self.after
-        body = window(samples, first, last)
-        near = body.reshape(count, block) if wide == block else _overlapping(body, block, wide)
-        flat = out.reshape(count, -1)
-        np.matmul(near, self.spread[:wide], out=flat)
-        flat += forward[halo - 1 :] @ self.spread[wide : wide + states]
-        flat += backward[:count] @ self.spread[wide + states :]
+    def checked(
+        self, samples: FloatArray, start: int, count: int, signs: bool = False
+    ) -> tuple[FloatArray, float]:
+        """Return the same, and the largest absolute sample used: not finite if one of them is not."""
+        tables = self.blocks.tables
+        found, largest = self.blocks.apply(samples, start - tables.lead, -(-count // tables.kept), signs)
+        return found[:count], largest
 
 
 @lru_cache(maxsize=128)
@@ -148,8 +130,10 @@ def fused_operator(
     Raises
     ------
     DataError
-        When the response is too long, or its states would not be accurate to `STATE_TOLERANCE`.
+        When the response is too long, or its states would not be accurate to `STATE_TOLERANCE`; when `fast`
+        is true and numba cannot be imported.
     """
+    loops = None if fast is False else wanted(fast, compiled_run())
     orders = derivatives
     table = kernels(np.asarray(sos, dtype=float), orders, stencil)
     A, b = allpass_states(np.asarray(sos, dtype=float))
@@ -163,80 +147,10 @@ def fused_operator(
         what = f"has poles whose states are accurate to {error:.1g} of its response only"
         raise DataError.at("filter", what, "give a higher cut-off frequency")
     table[:, middle + 1 :] = smooth  # the kernel without the rounding of its transform
-    scale = fs ** np.array(orders, dtype=float)
+    reach = kernel_reach(table, REACH_TOLERANCE)
     size = block or (FULL_RATE_BLOCK if factor == 1 else BLOCK)
     size = -(-size // factor) * factor
-    lead = factor // 2
-    last = lead + (size // factor - 1) * factor
-    before, after = max(0, middle - lead), max(0, middle - (size - 1 - last))
-    hops = _powers(A, size)
-    one_sample = responses(A, b, size)
-    spread = _spread(table, tails, A, orders, (factor, size, lead, middle, before, after))
-    return FusedOperator(
-        factor=factor,
-        derivatives=orders,
-        reach=kernel_reach(table, REACH_TOLERANCE),
-        error=error,
-        block=size,
-        lead=lead,
-        before=before,
-        after=after,
-        gather=one_sample[::-1].copy(),
-        gather_back=one_sample,
-        powers=hops,
-        scan=choose_scan(fast),
-        spread=(spread.reshape(len(spread), -1, len(orders)) * scale).reshape(len(spread), -1),
-    )
-
-
-def window(samples: FloatArray, start: int, stop: int) -> FloatArray:
-    """Return samples[start:stop] with zeros where it lies outside; a view where it does not."""
-    if start >= 0 and stop <= len(samples):
-        return samples[start:stop]
-    padded = np.zeros(stop - start)
-    low, high = min(max(start, 0), len(samples)), max(min(stop, len(samples)), 0)
-    if high > low:
-        padded[low - start : high - start] = samples[low:high]
-    return padded
-
-
-def _overlapping(body: FloatArray, block: int, wide: int) -> FloatArray:
-    """Return blocks with their margins, copied, because a matrix product wants lines that do not overlap."""
-    return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(body, wide)[::block])
-
-
-def _powers(A: FloatArray, block: int) -> FloatArray:
-    """Return the transposes of A^block, A^(2 block), ... down to rounding, shape (levels, states, states)."""
-    power = np.linalg.matrix_power(A, block).T
-    found = [power]
-    while np.linalg.norm(power := power @ power) > REACH_TOLERANCE:
-        found.append(power)
-    return np.stack(found)
-
-
-def _spread(
-    table: FloatArray,
-    tails: FloatArray,
-    A: FloatArray,
-    orders: tuple[int, ...],
-    layout: tuple[int, int, int, int, int, int],
-) -> FloatArray:
-    """Return the matrix from a block, its margins and both states to the samples kept, for dt = 1."""
-    factor, size, lead, middle, before, after = layout
-    sign = np.where(np.array(orders) % 2 == 0, 1.0, -1.0)
-    kept = lead + factor * np.arange(size // factor)
-    place = np.arange(-before, size + after)
-    lag = kept[None, :] - place[:, None]
-    near = table[:, np.abs(lag)]
-    near[:, lag < 0] *= sign[:, None]
-    # a sample j places beyond the forward margin is at lag kept + before + 1 + j
-    ahead = [tails @ np.linalg.matrix_power(A, int(t) + before - middle) for t in kept]
-    behind = [
-        sign[:, None] * (tails @ np.linalg.matrix_power(A, size - 1 - int(t) + after - middle)) for t in kept
-    ]
-    rows = [
-        near.transpose(1, 2, 0),
-        np.stack(ahead).transpose(2, 0, 1),
-        np.stack(behind).transpose(2, 0, 1),
-    ]
-    return np.concatenate(rows).reshape(-1, len(kept) * len(orders))
+    tables = block_tables(table, tails, (A, b), orders, reach, factor, size, middle)
+    tables = replace(tables, spread=tables.spread * fs ** np.array(orders, dtype=float))
+    blocks = BlockProduct(tables) if loops is None else loop_blocks(tables, loops)
+    return FusedOperator(orders, reach, error, blocks)

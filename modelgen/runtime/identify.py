@@ -9,22 +9,44 @@ from types import ModuleType
 
 import numpy as np
 
-from modelgen.errors import DataError, IdentifiabilityError, Problem
+from modelgen.errors import DataError, Problem
 from modelgen.runtime.alignment import aligned
 from modelgen.runtime.beside import Loop
+from modelgen.runtime.bounds import bound_reasons
 from modelgen.runtime.choose import FilterChoice, choose_filter
 from modelgen.runtime.contract import Model, model_from_module
 from modelgen.runtime.data import Record, missing_name
 from modelgen.runtime.delays import advanced
 from modelgen.runtime.direction_sources import direction_problems, wanted_directions, with_directions
-from modelgen.runtime.drift import FARTHER_FACTORS, cutoff_drift, load_row_drift, other_cutoffs
+from modelgen.runtime.drift import (
+    FARTHER_FACTORS,
+    cutoff_drift,
+    direction_drift,
+    load_row_drift,
+    other_cutoffs,
+)
 from modelgen.runtime.estimate import Estimate
+from modelgen.runtime.examine import (
+    Extras,
+    all_refused,
+    bias_of,
+    examine,
+    judge_held_out,
+    late_refusals,
+    more_than_noise,
+    periods_found,
+    refusals,
+    scanned,
+)
 from modelgen.runtime.friction_asymmetry import asymmetries, asymmetry_notes
-from modelgen.runtime.identifiability import not_identifiable
+from modelgen.runtime.hold_out import split
 from modelgen.runtime.judge import Solved, judge
 from modelgen.runtime.methods import METHODS, Job
 from modelgen.runtime.model_error import disagreement_notes, disagreements, significant_drift
 from modelgen.runtime.pairing import PAPER, rows_for_tags
+from modelgen.runtime.periods import periods_of
+from modelgen.runtime.suspicions import suspicions, told_on_failure
+from modelgen.runtime.treatment import check_treatment, treat, unweighted
 from modelgen.runtime.wls import Fit
 
 Progress = Callable[[str], None]
@@ -49,6 +71,12 @@ def identify(
     delays: Mapping[str, float] | str | None = None,
     held: Sequence[str] = (),
     loop: Loop | None = None,
+    period_s: float | Mapping[str, float] | str | None = None,
+    keep: Sequence[str] = (),
+    hold_out: Sequence[str] | str | float | None = None,
+    scan_cutoffs: Sequence[float] | str | None = None,
+    robust: str | None = None,
+    bounds: str | None = None,
     progress: Progress | None = None,
 ) -> Estimate:
     """Identify the parameters of a model from measured records.
@@ -63,7 +91,7 @@ def identify(
         "wls": every signal through the same zero-phase filter, weighted least squares. "iv": instrumental
         variables on the same rows, free of the bias that noise of the sensors gives least squares, with the
         delays of forces estimated. "pham2002": the paper to the letter, for comparison; biased where its
-        filter reaches into the dynamics.
+        filter reaches into the dynamics. "tls": total least squares on the rows of "wls", for comparison too.
     cutoff_hz, filter_order, decimation, direction_cutoff_hz : optional
         Taken as given; otherwise chosen from the records, see `modelgen.runtime.choose`. Frequencies in Hz.
     drop : int, optional
@@ -74,10 +102,10 @@ def identify(
         Degrees of freedom of the residual in eq. (11): "r-c" as printed, or "r-1", with which the published
         standard deviations of the EMPS bench come out.
     drift_check : bool
-        With "wls", fit again at 0.7 and 1.4 times the cut-off, and with half and twice the weight of rows
-        without a force; add to the covariance how far the estimate drifts: what noise in the sensors and
-        missing dynamics do to it shows there, not in the residual. With "iv" only what noise does not explain
-        counts: it is model error.
+        With "wls", fit again at 0.7 and 1.4 times the cut-off, with twice the cut-off of directions, and with
+        half and twice the weight of rows without a force; add to the covariance how far the estimate drifts,
+        and how far noise of the sensors pulls it: no residual shows what noise in the columns and missing
+        dynamics do. With "iv" only what noise does not explain counts: it is model error.
     rows_for_tag : mapping of str to sequence of str, or "pham2002", optional
         Rows (by name) that records of a tag may feed; records of other tags feed all rows. "pham2002" is the
         paper's pairing: differentiated rows from records tagged ``chirp``, the others from ``trapezoid``.
@@ -91,6 +119,19 @@ def identify(
     loop : Loop, optional
         The controller at work during the records. With a channel ``reference`` in the records, "iv" simulates
         the closed loop; otherwise it follows the measured force.
+    period_s : float, mapping of str to float or "none", optional
+        Period of the excitation in s, of all records or by name; found in the forces if not given. Where all
+        records are periodic, the spread over periods gives a third covariance.
+    keep : sequence of str
+        Base parameters that pruning spares, and that get a number in spite of a doubt; see `Checks`.
+    hold_out : str, sequence of str or float, optional
+        Records (by name), or the share at the end of every record, that the estimate must explain unseen.
+    scan_cutoffs : sequence of float or "auto", optional
+        Cut-offs in Hz to estimate with as well; "auto" tries some cut-offs and orders around the chosen ones.
+    robust : "huber", optional
+        Samples with large residuals weigh less (`modelgen.runtime.huber`); with "wls" and "iv".
+    bounds : "physical", optional
+        Keep inertia, stiffness, damping and friction from being negative, and tell what that costs.
     progress : callable, optional
         Called with a few words before each step.
 
@@ -109,37 +150,46 @@ def identify(
     given = (records,) if isinstance(records, Record) else tuple(records)
     model = model if isinstance(model, Model) else model_from_module(model)
     _check(model, given, method, drop, prune_percent, residual_dof, directions or {}, rows_for_tag)
+    check_treatment(method, robust, bounds)
     chosen = METHODS[method]
+    periods = periods_of(model, given, period_s)
+    given, unseen = split(given, hold_out, periods)
     say("choosing filters")
-    choice = choose_filter(
-        model,
-        given,
-        cutoff_hz=cutoff_hz,
-        filter_order=filter_order,
-        decimation=decimation,
-        direction_cutoff_hz=direction_cutoff_hz,
-        matched=chosen.matched,
-    )
+    doubts = suspicions(model, given)
+    with told_on_failure(doubts):
+        choice = choose_filter(
+            model,
+            given,
+            cutoff_hz=cutoff_hz,
+            filter_order=filter_order,
+            decimation=decimation,
+            direction_cutoff_hz=direction_cutoff_hz,
+            matched=chosen.matched,
+        )
     given = with_directions(model, given, directions or {}, choice.direction_cutoff_hz)
     given, late = aligned(model, given, delays, held, chosen.consistent)
+    unseen = with_directions(model, unseen, directions or {}, choice.direction_cutoff_hz)
+    unseen = aligned(model, unseen, delays, held, chosen.consistent)[0]
     job = Job(model, given, choice, drop or 0, rows_for_tags(model, rows_for_tag), loop, late)
     say("filtering and solving")
-    observation, fit = chosen.run(job)
-    refused = not_identifiable(model, given, choice, fit)
-    if all(name in refused for name in fit.columns):
-        remedy = "record another motion, or sense more"
-        raise IdentifiabilityError(*(Problem(name, reason, remedy) for name, reason in refused.items()))
+    with told_on_failure(doubts):
+        observation, plain = chosen.run(job)
+        refused, advice = refusals(model, given, choice, plain, keep)
+        if all(name in refused for name in plain.columns):
+            raise all_refused(refused)
+    advice = (*doubts, *advice)
+    fit, treatment, cost = treat(plain, model, robust, bounds)
+    as_measured = unweighted(fit, plain)
     drift = np.zeros((len(fit.columns), len(fit.columns)))
+    lowest_fs = min(record.fs for record in given)
+    found_late = {channel: delay for channel, delay, _ in fit.delays}
+    moved = tuple(advanced(record, found_late) for record in given)
+
+    def again(other: FilterChoice) -> Fit:
+        return treatment(chosen.run(replace(job, records=moved, late=(), choice=other, start=plain))[1])
+
     if drift_check and chosen.matched:
         say("changing cut-off and weights")
-        lowest_fs = min(record.fs for record in given)
-
-        found_late = {channel: delay for channel, delay, _ in fit.delays}
-        moved = tuple(advanced(record, found_late) for record in given)
-
-        def again(other: FilterChoice) -> Fit:
-            return chosen.run(replace(job, records=moved, late=(), choice=other))[1]
-
         if chosen.consistent:
             others = other_cutoffs(choice, lowest_fs, again)
             found = disagreements(fit, choice, others)
@@ -151,13 +201,35 @@ def identify(
             notes = disagreement_notes(found, fit.columns, told)
             fit = replace(fit, notes=fit.notes + notes)
         else:
-            drift += cutoff_drift(fit, choice, lowest_fs, again) + load_row_drift(fit, observation)
+            kept = np.ix_(*2 * ([plain.columns.index(name) for name in fit.columns],))
+            drift += cutoff_drift(fit, choice, lowest_fs, again)
+            if model.direction_keys:
+                drift += direction_drift(fit, choice, lowest_fs, again)
+            if chosen.finish is None:
+                drift += load_row_drift(plain, observation)[kept]
+    extras = Extras(
+        periods_found(fit, given, choice, periods),
+        judge_held_out(
+            job, method, as_measured, refused, [advanced(one, found_late) for one in unseen], treatment
+        ),
+        scanned(fit, choice, given, scan_cutoffs, again, refused, say),
+        cost,
+        bias_of(chosen, job, as_measured) if drift_check else None,
+    )
+    drift += more_than_noise(fit, extras)
+    refused = late_refusals(fit, refused, drift, keep, extras.bias)
     say("judging the fit")
     if chosen.matched:
-        asymmetric = asymmetries(fit, model, given, choice, drop or 0, refused)
+        asymmetric = asymmetries(plain, model, given, choice, drop or 0, refused)
         fit = replace(fit, notes=fit.notes + asymmetry_notes(asymmetric))
-    solved = Solved(job, method, observation, fit, refused, drift)
-    return judge(solved, residual_dof, prune_percent)
+    at_bounds = bound_reasons(cost) if cost else {}
+    fixed = dict.fromkeys(at_bounds, 0.0)
+    solved = Solved(job, method, observation, fit, {**refused, **at_bounds}, drift, fixed, tuple(keep))
+    estimate = judge(solved, residual_dof, prune_percent)
+    return replace(
+        estimate,
+        checks=examine(estimate, job, as_measured, drift, refused, periods, extras, advice, keep),
+    )
 
 
 def _check(

@@ -1,13 +1,15 @@
 """What instruments of a given noise let an estimator know: covariance and bias, without any random numbers.
 
-The rows Y = W x hold exactly for the noise-free record. Every instrument adds white noise, which filters and
+The rows Y = W x hold for the noise-free record. Every instrument adds white noise, which filters and
 differences turn into coloured noise of W and Y with known correlations. From these follow
 
 - the covariance of the estimate: the noise of the residual Y - W x seen through the columns of W (the
   adjoint of filters and differences takes each weighted column back to the raw samples), and for least
   squares also the noise of W times that of the residual (fourth moments of Gaussian noise);
 - the bias of least squares, which comes from noise in W: (W'W + E[dW'dW])^-1 E[dW'(dY - dW x)]. Instrumental
-  variables have none.
+  variables have none;
+- the error that is left without any noise: reversals are seen up to a sample early or late, and a decimated
+  record has W'(Y - W x) of its own. It is small, and yet may exceed the noise's part in frictions.
 
 What is neglected: noise in signs of velocities and other nonlinear features, and the choice of the filter.
 """
@@ -28,6 +30,7 @@ from modelgen.runtime.derivatives import differentiate
 from modelgen.runtime.filtered_record import SUPPORT_TOLERANCE
 from modelgen.runtime.filters import support_samples, zero_phase
 from modelgen.runtime.observation import RowBlock, observe
+from modelgen.runtime.reversal_mask import without_reversals
 
 FloatArray = npt.NDArray[np.float64]
 # coefficients of one row's residual or column: (channel, derivative) -> coefficient
@@ -92,11 +95,15 @@ def information(
     """
     x = np.asarray(model.base_from_physical(parameters), dtype=float)
     observation = observe(model, records, choice)
+    if instruments:
+        observation = without_reversals(observation, model, records, choice)
     blocks = [b for b in observation.blocks if b.place.size and (b.record, b.row) in weights]
     c = len(x)
     M, spread, total = np.zeros((c, c)), np.zeros((c, c)), np.zeros(c)
     for block in blocks:
-        M += weights[block.record, block.row] ** 2 * block.W.T @ block.W
+        weight = weights[block.record, block.row] ** 2
+        M += weight * block.W.T @ block.W
+        total += weight * block.W.T @ (block.Y - block.W @ x)
     scale = np.sqrt(np.diag(M))
     if not scale.all() or np.linalg.cond(M / np.outer(scale, scale)) > 1e18:
         remedy = "sense more, or excite more"
@@ -118,7 +125,8 @@ def information(
         for part in parts:
             spread += part.linear_spread(x + bias, -bias) + part.product_spread(x + bias)
     else:
-        bias, inverse = np.zeros(c), np.asarray(np.linalg.inv(M), dtype=float)
+        inverse = np.asarray(np.linalg.inv(M), dtype=float)
+        bias = inverse @ total
         for part in parts:
             spread += part.linear_spread(x, np.zeros(c))
     return Information(model.base_parameters, x, inverse @ spread @ inverse.T, bias, M)

@@ -8,7 +8,7 @@ until they agree.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from modelgen.runtime.data import Record
 from modelgen.runtime.filtered_record import FilteredRecord
 from modelgen.runtime.physical import Covariances, physical_parameters
 from modelgen.runtime.two_stage import two_stage
-from modelgen.runtime.wls import Fit
+from modelgen.runtime.wls import Fit, terms_norm
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -31,6 +31,8 @@ ROUNDS = 20
 # Converged: no parameter moves by more than this share of its standard deviation, or of its value.
 SMALL_MOVE = 0.01
 SMALL_CHANGE = 1e-6
+# Rows hold no more exactly than to this share of their largest term.
+EXACTNESS = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,14 +71,7 @@ def fit_iv(start: Fit, setting: Setting) -> Fit:
 
 def iv_round(fit: Fit, setting: Setting) -> Fit:
     """Return the fit with instruments from the given one: one round of the iteration."""
-    try:
-        Z = instruments(fit, setting)
-    except DataError as error:
-        raise diverged(f"its simulation fails ({error.problems[0].what})") from error
-    still = [name for name, size in zip(fit.columns, _norms(Z), strict=True) if size == 0.0]
-    if still:
-        raise diverged(f"its simulation does not move what {', '.join(still)} needs")
-    following = solve_with(fit, Z)
+    following = solve_with(fit, instruments(fit, setting))
     if not np.all(np.isfinite(following.solution.x)):
         raise diverged("its estimate is not finite")
     return following
@@ -98,8 +93,29 @@ def diverged(what: str) -> IdentifiabilityError:
 
 def instruments(fit: Fit, setting: Setting) -> tuple[FloatArray, ...]:
     """Return for every block of the fit its rows built from the simulation, shape (n, columns) each."""
+    return instruments_at(fit, setting, simulation_parameters(setting.model, fit))
+
+
+def instruments_at(fit: Fit, setting: Setting, values: Mapping[str, float]) -> tuple[FloatArray, ...]:
+    """Return the same from a simulation with these physical parameters (SI).
+
+    Raises
+    ------
+    IdentifiabilityError
+        When the simulation fails, or does not move what a column needs.
+    """
+    try:
+        Z = _simulated_rows(fit, setting, possible(setting.model, values))
+    except DataError as error:
+        raise diverged(f"its simulation fails ({error.problems[0].what})") from error
+    still = [name for name, size in zip(fit.columns, _norms(Z), strict=True) if size == 0.0]
+    if still:
+        raise diverged(f"its simulation does not move what {', '.join(still)} needs")
+    return Z
+
+
+def _simulated_rows(fit: Fit, setting: Setting, parameters: Mapping[str, float]) -> tuple[FloatArray, ...]:
     model, choice = setting.model, setting.choice
-    parameters = possible(model, simulation_parameters(model, fit))
     columns = [model.base_parameters.index(name) for name in fit.columns]
     runs: dict[int, FilteredRecord] = {}
     found = []
@@ -120,9 +136,18 @@ def instruments(fit: Fit, setting: Setting) -> tuple[FloatArray, ...]:
 
 
 def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
-    """Return the instrumental-variable fit with weights from the residuals."""
-    weights = tuple(1.0 / max(float(np.sqrt(np.mean(e**2))), np.finfo(float).tiny) for e in fit.residuals)
-    return two_stage(replace(fit, weights=weights, notes=()), Z)
+    """Return the instrumental-variable fit with weights from the residuals.
+
+    No residual counts as smaller than what sampling and filters allow: a load row that is nearly exact would
+    outweigh the forces, which alone fix the scale.
+    """
+    tiny = float(np.finfo(float).tiny)
+    weights = []
+    for block, residual in zip(fit.blocks, fit.residuals, strict=True):
+        samples = np.sqrt(max(len(residual), 1))
+        least = EXACTNESS * terms_norm(block, fit.solution.x) / samples
+        weights.append(1.0 / max(float(np.linalg.norm(residual) / samples), least, tiny))
+    return two_stage(replace(fit, weights=tuple(weights), notes=()), Z)
 
 
 def simulation_parameters(model: Model, fit: Fit) -> dict[str, float]:

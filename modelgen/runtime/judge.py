@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ from modelgen.runtime.estimate import Estimate, Parameter, RowDiagnostics
 from modelgen.runtime.methods import METHODS, Job
 from modelgen.runtime.observation import Observation
 from modelgen.runtime.other_solutions import other_solutions, solution_notes
-from modelgen.runtime.physical import Covariances, physical_parameters
+from modelgen.runtime.physical import Covariances, all_from_composites, hanging_on, physical_parameters
 from modelgen.runtime.pruning import Pruning, prune
 from modelgen.runtime.wls import Fit, refit, terms_norm
 
@@ -23,12 +23,15 @@ FloatArray = npt.NDArray[np.float64]
 NOTED_DRIFT = 2.0
 NOTED_SHARE = 1e-3
 # A physical parameter from composites needs a relative standard deviation below this.
-LARGEST_PERCENT = 30.0
+LARGEST_PERCENT = 20.0
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A job done: rows, fit, what the records cannot answer, and X's mean square drift, shape (c, c)."""
+    """A job done: rows, fit, what the records cannot answer, and X's mean square drift, shape (c, c).
+
+    `fixed` holds values that were not fitted (parameters at their bounds), `keep` names that pruning spares.
+    """
 
     job: Job
     method: str
@@ -36,6 +39,8 @@ class Solved:
     fit: Fit
     refused: Mapping[str, str]
     drift: FloatArray
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    keep: tuple[str, ...] = ()
 
     @property
     def identified(self) -> tuple[str, ...]:
@@ -66,13 +71,23 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     )
     base = np.full(len(model.base_parameters), np.nan)
     base[[model.base_parameters.index(name) for name in identified]] = values
-    nuisance = {
+    nuisance = dict(solved.fixed) | {
         name: float(value)
         for name, value in zip(fit.columns, fit.solution.x, strict=True)
         if name not in identified
     }
     physical, unanswered = physical_parameters(model, base, covariances, solved.refused, nuisance)
-    physical, doubtful = _certain(physical, nonlinear=bool(model.composites))
+    found = {entry.name: entry.value for entry in physical}
+    physical, doubtful = certain(physical, nonlinear=bool(model.composites))
+    if (
+        doubtful
+        and all_from_composites(model)
+        and list(found) == list(model.parameters)
+        and np.all(np.isfinite(base))
+    ):
+        reason = f"cannot be told from {', '.join(doubtful)}, too uncertain in these records"
+        doubtful |= dict.fromkeys(hanging_on(model, covariances, found, doubtful), reason)
+        physical = tuple(entry for entry in physical if entry.name not in doubtful)
     unanswered |= doubtful
     others = other_solutions(model, base, covariances, physical)
     residual = fit.weighted_residual
@@ -107,14 +122,12 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         filtering=solved.job.choice,
         notes=solved.observation.notes
         + fit.notes
-        + (() if method.consistent else _drift_notes(parameters))
+        + (() if method.consistent else drift_notes(parameters))
         + solution_notes(others),
     )
 
 
-def _certain(
-    physical: tuple[Parameter, ...], nonlinear: bool
-) -> tuple[tuple[Parameter, ...], dict[str, str]]:
+def certain(physical: tuple[Parameter, ...], nonlinear: bool) -> tuple[tuple[Parameter, ...], dict[str, str]]:
     """Return the physical parameters that are certain enough, and for the others the reason.
 
     What comes out of composites by a nonlinear step has an interval only while its deviation is small.
@@ -154,22 +167,33 @@ def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
     """Apply the paper's rule; columns that are not identifiable stay in as nuisances."""
     fit, identified = solved.fit, solved.identified
     hac = METHODS[solved.method].covariance_kind == "hac"
+    finish = METHODS[solved.method].finish
     drifts = dict(zip(fit.columns, np.diag(solved.drift).tolist(), strict=True))
+
+    if fit.series:
+        # fitted in the physical parameters: without one of its composites the fit would be another model's
+        spread = 100.0 * np.sqrt(np.diag(hac_covariance(fit) + solved.drift)) / np.abs(fit.solution.x)
+        known = dict(
+            zip(fit.columns, zip(fit.solution.x.tolist(), spread.tolist(), strict=True), strict=True)
+        )
+        return Pruning(percent, fit.relative_error, (), tuple((name, *known[name]) for name in identified))
 
     def fit_again(kept: tuple[str, ...]) -> tuple[FloatArray, FloatArray, float]:
         reduced = refit(fit, [name for name in fit.columns if name in kept or name not in identified])
+        reduced = finish(reduced, solved.job.model) if finish else reduced
         covariance = hac_covariance(reduced) if hac else printed_covariance(reduced, residual_dof)[1]
         place = [reduced.columns.index(name) for name in kept]
         variance = np.diag(covariance)[place] + np.array([drifts[name] for name in kept])
         values = reduced.solution.x[place]
         with np.errstate(divide="ignore", invalid="ignore"):
-            spread = np.nan_to_num(100.0 * np.sqrt(variance) / np.abs(values), nan=np.inf)
+            spread = np.nan_to_num(100.0 * np.sqrt(variance) / np.abs(values), nan=np.inf, posinf=np.inf)
         return values, spread, reduced.relative_error
 
-    return prune(identified, fit_again, percent)
+    return prune(identified, fit_again, percent, solved.keep)
 
 
-def _drift_notes(parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+def drift_notes(parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+    """Return a note on the parameters that settings move by more than the residual explains."""
     drifting = [
         entry
         for entry in parameters

@@ -1,33 +1,44 @@
-"""Extended Kalman filter on motion and parameters together; a yardstick.
+"""Iterated extended Kalman filter on motion and parameters together; a yardstick.
 
-The state is extended by the logarithms of all physical parameters over their start. Noise of the sensors is
-read off the records above their dynamics; the measured force carries the process noise. Coulomb friction is
-smoothed over the speed that it brakes away within a sample: what an extended Kalman filter can follow. Its
-intervals know nothing of that smoothing, nor of the linearisation.
+The state holds motion and physical parameters. Between samples the chain is linear for given parameters and
+directions, so that it is discretised exactly (`kalman_model`); only its product with the parameters is
+linearised, around the motion just estimated and the parameters of the pass before. Passes follow one another
+until the parameters rest. Noise of the sensors is read off the records above their dynamics; noise of the
+measured force drives the motion.
+
+Coulomb friction is no function that could be linearised. While a body's velocity is not clearly different
+from zero, its friction is unknown between its two levels: there, and only there, it is process noise.
+
+The filter's own covariance holds if the model does. What is returned is the sandwich of prediction error
+methods (Ljung 1999, section 9.2), which takes innovations as they are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
 from modelgen.runtime.contract import Model
+from modelgen.runtime.covariance import long_run_covariance
 from modelgen.runtime.data import Record
 from modelgen.runtime.filters import zero_phase
+from modelgen.runtime.kalman_model import KalmanModel
 from modelgen.runtime.output_error import CUTOFF_SHARE, FILTER_ORDER, Response
-from modelgen.runtime.plant import Plant, make_plant
+from modelgen.runtime.plant import make_plant
 from modelgen.runtime.validate import initial_state
 
 FloatArray = npt.NDArray[np.float64]
 
-TAYLOR_ORDER = 4
 # What is known of a parameter before the first sample, in shares of its start; and of the velocities.
 PARAMETER_STD = 0.1
 VELOCITY_STD = 0.02
-STEP = 1e-6
+PASSES = 8
+# Parameters rest when none moves by more than this share of its deviation.
+SETTLED = 0.05
 # Noise is what a filter at this share of the sampling frequency leaves over.
 NOISE_SHARE = 0.25
 
@@ -38,108 +49,94 @@ def filter_parameters(model: Model, records: Sequence[Record], start: Mapping[st
     Raises
     ------
     DataError
-        When the filter diverges.
+        When the filter diverges, or the chain has a cubic stiffness.
     """
+    if model.cubic_springs:
+        raise DataError.at("Kalman filter", "knows no cubic stiffness", "use another method")
     plant = make_plant(model, start)
-    names = model.parameters
-    theta, P = np.zeros(len(names)), np.eye(len(names)) * PARAMETER_STD**2
-    with np.errstate(all="ignore"):
+    first = np.array([plant.parameters[name] for name in model.parameters])
+    scale = np.where(first == 0.0, 1.0, np.abs(first))
+    around = first
+    for _ in range(PASSES):
+        theta, P = first, np.diag((PARAMETER_STD * scale) ** 2)
+        trails = []
         for record in records:
-            theta, P = _filter(_Motion(plant, record.dt), record, theta, P)
-            if not (np.isfinite(theta).all() and np.isfinite(P).all()):
+            with np.errstate(all="ignore"):
+                theta, P, trail = _pass(KalmanModel(plant, around, scale, record.dt), record, theta, P)
+            trails.append(trail)
+            if not (np.isfinite(theta).all() and np.isfinite(P).all() and (np.diag(P) > 0.0).all()):
                 raise DataError.at("Kalman filter", f"diverges on {record.name}", "use another method")
-    values = np.array([plant.parameters[name] for name in names]) * np.exp(theta)
-    return Response(names, values, P * np.outer(values, values))
+        moved = np.abs(theta - around) / np.sqrt(np.diag(P))
+        around = theta
+        if moved.max() < SETTLED:
+            break
+    scores = long_run_covariance([trail.scores(theta) for trail in trails])
+    return Response(model.parameters, theta, P @ scores @ P)
 
 
-class _Motion:
-    """One sample of the extended state s = (x, theta): where it goes, and what is read meanwhile."""
+@dataclass(frozen=True, eq=False)
+class Trail:
+    """Of every sample the innovation, shape (n, sensors), and what it was worth for given parameters.
 
-    def __init__(self, plant: Plant, dt: float) -> None:
-        self.plant, self.dt = plant, dt
-        self._names = plant.model.parameters
-        self._start = np.array([plant.parameters[name] for name in self._names])
-        self.motions = 2 * len(plant.bodies)
+    `theta` are the parameters then, shape (n, parameters), `slopes` minus the innovation's derivatives by
+    them, shape (n, sensors, parameters), `spreads` its covariance, shape (n, sensors, sensors).
+    """
 
-    def __call__(self, s: FloatArray, u: FloatArray, mean: FloatArray) -> FloatArray:
-        """Return the next x under the sample's mean force, then the readings at s under the force now."""
-        x, theta = s[: self.motions], s[self.motions :]
-        values = dict(zip(self._names, (self._start * np.exp(theta)).tolist(), strict=True))
-        known = {**self.plant.parameters, **values}
-        directions = {f.body: 1 if x[f.state] >= 0.0 else -1 for f in self.plant.model.friction}
-        A, B, C, D, E, F = self.plant.model.state_space(known, directions)
-        f = np.array([self._friction(entry, x, known, E) for entry in self.plant.model.friction])
-        push = B @ mean + E @ f
-        # x(dt) = x + dt (1 + A dt/2 + ...) (A x + push)
-        term = self.dt * (A @ x + push)
-        moved = x + term
-        for order in range(2, TAYLOR_ORDER + 1):
-            term = self.dt / order * (A @ term)
-            moved = moved + term
-        return np.concatenate([moved, C @ x + D @ u + F @ f])
+    innovations: FloatArray
+    theta: FloatArray
+    slopes: FloatArray
+    spreads: FloatArray
 
-    def _friction(self, entry: object, x: FloatArray, known: Mapping[str, float], E: FloatArray) -> float:
-        """Return friction and offset of a body, smooth where it would stop within a sample."""
-        state = int(getattr(entry, "state"))  # noqa: B009
-        column = [f.state for f in self.plant.model.friction].index(state)
-        plus, minus, offset = (
-            known.get(getattr(entry, name) or "", 0.0) for name in ("coulomb_plus", "coulomb_minus", "offset")
-        )
-        v = float(x[state])
-        size = plus if v >= 0.0 else minus
-        width = 2.0 * size * abs(float(E[state, column])) * self.dt
-        return float(offset + size * (min(1.0, max(-1.0, v / width)) if width else 0.0))
-
-    def jacobian(
-        self, s: FloatArray, u: FloatArray, mean: FloatArray, here: FloatArray, scale: FloatArray
-    ) -> FloatArray:
-        """Return d (next x, readings) / d s by forward differences."""
-        columns = []
-        for i in range(s.size):
-            moved = s.copy()
-            moved[i] += STEP * scale[i]
-            columns.append((self(moved, u, mean) - here) / (STEP * scale[i]))
-        return np.array(columns).T
+    def scores(self, theta: FloatArray) -> FloatArray:
+        """Return the gradients of the log-likelihood at these parameters, shape (n, parameters)."""
+        moved = np.einsum("kij,kj->ki", self.slopes, theta - self.theta)
+        weighted = np.linalg.solve(self.spreads, (self.innovations - moved)[..., None])[..., 0]
+        return np.asarray(np.einsum("kij,ki->kj", self.slopes, weighted))
 
 
-def _filter(
-    motion: _Motion, record: Record, theta: FloatArray, P_theta: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return parameters and their covariance after one record."""
-    model, n, c = motion.plant.model, motion.motions, theta.size
+def _pass(
+    chain: KalmanModel, record: Record, theta: FloatArray, P_theta: FloatArray
+) -> tuple[FloatArray, FloatArray, Trail]:
+    """Return parameters and their covariance after one record, and its innovations."""
+    model, n = chain.plant.model, chain.states
     z = np.column_stack([record.signals[sensor.key] for sensor in model.sensors])
     u = np.column_stack([record.signals[actuator.key] for actuator in model.actuators])
     R = np.diag([_noise(column, record.fs) ** 2 for column in z.T])
     q = np.diag([_noise(column, record.fs) ** 2 for column in u.T])
-    x = initial_state(motion.plant, record, CUTOFF_SHARE * record.fs)
-    speed = max(float(np.ptp(z[:, 0])) * VELOCITY_STD, 1e-9)
-    s, P = np.concatenate([x, theta]), np.zeros((n + c, n + c))
+    s = np.concatenate([initial_state(chain.plant, record, CUTOFF_SHARE * record.fs), theta])
+    P = np.zeros((s.size,) * 2)
+    P[:n, :n] = np.diag(_first_variances(chain, record, R))
     P[n:, n:] = P_theta
-    half = n // 2
-    P[:half, :half] = np.eye(half) * max(float(np.max(np.diag(R))), 1e-18)
-    P[half:n, half:n] = np.eye(half) * speed**2
-    scale = np.concatenate([np.full(half, 1e-2), np.full(half, 1.0), np.ones(c)])
-    G = np.zeros((n + c, u.shape[1]))
-    for k in range(len(z)):
-        # the force is taken as linear between samples: half a sample late would bias the inertias
-        mean = 0.5 * (u[k] + u[min(k + 1, len(u) - 1)])
-        here = motion(s, u[k], mean)
-        H = motion.jacobian(s, u[k], mean, here, scale)[n:]
-        gain = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-        s = s + gain @ (z[k] - here[n:])
-        rest = np.eye(n + c) - gain @ H
-        P = rest @ P @ rest.T + gain @ R @ gain.T
-        here = motion(s, u[k], mean)
-        F = np.eye(n + c)
-        F[:n] = motion.jacobian(s, u[k], mean, here, scale)[:n]
-        for j in range(u.shape[1]):
-            push = mean.copy()
-            step = STEP * (abs(push[j]) or 1.0)
-            push[j] += step
-            G[:n, j] = (motion(s, u[k], push) - here)[:n] / step
-        s = np.concatenate([here[:n], s[n:]])
-        P = F @ P @ F.T + G @ q @ G.T
-    return s[n:], P[n:, n:]
+    one, transition = np.eye(s.size), np.eye(s.size)
+    # of the sample before, this one, and the next two
+    near = np.clip(np.arange(-1, 3) + np.arange(len(u))[:, None], 0, len(u) - 1)
+    N, m, c = len(z), z.shape[1], theta.size
+    trail = Trail(np.zeros((N, m)), np.zeros((N, c)), np.zeros((N, m, c)), np.zeros((N, m, m)))
+    for k in range(N):
+        at = chain.sample(s[:n], np.sqrt(np.diag(P)[:n]), s[n:])
+        expected, H, by_force, by_friction = at.reading(s, u[k])
+        spread = R + by_force @ q @ by_force.T + by_friction @ at.friction_noise @ by_friction.T
+        innovation, whole = z[k] - expected, H @ P @ H.T + spread
+        gain = np.linalg.solve(whole, H @ P).T
+        # for given parameters the motion follows them with this slope, and the rest is its uncertainty
+        slope = H[:, :n] @ np.linalg.solve(P[n:, n:], P[n:, :n]).T + H[:, n:]
+        trail.innovations[k], trail.theta[k], trail.slopes[k] = innovation, s[n:], slope
+        trail.spreads[k] = whole - slope @ P[n:, n:] @ slope.T
+        rest = one - gain @ H
+        s = s + gain @ innovation
+        P = rest @ P @ rest.T + gain @ spread @ gain.T
+        moved, transition[:n], by_force, by_friction = at.motion(s, u[near[k]])
+        s = np.concatenate([moved, s[n:]])
+        P = transition @ P @ transition.T
+        P[:n, :n] += by_force @ q @ by_force.T + by_friction @ at.friction_noise @ by_friction.T
+    return s[n:].copy(), P[n:, n:].copy(), trail
+
+
+def _first_variances(chain: KalmanModel, record: Record, R: FloatArray) -> FloatArray:
+    """Return the variances of positions and velocities at the first sample."""
+    moving = max(float(np.ptp(record.signals[chain.plant.model.sensors[0].key])) * VELOCITY_STD, 1e-9)
+    half = chain.states // 2
+    return np.repeat([max(float(np.diag(R).max()), 1e-18), moving**2], half)
 
 
 def _noise(samples: FloatArray, fs: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +15,42 @@ from modelgen.errors import DataError
 FloatArray = npt.NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class NpyColumn:
+    """Where the samples of a channel stand: n of a type, from a byte of a file on."""
+
+    path: Path
+    dtype: np.dtype[np.generic]
+    offset: int
+    n: int
+
+    def read(self, start: int, stop: int) -> FloatArray:
+        """Return samples start to stop as float.
+
+        The file is mapped anew each time: pages of an open map would stay in memory until the whole file is
+        there.
+
+        Raises
+        ------
+        DataError
+            When the file cannot be read any more, or has become shorter.
+        """
+        try:
+            with self.path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as mapped:
+                place = self.offset + start * self.dtype.itemsize
+                samples = np.frombuffer(mapped, self.dtype, stop - start, place)
+                copied = samples.astype(np.float64)
+                del samples  # a map that is looked at cannot be closed
+                return copied
+        except (OSError, ValueError) as error:
+            raise unreadable(self.path, str(error)) from error
+
+
 @dataclass(frozen=True, eq=False)
 class NpyChannels:
     """A record in .npy files; see `open_npy`."""
 
-    paths: Mapping[str, Path]
+    columns: Mapping[str, NpyColumn]
     fs: float
     name: str
     n: int
@@ -26,9 +58,10 @@ class NpyChannels:
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
         """Return samples start to stop of a channel."""
-        # mapped anew each time: pages of an open map would stay in memory until the whole file is there
-        samples = np.array(_mapped(self.paths[channel])[start:stop], dtype=float)
-        return samples * self.factors[channel] if channel in self.factors else samples
+        samples = self.columns[channel].read(start, stop)
+        if channel in self.factors:
+            samples *= self.factors[channel]
+        return samples
 
 
 def open_npy(
@@ -59,26 +92,26 @@ def open_npy(
         raise DataError.at("record", "has no channels", "give one .npy file a channel")
     if not 0.0 < fs < np.inf:
         raise DataError.at("fs", f"is {fs!r}", "give the sampling frequency in Hz, finite and positive")
-    files = {channel: Path(path) for channel, path in paths.items()}
-    lengths = {channel: len(_mapped(path)) for channel, path in files.items()}
-    if len(dict.fromkeys(lengths.values())) > 1:
-        listed = ", ".join(f"{channel} {length}" for channel, length in lengths.items())
+    columns = {channel: _column(Path(path)) for channel, path in paths.items()}
+    if len(dict.fromkeys(column.n for column in columns.values())) > 1:
+        listed = ", ".join(f"{channel} {column.n}" for channel, column in columns.items())
         raise DataError.at("record", f"channels differ in length: {listed}", "cut all to the same samples")
-    first = next(iter(files.values()))
-    return NpyChannels(
-        files, float(fs), name or first.parent.name, next(iter(lengths.values())), factors or {}
-    )
+    first = next(iter(columns.values()))
+    return NpyChannels(columns, float(fs), name or first.path.parent.name, first.n, factors or {})
 
 
-def _mapped(path: Path) -> npt.NDArray[np.generic]:
+def unreadable(path: Path, why: str) -> DataError:
+    """Return the error of a file that is not what it should be."""
     remedy = "write it with numpy.save, one array of real numbers in one dimension"
+    return DataError.at(str(path), f"is no readable .npy file ({why})", remedy)
+
+
+def _column(path: Path) -> NpyColumn:
     try:
         array: npt.NDArray[np.generic] = np.load(path, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
-        raise DataError.at(str(path), f"is no readable .npy file ({error})", remedy) from error
+        raise unreadable(path, str(error)) from error
     if not isinstance(array, np.memmap) or array.ndim != 1 or array.dtype.kind not in "iuf":
         shape = getattr(array, "shape", None)
-        raise DataError.at(
-            str(path), f"holds {getattr(array, 'dtype', 'something')} of shape {shape}", remedy
-        )
-    return array
+        raise unreadable(path, f"it holds {getattr(array, 'dtype', 'something')} of shape {shape}")
+    return NpyColumn(path, array.dtype, array.offset, len(array))

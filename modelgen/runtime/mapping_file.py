@@ -3,6 +3,7 @@
 [time]
 column = "time"
 unit = "ms"
+period_s = 0.5                     # of the excitation, where it is periodic
 
 [channels.q_m]
 column = "theta"
@@ -25,7 +26,7 @@ from typing import Any
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.channel_units import unit_from_text
 
-TABLES = {"time": ("column", "unit", "fs_hz"), "channel": ("column", "factor", "negate", "unit")}
+TABLES = {"time": ("column", "unit", "fs_hz", "period_s"), "channel": ("column", "factor", "negate", "unit")}
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class MappingFile:
     time_unit: str | None = None
     fs_hz: float | None = None
     mend: tuple[str, ...] = ()
+    period_s: float | None = None
 
 
 def load_mapping(path: str | Path) -> MappingFile:
@@ -68,6 +70,7 @@ def load_mapping(path: str | Path) -> MappingFile:
         time.get("unit"),
         time.get("fs_hz"),
         tuple(document.get("mend", ())),
+        time.get("period_s"),
     )
 
 
@@ -172,12 +175,12 @@ def _table_problems(where: str, table: Any, kind: str) -> list[Problem]:
     for key, (expected, words) in checks.items():
         if key in table and not isinstance(table[key], expected):
             problems.append(Problem(f"{where}.{key}", f"is {table[key]!r}", f"give {words}"))
-    for key in ("factor", "fs_hz"):
+    for key in ("factor", "fs_hz", "period_s"):
         value = table.get(key, 1.0)
         if key == "factor" and isinstance(value, str) and value:
             continue  # the name of a scalar that the file holds
         number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        if not number or value == 0.0 or (key == "fs_hz" and value < 0.0):
+        if not number or value == 0.0 or (key != "factor" and value < 0.0):
             problems.append(
                 Problem(f"{where}.{key}", f"is {value!r}", "give a finite number other than zero")
             )

@@ -5,23 +5,33 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
 from modelgen.runtime.beside import Loop
 from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
-from modelgen.runtime.delays import fit_with_delays
+from modelgen.runtime.delays import delay_rates, fit_with_delays
 from modelgen.runtime.instruments import Setting, fit_iv, iv_round, starting_at
 from modelgen.runtime.observation import Observation, observe, rows_by_tag
 from modelgen.runtime.pham2002 import observe_paper
+from modelgen.runtime.physical import all_from_composites
+from modelgen.runtime.physical_iv import fit_composites_iv
 from modelgen.runtime.reversal_mask import without_reversals
+from modelgen.runtime.total_least_squares import fit_total
 from modelgen.runtime.wls import Fit, fit_matched, fit_paper
+
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
     """What is to be estimated from what; see `modelgen.identify` for the options.
 
-    `late` names the force channels whose delay is estimated as well.
+    `late` names the force channels whose delay is estimated as well. `start` is a fit at other settings,
+    close to the one wanted; it saves rounds.
     """
 
     model: Model
@@ -31,12 +41,17 @@ class Job:
     rows_for_tag: Mapping[str, Sequence[str]] | None = None
     loop: Loop | None = None
     late: tuple[str, ...] = ()
+    start: Fit | None = None
 
     def only_rows_for_tag(self, observation: Observation) -> Observation:
         """Return the rows that the records' tags may feed."""
         if self.rows_for_tag is None:
             return observation
         return rows_by_tag(observation, self.records, self.rows_for_tag)
+
+    def rates(self, fit: Fit, records: tuple[Record, ...], channel: str) -> tuple[FloatArray, ...]:
+        """Return how the mismatch of a fit's rows changes with the delay of a force channel."""
+        return delay_rates(fit, self.model, records, self.choice, self.drop, channel)
 
 
 @dataclass(frozen=True)
@@ -46,6 +61,7 @@ class Method:
     `matched`: every signal goes through the same filter, so that moving the cut-off is a fair check.
     `covariance_kind`: "hac" or "printed", what its standard deviations rest on.
     `consistent`: noise of the sensors does not bias it, so that what moves with the cut-off is model error.
+    `finish`: what turns a least-squares fit to some of the columns into this method's, None for nothing.
     """
 
     title: str
@@ -53,6 +69,7 @@ class Method:
     matched: bool
     covariance_kind: str
     consistent: bool = False
+    finish: Callable[[Fit, Model], Fit] | None = None
 
 
 def run_wls(job: Job) -> tuple[Observation, Fit]:
@@ -65,7 +82,7 @@ def run_wls(job: Job) -> tuple[Observation, Fit]:
         observation = rows(records)
         return observation, fit_matched(observation)
 
-    return fit_with_delays(job.records, job.late, run, rows) if job.late else run(job.records, None)
+    return fit_with_delays(job.records, job.late, run, job.rates) if job.late else run(job.records, None)
 
 
 def run_iv(job: Job) -> tuple[Observation, Fit]:
@@ -74,15 +91,22 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
     def rows(records: tuple[Record, ...]) -> Observation:
         return job.only_rows_for_tag(observe(job.model, records, job.choice, job.drop))
 
+    def calm(records: tuple[Record, ...]) -> Observation:
+        return without_reversals(rows(records), job.model, records, job.choice, job.drop)
+
+    if all_from_composites(job.model):
+        setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
+        return fit_composites_iv(setting, calm, job.late, job.start)
+
     def run(records: tuple[Record, ...], start: Fit | None) -> tuple[Observation, Fit]:
-        observation = without_reversals(rows(records), job.model, records, job.choice, job.drop)
+        observation = calm(records)
         setting = Setting(job.model, records, job.choice, job.drop, job.loop)
         first = fit_matched(observation)
         if not job.late:
-            return observation, fit_iv(first, setting)
+            return observation, fit_iv(starting_at(first, job.start or first), setting)
         return observation, first if start is None else iv_round(starting_at(first, start), setting)
 
-    return fit_with_delays(job.records, job.late, run, rows) if job.late else run(job.records, None)
+    return fit_with_delays(job.records, job.late, run, job.rates) if job.late else run(job.records, None)
 
 
 def run_pham2002(job: Job) -> tuple[Observation, Fit]:
@@ -92,8 +116,17 @@ def run_pham2002(job: Job) -> tuple[Observation, Fit]:
     return observation, fit_paper(observation)
 
 
+def run_tls(job: Job) -> tuple[Observation, Fit]:
+    """Total least squares on matched-filtered rows, weighted as least squares weighs them."""
+    if job.late:
+        raise DataError.at("delays", "are not estimated with method tls", "give them, or use wls or iv")
+    observation, fit = run_wls(job)
+    return observation, fit_total(fit, job.model)
+
+
 METHODS: Mapping[str, Method] = {
     "wls": Method("weighted least squares on matched-filtered rows", run_wls, True, "hac"),
     "iv": Method("instrumental variables from a noise-free simulation", run_iv, True, "hac", True),
+    "tls": Method("total least squares, for comparison", run_tls, True, "hac", finish=fit_total),
     "pham2002": Method("the paper to the letter, forces not filtered", run_pham2002, False, "printed"),
 }

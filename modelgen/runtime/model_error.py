@@ -95,8 +95,13 @@ def _difference(fit: Fit, other: Fit, decimation: Sequence[int]) -> FloatArray:
     series = []
     starts = {block.record: block.start for block in fit.blocks}
     theirs = {block.record: block.start for block in other.blocks}
-    pairs = zip(starts, influence(fit), influence(other), strict=True)
-    for record, mine, that in pairs:
+    # at a lower cut-off a record may have no sample left
+    those = dict(zip(theirs, influence(other), strict=True))
+    for record, mine in zip(starts, influence(fit), strict=True):
+        if record not in those:
+            series.append(-mine)
+            continue
+        that = those[record]
         # both grids on one: the nearest point of it, half a step off at most
         shift = round((theirs[record] - starts[record]) / decimation[record])
         first = min(0, shift)

@@ -138,10 +138,17 @@ def _outputs(
     acceleration = np.empty((len(x), n))
     friction = np.tile(plant.offsets, (len(x), 1))
     sensed = np.empty((len(x), len(plant.model.sensors)))
-    for mode in np.unique(modes, axis=0):
-        rows = (modes == mode).all(axis=1)
+    springs = np.zeros_like(x)
+    for spring in plant.cubic_forces():
+        springs += np.outer((x @ spring.deflection) ** 3, spring.push)
+    by_springs = springs[:, n:] @ plant.felt_accelerations().T
+    # a number for every mode: rows of it need no sorting
+    codes = modes @ 3 ** np.arange(modes.shape[1])
+    for code in np.unique(codes):
+        rows = codes == code
+        mode = modes[rows.argmax()]
         space = plant.space(tuple(int(sign) for sign in mode))
-        free = x[rows] @ space.A.T + forces[rows] @ space.B.T
+        free = x[rows] @ space.A.T + forces[rows] @ space.B.T + springs[rows]
         f = friction[rows]
         for j, body, sign in zip(plant.sticking, plant.coulomb_bodies, mode, strict=True):
             if sign:
@@ -152,6 +159,6 @@ def _outputs(
         # exactly, where the line above leaves rounding errors
         held = [b.velocity - n for b, sign in zip(plant.coulomb_bodies, mode, strict=True) if sign == 0]
         acceleration[np.ix_(rows, held)] = 0.0
-        sensed[rows] = x[rows] @ space.C.T + forces[rows] @ space.D.T + f @ space.F.T
+        sensed[rows] = x[rows] @ space.C.T + forces[rows] @ space.D.T + f @ space.F.T + by_springs[rows]
         friction[rows] = f
     return acceleration, friction, sensed

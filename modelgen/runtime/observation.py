@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
+from modelgen.progress import counted
 from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.contract import Model, RowInfo
 from modelgen.runtime.data import Record
@@ -100,9 +101,9 @@ def observe(model: Model, records: Sequence[Record], choice: FilterChoice, drop:
     """
     blocks: list[RowBlock] = []
     notes = [f"drop = {drop} samples at the beginning of every record, as given"] if drop else []
-    for index, record in enumerate(records):
+    for index, record in enumerate(counted(records, "filtering")):
         signals = FilteredRecord(model, record, choice, choice.decimation[index], drop)
-        for row in range(len(model.rows)):
+        for row in counted(range(len(model.rows)), f"rows of {record.name}"):
             block = _block(model, signals, index, row)
             blocks.append(block)
             if block.place.size == 0:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,7 @@ import numpy.typing as npt
 from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.closed_loop import PositionVelocityController, default_controller
 from modelgen.runtime.contract import Model
+from modelgen.runtime.covariance import long_run_covariance
 from modelgen.runtime.data import Record
 from modelgen.runtime.derivatives import differentiate
 from modelgen.runtime.excitation import Excitation
@@ -30,6 +32,8 @@ FloatArray = npt.NDArray[np.float64]
 # The reference's rate is the measured velocity below this share of the sampling frequency.
 CUTOFF_SHARE = 0.1
 FILTER_ORDER = 4
+# Points a sample on a spline through the force: straight lines take (pi f / fs)^2 / 3 off a sine of f Hz.
+BETWEEN = 4
 ROUNDS = 2
 MOST_EVALUATIONS = 30
 RELATIVE_STEP = 1e-5
@@ -84,18 +88,34 @@ def fit_response(model: Model, records: Sequence[Record], start: Mapping[str, fl
         weights = [1.0 / max(float(np.sqrt(np.mean(e**2))), 1e-300) for e in each]
         found = least_squares(residual, x, diff_step=RELATIVE_STEP, max_nfev=MOST_EVALUATIONS, x_scale="jac")
         x = np.asarray(found.x)
-    freedom = len(found.fun) - len(x)
+    return Response(names, x * scale, _covariance(found, len(weights), records) * np.outer(scale, scale))
+
+
+def _covariance(found: Any, signals: int, records: Sequence[Record]) -> FloatArray:
+    """Return the sandwich covariance: noise of the force makes residuals that last for many samples.
+
+    What each instant contributes to the error is summed over the signals; its long-run covariance counts.
+    """
     inverse = np.linalg.pinv(found.jac.T @ found.jac)
-    covariance = float(found.fun @ found.fun) / freedom * inverse * np.outer(scale, scale)
-    return Response(names, x * scale, covariance)
+    by_signal = (found.jac * found.fun[:, None]).reshape(signals, -1, len(inverse))
+    ends = np.cumsum([record.n for record in records])[:-1]
+    freedom = len(found.fun) / (len(found.fun) - len(inverse))
+    return long_run_covariance(np.split(by_signal.sum(axis=0) @ inverse, ends)) * freedom
 
 
 def _follow(record: Record, encoder: str, plant: Plant) -> Excitation:
     """Return the measured motion of the driven body as reference, with the measured force."""
+    from scipy.interpolate import make_interp_spline
+
     position = record.signals[encoder]
     smooth = zero_phase(position, FILTER_ORDER, CUTOFF_SHARE * record.fs, record.fs)
     force = record.signals[plant.model.actuators[plant.actuator].key]
-    return Excitation(smooth, differentiate(smooth, record.dt), force, record.fs, record.name)
+    nodes = np.arange((record.n - 1) * BETWEEN + 1) / BETWEEN
+    r, rate, forward = (
+        np.asarray(make_interp_spline(np.arange(record.n), array)(nodes))
+        for array in (smooth, differentiate(smooth, record.dt), force)
+    )
+    return Excitation(r, rate, forward, BETWEEN * record.fs, record.name)
 
 
 def _errors(

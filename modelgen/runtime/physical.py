@@ -6,7 +6,7 @@ then the weighted nonlinear least-squares fit to the composites. Covariances are
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,9 +21,12 @@ FloatArray = npt.NDArray[np.float64]
 RELATIVE_STEP = 6e-6
 STEPS = 30
 CONVERGED = 1e-12
+NO_CHAIN = "the composites are far from those of any chain, so that no physical parameters follow"
 # Singular values and components below these count as zero; scaled by the parameters, all are of size one.
 RANK_TOLERANCE = 1e-9
 NULL_SHARE = 1e-6
+# A parameter hangs on others that explain this share of its variance.
+HANGING_SHARE = 0.75
 # Standard deviations in a direction are taken as at least this share of the largest (after scaling to one).
 SMALLEST_SPREAD = 1e-5
 
@@ -85,6 +88,8 @@ def physical_parameters(
     """
     if all_from_composites(model):
         start = model.physical_from_base(_filled(model, base, nuisance))
+        if not np.isfinite(list(start.values())).all():
+            return (), dict.fromkeys(model.identifiable, NO_CHAIN)
         solved = fit_composites(model, base, covariances, start)
     else:
         solved = _direct(model, base)
@@ -96,6 +101,36 @@ def physical_parameters(
         elif name not in refused:
             unanswered[name] = f"depends on {', '.join(refused)}, which the records cannot answer"
     return tuple(found), unanswered
+
+
+def hanging_on(
+    model: Model, covariances: Covariances, values: Mapping[str, float], doubtful: Collection[str]
+) -> tuple[str, ...]:
+    """Return the physical parameters that are little known without knowing the doubtful ones.
+
+    They move with the doubtful ones wherever these turn out to be, far from where the formulas are linear.
+
+    Parameters
+    ----------
+    covariances : Covariances
+        Of all base parameters.
+    values : mapping of str to float
+        Of all physical parameters.
+    doubtful : collection of str
+        Those that are too uncertain.
+    """
+    size = np.array([abs(values[name]) or 1.0 for name in model.parameters])
+    weighted = _whitening(covariances.total) @ model.base_jacobian(values) * size
+    inverse = np.linalg.pinv(weighted, rcond=RANK_TOLERANCE)
+    C = inverse @ inverse.T
+    lost = [index for index, name in enumerate(model.parameters) if name in doubtful]
+    share = C[:, lost] @ np.linalg.pinv(C[np.ix_(lost, lost)]) @ C[lost]
+    explained = np.diag(share) > HANGING_SHARE * np.diag(C)
+    return tuple(
+        name
+        for name, hangs in zip(model.parameters, explained, strict=True)
+        if hangs and name not in doubtful
+    )
 
 
 def all_from_composites(model: Model) -> bool:

@@ -14,14 +14,14 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.contract import Friction, Model
-from modelgen.runtime.friction_mode import CoulombBody, Mode
+from modelgen.runtime.friction_mode import CoulombBody, CubicForce, Mode
 
 FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """A chain in motion: x' = A x + B Gamma + E f; x is all positions, then all velocities, as `bodies`.
+    """A chain in motion: x' = A x + B Gamma + E f + springs; x is positions, then velocities, as `bodies`.
 
     Attributes
     ----------
@@ -69,6 +69,35 @@ class Plant:
         """Constant part of the friction f, shape (columns of E,)."""
         return np.array([self.value(friction.offset) for friction in self.model.friction])
 
+    def cubic_forces(self, lags: int = 0) -> tuple[CubicForce, ...]:
+        """Return what cubic springs add to x', with room for so many states behind the velocities."""
+        n = len(self.bodies)
+        found = []
+        for spring in self.model.cubic_springs:
+            lever = np.zeros(n)
+            for place, coefficient in spring.deflection:
+                lever[place] = coefficient
+            push = -self.value(spring.parameter) * lever / self.inertia
+            none = np.zeros(lags)
+            found.append(CubicForce(np.r_[lever, np.zeros(n), none], np.r_[np.zeros(n), push, none]))
+        return tuple(found)
+
+    def felt_accelerations(self) -> FloatArray:
+        """Return what every sensor reads per acceleration of each body, shape (sensors, bodies).
+
+        The direct model holds it only multiplied by the equations of motion: C is it times the lower half of
+        A, likewise with B and E, whatever the parameters; random ones make the equations independent.
+        """
+        if not self.model.cubic_springs:
+            return np.zeros((len(self.model.sensors), len(self.bodies)))
+        draws = np.random.default_rng(0).uniform(1.0, 2.0, len(self.parameters))
+        space = self.model.state_space(dict(zip(self.parameters, draws.tolist(), strict=True)), {})
+        motion = np.hstack((space.A, space.B, space.E))[len(self.bodies) :]
+        read = np.hstack((space.C, space.D, space.F))
+        found = np.linalg.lstsq(motion.T, read.T, rcond=None)[0].T
+        accelerometers = [[float(sensor.measures == "acceleration")] for sensor in self.model.sensors]
+        return np.asarray(found * np.array(accelerometers), dtype=float)
+
     def space(self, mode: Mode) -> Any:
         """Return (A, B, C, D, E, F) in a mode, given in the order of `sticking`."""
         friction = self.model.friction
@@ -94,15 +123,8 @@ def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | No
     Raises
     ------
     DataError
-        With one problem per parameter that is missing or impossible; for a chain without an actuator or with
-        a cubic stiffness.
+        With one problem per parameter that is missing or impossible; for a chain without an actuator.
     """
-    cubic = [name for name, role in model.roles.items() if role.role == "stiffness3"]
-    if cubic:
-        what = (
-            f"has a cubic stiffness ({', '.join(cubic)}), and the simulation is exact for linear links only"
-        )
-        raise DataError.at(f"model {model.chain}", what, "simulate the chain without it")
     column = _actuator_column(model, actuator)
     values = {**model.known, **parameters}
     problems = [_value_problem(model, name, values.get(name)) for name in _needed(model)]

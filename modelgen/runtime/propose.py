@@ -18,6 +18,20 @@ QUANTITIES = {
     "acceleration": ("acc", "accel", "acceleration", "a", "beschl", "beschleunigung"),
     "force": ("torque", "trq", "force", "gamma", "tau", "f", "i", "iq", "current", "drehmoment", "strom"),
 }
+# what a loop was told, which is easily taken for what was measured
+TOLD = (
+    "set",
+    "setpoint",
+    "sp",
+    "cmd",
+    "command",
+    "commanded",
+    "ref",
+    "reference",
+    "target",
+    "desired",
+    "soll",
+)
 BODIES = {
     "m": ("m", "mot", "motor", "drive", "antrieb", "mx"),
     "c": ("c", "load", "last", "charge", "table", "carriage", "abtrieb", "my", "l"),
@@ -25,6 +39,7 @@ BODIES = {
 # a force is often logged as the current or voltage that makes it
 DRIVES = {"N m": ("A", "V"), "N": ("A", "V")}
 LEAST_SCORE = 2.0
+REFERENCE = "reference"
 
 
 @dataclass(frozen=True)
@@ -45,7 +60,7 @@ def propose(source: Source, model: Model | None) -> tuple[Proposed, ...]:
             Proposed(key, "", column, source.units.get(column), "named after its column")
             for key, column in zip(keys, columns, strict=True)
         )
-    wanted = [want for want in _wanted(model) if want.key in model.channels]
+    wanted = [want for want in _wanted(model) if want.key in model.channels] + _references(model)
     scores = {
         (want.key, column): _score(want, column, source.units.get(column))
         for want in wanted
@@ -56,7 +71,8 @@ def propose(source: Source, model: Model | None) -> tuple[Proposed, ...]:
     for key, column in ranked:
         if scores[key, column] >= LEAST_SCORE and key not in chosen and column not in chosen.values():
             chosen[key] = column
-    return tuple(_proposed(want, chosen.get(want.key), source, columns) for want in wanted)
+    needed = [want for want in wanted if want.measures != REFERENCE or want.key in chosen]
+    return tuple(_proposed(want, chosen.get(want.key), source, columns) for want in needed)
 
 
 def _proposed(want: _Wanted, column: str | None, source: Source, columns: Sequence[str]) -> Proposed:
@@ -82,12 +98,24 @@ def _wanted(model: Model) -> list[_Wanted]:
     return [*sensors, *forces, *others]
 
 
+def _references(model: Model) -> list[_Wanted]:
+    """Return the reference of the loop, which a file need not hold: it serves to simulate the loop."""
+    units = {"N m": "rad", "N": "m"}
+    return [_Wanted("reference", units.get(a.unit, ""), REFERENCE, a.body) for a in model.actuators[:1]]
+
+
 def _score(want: _Wanted, column: str, stated: str | None) -> float:
     """Return how well a column fits: its whole name, its words for quantity and body, and its unit."""
     if column.lower() == want.key.lower():
         return 20.0
     words = _words(column)
-    score = 2.0 * any(word in QUANTITIES.get(want.measures, ()) for word in words)
+    told = any(word in TOLD or word.startswith(("soll", "setpoint")) for word in words)
+    if want.measures == REFERENCE:
+        unit = unit_from_text(stated or "")
+        return 3.0 if told and (unit is None or unit.si == want.unit) else 0.0
+    # a force is often logged as what was asked for
+    score = -1.0 * told if want.measures == "force" else -4.0 * told
+    score += 2.0 * any(word in QUANTITIES.get(want.measures, ()) for word in words)
     others = [name for name in QUANTITIES if name != want.measures]
     score -= 1.5 * any(word in QUANTITIES[name] for name in others for word in words if len(word) > 2)
     body_words = BODIES.get(want.body, (want.body.lower(),))

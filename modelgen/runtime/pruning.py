@@ -36,7 +36,9 @@ class Pruning:
     kept: tuple[tuple[str, float, float], ...]
 
 
-def prune(candidates: Sequence[str], refit: Refit, percent: float = 10.0) -> Pruning:
+def prune(
+    candidates: Sequence[str], refit: Refit, percent: float = 10.0, keep: Sequence[str] = ()
+) -> Pruning:
     """Remove the parameter of the largest relative standard deviation until all are below `percent`.
 
     Parameters
@@ -47,12 +49,17 @@ def prune(candidates: Sequence[str], refit: Refit, percent: float = 10.0) -> Pru
         Fits with the names given; returns values, relative standard deviations in %, and the relative error.
     percent : float
         The bound (Pham 2002, section III: 10 %).
+    keep : sequence of str
+        Names that are not removed, however large their relative standard deviation is.
     """
     names = tuple(candidates)
     values, spread, error = refit(names)
     before, steps = error, list[PruningStep]()
-    while len(names) > 1 and float(np.max(spread)) >= percent:
-        worst = int(np.argmax(spread))
+    while len(names) > 1:
+        removable = np.where([name in keep for name in names], -np.inf, spread)
+        worst = int(np.argmax(removable))
+        if not removable[worst] >= percent:
+            break
         removed, removed_spread = names[worst], float(spread[worst])
         names = names[:worst] + names[worst + 1 :]
         values, spread, error = refit(names)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -155,9 +156,22 @@ def full_rate(plan: SignalPlan) -> SignalPlan:
     return replace(plan, filtering=replace(plan.filtering, factor=1))
 
 
-def record_factors(task: Task) -> RecordFactors:
-    """Return the factors of a record, chunk after chunk."""
-    return reduce(RecordFactors.joined, (chunk_factors(task, chunk) for chunk in task.chunks()))
+def record_factors(task: Task, threads: int = 1) -> RecordFactors:
+    """Return the factors of a record, chunk after chunk; those of no samples for an empty grid.
+
+    Several threads work on a chunk each; the chunks' factors are joined in their order all the same.
+    """
+    if not len(task.grid):
+        rows = tuple(empty_factor(terms.row, terms.columns) for terms in task.rows)
+        return RecordFactors(task.source.name, 0, rows, {})
+
+    def of(chunk: Chunk) -> RecordFactors:
+        return chunk_factors(task, chunk)
+
+    if threads == 1:
+        return reduce(RecordFactors.joined, map(of, task.chunks()))
+    with ThreadPoolExecutor(threads) as pool:
+        return reduce(RecordFactors.joined, pool.map(of, task.chunks()))
 
 
 def chunk_factors(task: Task, chunk: Chunk) -> RecordFactors:
@@ -168,6 +182,6 @@ def chunk_factors(task: Task, chunk: Chunk) -> RecordFactors:
         lines = terms.evaluate(signals)
         used = lines if place is None else lines[:, place]
         factor = replace(empty_factor(terms.row, terms.columns), masked=chunk.count - used.shape[1])
-        factors.append(factor.with_rows(used) if used.shape[1] else factor)
+        factors.append(factor.with_rows(used, task.plan.fast) if used.shape[1] else factor)
         signals.forget(terms.row)
     return RecordFactors(task.source.name, chunk.count, tuple(factors), dict(signals.force_power))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.runtime.householder import compiled_take_in
 from modelgen.runtime.triangle import triangle_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -47,14 +48,23 @@ class RowFactor:
         """R of [W Y], shape (k + 1, k + 1)."""
         return triangle_of(self.R[:, 1:])
 
-    def with_rows(self, transposed: FloatArray) -> RowFactor:
-        """Return the factor with more samples, given as rows 1, W, Y of an array of shape (k + 2, n)."""
+    def with_rows(self, transposed: FloatArray, fast: bool | None = None) -> RowFactor:
+        """Return the factor with more samples, given as rows 1, W, Y of an array of shape (k + 2, n).
+
+        `fast` says whether to use compiled code; by default wherever numba is installed.
+        """
+        samples = self.samples + transposed.shape[1]
+        take_in = None if fast is False else compiled_take_in()
+        if take_in is not None:
+            R = self.R.copy()
+            take_in(R, np.ascontiguousarray(transposed))
+            return replace(self, R=R, samples=samples)
         count = transposed.shape[1] // ROWS_AT_A_TIME
         whole = transposed[:, : count * ROWS_AT_A_TIME].reshape(len(transposed), count, ROWS_AT_A_TIME)
         small = triangle_of(whole.transpose(1, 2, 0)).reshape(-1, len(transposed))
         rest = transposed[:, count * ROWS_AT_A_TIME :].T
         R = triangle_of(np.vstack([self.R, small, rest]))
-        return replace(self, R=R, samples=self.samples + transposed.shape[1])
+        return replace(self, R=R, samples=samples)
 
     def joined(self, other: RowFactor) -> RowFactor:
         """Return the factor of both stretches."""

@@ -44,11 +44,15 @@ class RowMask:
         """Return which of the chunk's samples kept are masked, shape (count,)."""
         masked = np.zeros(chunk.count, dtype=bool)
         for key in self.keys:
-            velocity = chunk.direction(key, chunk.start - self.halo, chunk.stop + self.halo)
+            low, high = chunk.start - self.halo, chunk.stop + self.halo
+            velocity = chunk.direction(key, low, high)
+            # beyond the record there is its mirror image: no rest goes on there
+            inside = slice(max(-low, 0), min(high, chunk.source.n) - low)
+            marked = np.zeros(len(velocity), dtype=bool)
             if self.shortest is None:
-                marked = reversals(velocity, thresholds[key])
+                marked[inside] = reversals(velocity[inside], thresholds[key])
             else:
-                marked = standstills(velocity, self.shortest, thresholds[key])
+                marked[inside] = standstills(velocity[inside], self.shortest, thresholds[key])
             if marked.any():
                 wide = widen(marked, self.reach)[self.halo : -self.halo]
                 masked |= wide[:: chunk.plan.filtering.factor]

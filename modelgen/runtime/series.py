@@ -20,14 +20,18 @@ from modelgen.runtime.write import write_record
 
 FloatArray = npt.NDArray[np.float64]
 
-OVERSAMPLE = 2
+# Linear pieces between samples: what the motion lacks of a sine of f Hz is (pi f / rate)^2 / 3 of it, so that
+# too few of them would look like a wrong force.
+OVERSAMPLE = 16
 # Ramps between speeds, in periods of the loop's bandwidth.
 RAMP_PERIODS = 1.5
+# and by which factors they vary with the step.
+RAMP_RANGE = (0.5, 2.0)
 
 
 @dataclass(frozen=True)
 class Shape:
-    """One record: speeds in shares of the velocity limit, the multisine in shares of the force limit.
+    """One record: speeds in proportion to one another, the multisine in shares of the force limit.
 
     The record is divided by `times` (shares); every part has a speed and an amplitude of the multisine. To
     the speeds are added sines and cosines of 1, 2, ... periods a record. Amplitudes of the multisine's lines
@@ -76,20 +80,25 @@ def series_excitation(
     """Return the excitation of a shape, its rate and its multisine scaled as a whole each."""
     t = np.arange((round(duration_s * fs) - 1) * OVERSAMPLE + 1) / (fs * OVERSAMPLE)
     modes = vibration(plant)
-    ramp_s = min(RAMP_PERIODS / bandwidth_hz(modes), 0.5 * min(shape.times) * duration_s)
-    window = _smooth(t / ramp_s) * _smooth((t[-1] - t) / ramp_s)
+    ramp_s = min(RAMP_PERIODS / bandwidth_hz(modes), 0.25 * min(shape.times) * duration_s)
+    # a ramp is as long as it is high, so that a reversal asks for no more force than a start
+    fastest = max(map(abs, shape.speeds)) or 1.0
+    steps = np.diff([0.0, *shape.speeds, 0.0])
+    ramps = ramp_s * np.clip(np.abs(steps) / fastest, *RAMP_RANGE)
+    middles = t[-1] * np.cumsum([0.0, *shape.times])
+    middles[0], middles[-1] = 0.5 * ramps[0], t[-1] - 0.5 * ramps[-1]
     rate, amplitude = np.zeros(t.size), np.zeros(t.size)
-    begin = 0.0
-    for speed, share, force in zip(shape.speeds, shape.times, shape.forces, strict=True):
-        end = begin + share * t[-1]
-        # neighbours overlap by half a ramp each; the multisine waits until the speed is reached
-        rate += speed * _smooth((t - begin) / ramp_s + 0.5) * _smooth((end - t) / ramp_s + 0.5)
-        amplitude += force * _smooth((t - begin) / ramp_s - 0.5) * _smooth((end - t) / ramp_s - 0.5)
-        begin = end
+    for step, middle, ramp in zip(steps, middles, ramps, strict=True):
+        rate += step * _smooth((t - middle) / ramp + 0.5)
+    for k, force in enumerate(shape.forces):
+        # the multisine waits until the speed is reached
+        begun = _smooth((t - middles[k]) / ramps[k] - 0.5)
+        amplitude += force * begun * _smooth((middles[k + 1] - t) / ramps[k + 1] - 0.5)
+    window = _smooth(t / ramp_s) * _smooth((t[-1] - t) / ramp_s)
     for k, (a, b) in enumerate(zip(shape.sines, shape.cosines, strict=True), start=1):
-        rate += a * np.sin(2.0 * pi * k * t / t[-1]) + b * np.cos(2.0 * pi * k * t / t[-1])
+        rate += window * (a * np.sin(2.0 * pi * k * t / t[-1]) + b * np.cos(2.0 * pi * k * t / t[-1]))
     # in speeds of the driven body: the limit holds for the fastest one
-    rate *= scale[0] * limits["velocity"] / float(np.abs(modes.lowest).max()) * window
+    rate *= scale[0] * limits["velocity"] / float(np.abs(modes.lowest).max())
     force_wave = (
         scale[1] * limits["force"] * amplitude * multisine(t, shape.low_hz, shape.high_hz, shape.tilt)
     )

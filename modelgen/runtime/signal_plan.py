@@ -6,25 +6,41 @@ own, because they are formed at the full rate from what is not linear.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.errors import DataError
+from modelgen.runtime.block_product import largest
 from modelgen.runtime.contract import Feature, Model, Signal
 from modelgen.runtime.derivatives import differentiate
 from modelgen.runtime.filtered_record import DIFFERENCE_GAIN, ROUNDING
 from modelgen.runtime.filtering import Filtering
 from modelgen.runtime.fused import FusedOperator, fused_operator
+from modelgen.runtime.loop_blocks import LoopBlocks
 from modelgen.runtime.two_sided import Sections, squared_gain
 
 FloatArray = npt.NDArray[np.float64]
-# (channel or velocity, start, stop) -> samples, continued beyond the ends of the record
-Reader = Callable[[str, int, int], FloatArray]
 
 # An unfiltered derivative is off this near to the ends of what it is made from, per order.
 DIFFERENCE_MARGIN = 8
+# A few samples already tell that a derivative is more than rounding error.
+FEW = 101
+
+
+class Stretch(Protocol):
+    """A stretch of a record and what lies around it, continued beyond the ends of the record."""
+
+    def read(self, channel: str, start: int, stop: int) -> FloatArray:
+        """Return samples of a channel."""
+
+    def not_finite(self, channel: str, start: int, stop: int) -> DataError:
+        """Return the error that names the sample of a channel that is not finite."""
+
+    def direction(self, key: str, start: int, stop: int) -> FloatArray:
+        """Return samples of a velocity whose sign is a direction of motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +70,10 @@ class SignalPlan:
         nothing is kept longer than that.
     constant : float
         What the filter leaves of the constant 1.
-    margin : int
-        Samples that a kept one is felt from, on each side.
+    margins : tuple of int
+        Samples that are looked at before and behind those kept.
+    fast : bool
+        Whether compiled code is used.
     """
 
     model: Model
@@ -70,65 +88,79 @@ class SignalPlan:
     full_rate_channels: frozenset[str]
     last_use: dict[str, int]
     constant: float
-    margin: int
+    margins: tuple[int, int]
+    fast: bool
 
-    def table(self, read: Reader, channel: str, start: int, count: int) -> FloatArray:
+    def table(self, stretch: Stretch, channel: str, start: int, count: int) -> FloatArray:
         """Return the derivatives of a channel at count samples kept, the first at `start`."""
-        operator = self.operators[channel]
-        stop = start + (count - 1) * self.filtering.factor + 1
-        samples = read(channel, start - operator.reach, stop + operator.reach)
-        found = operator.apply(samples, operator.reach, count)
-        for column, derivative in enumerate(operator.derivatives):
-            self._without_rounding(found[:, column], samples, derivative)
-        return found
+        return self._filtered(stretch, channel, self.operators[channel], start, count)
 
-    def feature(self, read: Reader, direction: Reader, key: str, start: int, count: int) -> FloatArray:
+    def feature(self, stretch: Stretch, key: str, start: int, count: int) -> FloatArray:
         """Return a feature at count samples kept, the first at `start`."""
-        reach = self.feature_operator.reach
+        before, behind = self.feature_operator.margins
         stop = start + (count - 1) * self.filtering.factor + 1
-        samples = self._feature(self.features[key], read, direction, start - reach, stop + reach)
-        return self.feature_operator.apply(samples, reach, count)[:, 0]
+        feature, low, high = self.features[key], start - before, stop + behind
+        signs = isinstance(feature.of, str) and feature.function == "sign" and feature.times is None
+        if signs:
+            samples = stretch.direction(str(feature.of), low, high)
+        else:
+            samples = self._feature(feature, stretch, low, high)
+        return self.feature_operator.apply(samples, before, count, signs)[:, 0]
 
-    def direction(self, read: Reader, key: str, start: int, stop: int) -> FloatArray:
+    def direction(self, stretch: Stretch, key: str, start: int, stop: int) -> FloatArray:
         """Return a velocity whose sign is a direction of motion, at the full rate, shape (stop - start,)."""
         channel, operator = self.directions[key]
-        if operator is None:
-            return read(channel, start, stop)
-        samples = read(channel, start - operator.reach, stop + operator.reach)
-        found = operator.apply(samples, operator.reach, stop - start)[:, 0]
-        self._without_rounding(found, samples, operator.derivatives[0])
+        if operator is not None:
+            return self._filtered(stretch, channel, operator, start, stop - start)[:, 0]
+        return self._checked(stretch, channel, start, stop)
+
+    def _filtered(
+        self, stretch: Stretch, channel: str, operator: FusedOperator, start: int, count: int
+    ) -> FloatArray:
+        """Return what an operator makes of a channel, shape (count, derivatives)."""
+        before, behind = operator.margins
+        low, high = start - before, start + (count - 1) * operator.factor + 1 + behind
+        found, reading = operator.checked(stretch.read(channel, low, high), before, count)
+        if not np.isfinite(reading):
+            raise stretch.not_finite(channel, low, high)
+        for column, derivative in enumerate(operator.derivatives):
+            self._without_rounding(found[:, column], reading, derivative)
         return found
 
-    def _without_rounding(self, found: FloatArray, samples: FloatArray, derivative: int) -> None:
+    def _checked(self, stretch: Stretch, channel: str, start: int, stop: int) -> FloatArray:
+        """Return samples of a channel as they are."""
+        samples = stretch.read(channel, start, stop)
+        if not np.isfinite(largest(samples)):
+            raise stretch.not_finite(channel, start, stop)
+        return samples
+
+    def _without_rounding(self, found: FloatArray, reading: float, derivative: int) -> None:
         """Set a derivative to zero where it is nothing but the rounding error of its channel."""
         if derivative == 0:
             return
-        gain = ROUNDING * (DIFFERENCE_GAIN * self.filtering.fs) ** derivative
-        largest = max(float(found.max()), -float(found.min()))
-        if largest <= gain * max(float(samples.max()), -float(samples.min())):
+        rounding = ROUNDING * (DIFFERENCE_GAIN * self.filtering.fs) ** derivative * reading
+        if largest(found[::FEW]) <= rounding and largest(found) <= rounding:
             found[:] = 0.0
 
-    def _feature(
-        self, feature: Feature, read: Reader, direction: Reader, start: int, stop: int
-    ) -> FloatArray:
+    def _feature(self, feature: Feature, stretch: Stretch, start: int, stop: int) -> FloatArray:
         """Return a feature at the full rate, from directions and unfiltered signals."""
-        factor = 1.0 if feature.times is None else self._raw(feature.times, read, start, stop)
+        factor = 1.0 if feature.times is None else self._raw(feature.times, stretch, start, stop)
         if not isinstance(feature.of, str):
             total = np.zeros(stop - start)
             for coefficient, key in feature.of:
-                total += coefficient * self._raw(key, read, start, stop)
+                total += coefficient * self._raw(key, stretch, start, stop)
             return np.asarray(total**3 * factor)
-        velocity = direction(feature.of, start, stop)
+        velocity = stretch.direction(feature.of, start, stop)
         if feature.function == "sign":
             value = np.sign(velocity)
         else:
             value = (velocity > 0.0 if feature.function == "forward" else velocity < 0.0).astype(float)
         return value if feature.times is None else np.asarray(value * factor)
 
-    def _raw(self, key: str, read: Reader, start: int, stop: int) -> FloatArray:
+    def _raw(self, key: str, stretch: Stretch, start: int, stop: int) -> FloatArray:
         signal = next(signal for signal in self.model.signals if signal.key == key)
         margin = DIFFERENCE_MARGIN * signal.derivative
-        samples = read(channel_of(signal), start - margin, stop + margin)
+        samples = self._checked(stretch, channel_of(signal), start - margin, stop + margin)
         slope = differentiate(samples, 1.0 / self.filtering.fs, signal.derivative)
         return slope[margin : len(slope) - margin]
 
@@ -172,12 +204,10 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
             brought = signal.sensor is None and signal.actuator is None
             smooth = None if brought else operator(filtering.directions, (signal.derivative,), 1)
             directions[signal.key] = (channel_of(signal), smooth)
-    late = max((one.reach for _, one in directions.values() if one), default=0)
-    deepest = max(signal.derivative for signal in model.signals)
-    margin = max(
-        max(one.reach for one in operators.values()),
-        feature_operator.reach + max(late, DIFFERENCE_MARGIN * deepest),
-    )
+    deepest = DIFFERENCE_MARGIN * max(signal.derivative for signal in model.signals)
+    beside = [one.margins for _, one in directions.values() if one is not None]
+    full_rate = np.max([(deepest, deepest), *beside], axis=0) + feature_operator.margins
+    margins = np.max([full_rate, *(one.margins for one in operators.values())], axis=0)
     # a constant times one pass forward and one backward
     gain = float(squared_gain(np.asarray(filtering.features, dtype=float), np.zeros(1))[0])
     return SignalPlan(
@@ -193,7 +223,8 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         _full_rate_channels(model, directions),
         _last_use(model),
         gain,
-        margin,
+        (int(margins[0]), int(margins[1])),
+        isinstance(feature_operator.blocks, LoopBlocks),
     )
 
 

@@ -7,7 +7,7 @@ events is exact (`stick_slip`), and so are torques, accelerations and friction a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -133,8 +133,8 @@ def simulate(
     Raises
     ------
     DataError
-        For parameters, channels or options that do not fit the model, for a chain with a cubic stiffness or
-        without an actuator, and for a closed loop that is unstable.
+        For parameters, channels or options that do not fit the model, for a chain without an
+        actuator, and for a closed loop that is unstable.
     """
     plant = make_plant(model, parameters, actuator)
     loop = controller or default_controller(plant)
@@ -178,6 +178,14 @@ def simulate(
     )
     changes = tuple(_mode_change(plant, event) for event in motion.events)
     return Simulation(record, MappingProxyType(true), excitation, changes, settings)
+
+
+def record_with_reference(simulation: Simulation) -> Record:
+    """Return the record with what the loop was told: ``reference``, ``reference_rate``, ``feedforward``."""
+    record, told, step = simulation.record, simulation.reference, simulation.settings.oversample
+    names = ("reference", "reference_rate", "feedforward")
+    signals = {name: getattr(told, name)[::step][: record.n] for name in names}
+    return replace(record, signals={**record.signals, **signals})
 
 
 def _oversample(excitation: Excitation, fs: float) -> int:

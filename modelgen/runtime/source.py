@@ -12,7 +12,7 @@ import numpy.typing as npt
 Columns = dict[str, npt.NDArray[Any]]
 
 # a column of this name holds times, whatever else the file says
-TIME_NAMES = ("t", "time", "zeit", "timestamp", "zeitstempel", "temps", "tiempo", "x-axis")
+TIME_NAMES = ("t", "time", "zeit", "timestamp", "zeitstempel", "temps", "tiempo", "x-axis", "x_value")
 
 
 @dataclass(frozen=True)

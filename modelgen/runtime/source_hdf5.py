@@ -25,7 +25,7 @@ def open_hdf5(path: Path) -> Source:
     Raises
     ------
     DataError
-        When h5py is missing, the file is none, or it unpacks to far more than its size.
+        When h5py is missing, the file is none, unpacks to far more than its size, or refers to other files.
     """
     h5py = reader_library("h5py", path)
     arrays: Columns = {}
@@ -37,6 +37,9 @@ def open_hdf5(path: Path) -> Source:
             return
         if item.attrs.get("MATLAB_class") in (b"char", b"logical"):
             return
+        if item.external is not None or item.is_virtual:
+            what, remedy = "keeps its samples in another file", "export it whole, into one file"
+            raise DataError.at(f"{path}: column {name.replace('/', '.')}", what, remedy)
         check_expansion(
             path, item.size * item.dtype.itemsize + sum(array.nbytes for array in arrays.values())
         )

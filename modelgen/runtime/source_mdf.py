@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from modelgen.errors import DataError
+from modelgen.runtime.expansion import check_expansion
+from modelgen.runtime.library_log import kept_log
 from modelgen.runtime.missing_reader import reader_library, unreadable
 from modelgen.runtime.source import Columns, Source
 
@@ -18,22 +22,29 @@ def open_mdf(path: Path) -> Source:
     Raises
     ------
     DataError
-        When asammdf is missing or the file is none.
+        When asammdf is missing, the file is none, or it unpacks to far more than its size.
     """
     asammdf = reader_library("asammdf", path)
     if not path.is_file():
         path.open("rb").close()
-    try:
-        with asammdf.MDF(str(path)) as file:
-            signals = {}
-            for group in range(len(file.groups)):
-                for signal in _signals(file, group):
-                    signals[signal.name if signal.name not in signals else f"{signal.name} ({group})"] = (
-                        group,
-                        signal,
-                    )
-    except Exception as error:  # the parser breaks in many ways on a file that is none
-        raise unreadable(path, "MDF file", error) from error
+    signals: dict[str, tuple[int, Any]] = {}
+    refused: DataError | None = None
+    with kept_log("asammdf"):
+        try:
+            with asammdf.MDF(str(path)) as file:
+                check_expansion(path, sum(map(_unpacked, file.groups)))
+                for group in range(len(file.groups)):
+                    for signal in _signals(file, group):
+                        name = signal.name if signal.name not in signals else f"{signal.name} ({group})"
+                        signals[name] = (group, signal)
+        except DataError as error:
+            refused = error
+        except Exception as error:  # the parser breaks in many ways on a file that is none
+            refused = unreadable(path, "MDF file", error)
+            error.__traceback__ = None  # it holds a file half opened, which complains as it is deleted: now
+            gc.collect()
+    if refused is not None:
+        raise refused
     columns: Columns = {}
     clocks: dict[str, str] = {}
     units: dict[str, str] = {}
@@ -54,6 +65,12 @@ def open_mdf(path: Path) -> Source:
     took = (f"an MDF file of {len(times)} channel group(s), times in s",)
     several = clocks if len(times) > 1 else {}
     return Source(path, tuple(columns), load, units=units, clocks=several, took=took)
+
+
+def _unpacked(group: Any) -> int:
+    """Return how many bytes the samples of a channel group take, as the file states it."""
+    stated = group.channel_group
+    return int(stated.cycles_nr) * int(getattr(stated, "samples_byte_nr", 8) or 8)
 
 
 def _signals(file: Any, group: int) -> list[Any]:

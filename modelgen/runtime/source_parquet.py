@@ -10,13 +10,14 @@ import numpy as np
 from modelgen.runtime.channel_units import split_name
 from modelgen.runtime.expansion import check_expansion
 from modelgen.runtime.missing_reader import reader_library, unreadable
-from modelgen.runtime.source import Columns, Source
+from modelgen.runtime.source import Columns, Source, is_time_name
+from modelgen.runtime.time_stamps import elapsed_s
 
 
 def open_parquet(path: Path) -> Source:
     """Return the source of a Parquet table; a field's metadata or its name may state a unit.
 
-    A missing value becomes NaN, which a record refuses.
+    A missing value becomes NaN, which a record refuses; time stamps become s since the first.
 
     Raises
     ------
@@ -33,19 +34,26 @@ def open_parquet(path: Path) -> Source:
         raise unreadable(path, "Parquet file", error) from error
     check_expansion(path, 8 * rows * len(schema))
     fields, units = {}, {}
+    stamps = []
     for field in schema:
         name, unit = split_name(field.name)
+        if str(field.type).startswith(("timestamp", "duration")):
+            stamps.append(name)
+            unit = "s"
         fields[name] = field.name
         stated = (field.metadata or {}).get(b"unit")
         unit = stated.decode() if stated else unit
         if unit:
             units[name] = unit
+    # pandas stores an index of times under a name of its own
+    named = any(is_time_name(name) for name in fields)
+    clocks = {name: stamps[0] for name in fields if name not in stamps} if stamps and not named else {}
 
     def load(names: Sequence[str]) -> Columns:
         try:
             table = parquet.read_table(path, columns=[fields[name] for name in names])
         except Exception as error:
             raise unreadable(path, "Parquet file", error) from error
-        return {name: np.asarray(table.column(fields[name]).to_numpy()) for name in names}
+        return {name: elapsed_s(np.asarray(table.column(fields[name]).to_numpy())) for name in names}
 
-    return Source(path, tuple(fields), load, units=units)
+    return Source(path, tuple(fields), load, units=units, clocks=clocks)

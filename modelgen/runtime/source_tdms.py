@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from modelgen.runtime.library_log import kept_log
 from modelgen.runtime.missing_reader import reader_library, unreadable
 from modelgen.runtime.source import Columns, Source, is_time_name
 
@@ -23,12 +24,13 @@ def open_tdms(path: Path) -> Source:
     columns: Columns = {}
     units: dict[str, str] = {}
     steps: dict[str, float] = {}
-    try:
-        file = nptdms.TdmsFile.read(path)
-    except OSError:
-        raise
-    except Exception as error:  # the parser breaks in many ways on a file that is none
-        raise unreadable(path, "TDMS file", error) from error
+    with kept_log("nptdms") as said:
+        try:
+            file = nptdms.TdmsFile.read(path)
+        except OSError:
+            raise
+        except Exception as error:  # the parser breaks in many ways on a file that is none
+            raise unreadable(path, "TDMS file", error) from error
     for group in file.groups():
         for channel in group.channels():
             values = np.asarray(channel[:])
@@ -49,5 +51,6 @@ def open_tdms(path: Path) -> Source:
     distinct = sorted(dict.fromkeys(steps.values()))
     has_clock = any(is_time_name(name) for name in columns)
     fs = 1.0 / distinct[0] if len(distinct) == 1 and not has_clock else None
-    took = (f"a TDMS file, {fs:.9g} Hz by the waveform's increment",) if fs else ("a TDMS file",)
-    return Source(path, tuple(columns), load, fs=fs, units=units, took=took)
+    took = f"a TDMS file, {fs:.9g} Hz by the waveform's increment" if fs else "a TDMS file"
+    damaged = tuple(f"the file is damaged or was cut short: {message}" for message in said)
+    return Source(path, tuple(columns), load, fs=fs, units=units, took=(took, *damaged))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,11 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.source import Columns, Source
-from modelgen.runtime.text_dialects import DIALECTS, rigol_frequency
+from modelgen.runtime.text_dialects import DIALECTS, stated_frequency
 from modelgen.runtime.text_layout import (
     END_MARKS,
     SEPARATORS,
+    SPACES,
     Head,
     Layout,
     cells_of,
@@ -30,6 +31,7 @@ from modelgen.runtime.text_layout import (
     number_from,
     sniff,
 )
+from modelgen.runtime.time_stamps import time_since
 
 RECORD_MARK = "# modelgen record "  # followed by JSON: fs, name and tag of a record written by modelgen
 Table = npt.NDArray[np.float64]
@@ -51,7 +53,7 @@ def open_text(path: Path) -> Source:
     for head in heads(path, encoding):
         layout = _sniffed(head)
         if layout is not None:
-            fs = fs or rigol_frequency(head)
+            fs = fs or stated_frequency(head)
             break
     layout = layout or _plain(path, encoding)
     problems = _header_problems(layout)
@@ -149,9 +151,14 @@ def _fast_table(layout: Layout, places: tuple[int, ...]) -> Table | None:
             rows = (line.replace(",", ".") for line in file) if layout.decimal_comma else file
             # without columns that hold no numbers, every line's width is checked by the parser
             chosen = places if "" in layout.names else None
+            times: dict[int | str, Callable[[str], Any]] = {
+                layout.names.index(name): time_since(first) for name, first in layout.stamps.items()
+            }
             table = np.loadtxt(
                 rows,
-                delimiter=layout.separator,
+                encoding=None,  # converters get text
+                converters=times,
+                delimiter=None if layout.separator == SPACES else layout.separator,
                 skiprows=layout.header_line,
                 comments=None,
                 ndmin=2,
@@ -168,6 +175,7 @@ def _fast_table(layout: Layout, places: tuple[int, ...]) -> Table | None:
 def _slow_columns(layout: Layout, places: tuple[int, ...]) -> list[Table]:
     """Return the wanted columns, or name the first line that is wrong; ragged ones may end before others."""
     columns: list[list[float]] = [[] for _ in places]
+    readers = [_reader(layout, place) for place in places]
     for number, cells in _sample_lines(layout):
         where = f"{layout.path}: line {number}"
         # metadata beside or below the samples may make lines shorter; cells too many are a mistake anywhere
@@ -176,13 +184,14 @@ def _slow_columns(layout: Layout, places: tuple[int, ...]) -> list[Table]:
             what = f"has {len(cells)} cells, the header has {len(layout.names)}"
             remedy = "give every line one cell a column (a decimal comma needs semicolons as separator)"
             raise DataError.at(where, what, remedy)
-        for column, place in zip(columns, places, strict=True):
+        for column, place, read in zip(columns, places, readers, strict=True):
             cell = cells[place] if place < len(cells) else ""
             if not cell and layout.ragged:
                 continue
-            value = number_from(cell, layout.decimal_comma)
+            value = read(cell)
             if value is None:
-                what = f"is {cell!r}, no number" if cell else "is empty"
+                kind = "time" if layout.names[place] in layout.stamps else "number"
+                what = f"is {cell!r}, no {kind}" if cell else "is empty"
                 remedy = "correct the cell, or start a line that holds no samples with #"
                 raise DataError.at(f"{where}, column {layout.names[place]}", what, remedy)
             column.append(value)
@@ -191,10 +200,27 @@ def _slow_columns(layout: Layout, places: tuple[int, ...]) -> list[Table]:
     return [np.array(column, dtype=float) for column in columns]
 
 
+def _reader(layout: Layout, place: int) -> Callable[[str], float | None]:
+    """Return what turns a cell of a column into its value, None where it holds none."""
+    first = layout.stamps.get(layout.names[place])
+    if first is None:
+        return lambda cell: number_from(cell, layout.decimal_comma)
+    since = time_since(first)
+
+    def time(cell: str) -> float | None:
+        try:
+            return since(cell)
+        except ValueError:
+            return None
+
+    return time
+
+
 def _sample_lines(layout: Layout) -> Iterator[tuple[int, list[str]]]:
     for number, line in lines_of(layout.path, layout.encoding):
         if number <= layout.header_line or not line.strip() or line.startswith("#"):
             continue
-        if line.strip() in END_MARKS and layout.took:
+        cells = cells_of(line, layout.separator)
+        if layout.took and cells[0] in END_MARKS and not any(cells[1:]):
             return
-        yield number, cells_of(line, layout.separator)
+        yield number, cells

@@ -12,20 +12,13 @@ from typing import Any
 import numpy as np
 
 from modelgen.runtime.flow import MOST_EVENTS_A_STEP
+from modelgen.runtime.series_kernel import TERMS, dot, expand
 
-# as in crossing.py: 2^24 / 24! is below rounding
-TERMS = 24
 INTERVALS = 8
+# A step with springs may be divided into so many parts.
+MOST_PARTS = 100
 DONE, EVENTS_FULL, UNBOUNDED, TOO_MANY = 0, 1, 2, 3
 TRUE_VELOCITY, BACKWARD, CENTRAL = 0, 1, 2
-
-
-def dot(a: Any, b: Any) -> float:
-    """Return the inner product of two vectors."""
-    total = 0.0
-    for i in range(len(b)):
-        total += a[i] * b[i]
-    return total
 
 
 def row_dot(table: Any, m: int, row: int, z: Any) -> float:
@@ -103,10 +96,14 @@ def when_negative(p: Any) -> float:
     return first_root(p[first:])
 
 
-def mode_at_rest(free: Any, z: Any, inertia: float, plus: float, minus: float) -> int:
+def mode_at_rest(z: Any, m: int, body: int, tables: Any) -> int:
     """Return the mode of a body whose velocity is zero: the net force on it decides."""
-    force = dot(free, z) * inertia
-    return int(force > plus) - int(force < -minus)
+    free, bodies, deflections, pulls = tables[3], tables[6], tables[7], tables[9]
+    rate = dot(free[m, body], z)
+    for s in range(len(deflections)):
+        rate += pulls[s, body] * dot(deflections[s], z) ** 3
+    force = rate * bodies[body, 1]
+    return int(force > bodies[body, 2]) - int(force < -bodies[body, 3])
 
 
 def cross(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple[int, int]:
@@ -114,22 +111,25 @@ def cross(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple
 
     Return the mode at its end, and the number of events; -1 for too many of them.
     """
-    _, guards, M, free, owners, guard_count, bodies = tables
-    size, body_count = len(z), len(bodies)
-    series = np.empty((TERMS, size))
+    _, guards, M, _, owners, guard_count, bodies, deflections, pushes, pulls = tables
+    size, body_count, springs = len(z), len(bodies), len(deflections)
+    series, cubes = np.empty((TERMS, size)), np.empty((springs, TERMS))
     polynomial = np.empty(TERMS)
     released = np.zeros(body_count, dtype=np.bool_)
-    left, first_count = 1.0, count
-    while left > 0.0:
-        for i in range(size):
-            series[0, i] = z[i]
-        for order in range(1, TERMS):
-            for i in range(size):
-                series[order, i] = dot(M[m, i], series[order - 1]) * left / order
+    left, first_count, parts = 1.0, count, 0
+    while left > 0.0 and parts < MOST_PARTS:
+        parts += 1
+        share = expand(z, M[m], deflections, pushes[m], left, series, cubes)
         u, guard = 1.0, -1
         for g in range(guard_count[m]):
             for order in range(TERMS):
                 polynomial[order] = dot(guards[m, g], series[order])
+            # what a held body has in reserve: friction minus or plus all forces on it, those of springs, too
+            owner, sign = owners[m, g, 0], owners[m, g, 1]
+            if m // 3**owner % 3 == 1:
+                for s in range(springs):
+                    for order in range(TERMS):
+                        polynomial[order] -= sign * pulls[s, owner] * cubes[s, order]
             if released[owners[m, g, 0]]:
                 polynomial[1] = 0.0
             found = when_negative(polynomial)
@@ -137,9 +137,12 @@ def cross(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple
                 u, guard = found, g
         for i in range(size):
             z[i] = horner(series[:, i], u)
-        left -= u * left
+        left -= u * share * left
         if guard < 0:
-            break
+            if share == 1.0:
+                break
+            released[:] = False
+            continue
         body, sign = owners[m, guard, 0], owners[m, guard, 1]
         if u != 0.0:
             released[:] = False
@@ -148,7 +151,7 @@ def cross(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple
         if now == 0:
             released[body] = True
         else:
-            follow = mode_at_rest(free[m, body], z, bodies[body, 1], bodies[body, 2], bodies[body, 3])
+            follow = mode_at_rest(z, m, body, tables)
             # its velocity has just left this direction: only rounding could send it back there
             sign = 0 if follow == sign else follow
             z[int(bodies[body, 0])] = 0.0
@@ -157,14 +160,16 @@ def cross(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple
             return m, -1
         events[count, 0], events[count, 1], events[count, 2] = k + 1.0 - left, body, sign
         count += 1
+    if parts == MOST_PARTS:
+        z[0] = np.nan  # a spring that swings so fast has left all bounds
     return m, count
 
 
-def release(z: Any, m: int, free: Any, bodies: Any, events: Any, count: int, k: int) -> tuple[int, int]:
+def release(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple[int, int]:
     """Let go of sticking bodies that a jump of the command at step k overcomes; return as `cross` does."""
-    for j in range(len(bodies)):
+    for j in range(len(tables[6])):
         if m // 3**j % 3 == 1:
-            follow = mode_at_rest(free[m, j], z, bodies[j, 1], bodies[j, 2], bodies[j, 3])
+            follow = mode_at_rest(z, m, j, tables)
             if follow != 0:
                 if count == len(events):
                     return m, -1
@@ -200,7 +205,7 @@ def run(
     reference at the ticks, steps per tick, delay in steps, what the controller has seen). Return a status,
     the number of events, and the step reached. Indices are counted, not divided: that is most of the time.
     """
-    ahead, guards, _, free, _, guard_count, bodies = tables
+    ahead, guards, guard_count, springs = tables[0], tables[1], tables[5], len(tables[7])
     states, modes, commands, events = outputs
     law, reference, per_tick, delay, seen = sampling
     nx, known, count = len(x), len(inputs) > 0, 0
@@ -233,12 +238,13 @@ def run(
             z[i] = x[i]
         z[nx], z[nx + 1] = w0, w1 - w0
         if not known:
-            m, count = release(z, m, free, bodies, events, count, k)
+            m, count = release(z, m, tables, events, count, k)
             if count < 0:
                 return EVENTS_FULL, count, k
         for i in range(nx):
             out[i] = row_dot(ahead, m, i, z)
-        crossed = ends_within(z, m, ahead, guards, guard_count[m])
+        # beside springs, what `ahead` foresees does not hold
+        crossed = springs > 0 or ends_within(z, m, ahead, guards, guard_count[m])
         if crossed:
             m, count = cross(z, m, tables, events, count, k)
             if count < 0:

@@ -6,21 +6,25 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
+from inspect import getsource
 from itertools import product
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.errors import DataError
+from modelgen.runtime.compiled import kept_code
 from modelgen.runtime.flow import Event, Flow, Trajectory, too_many_events, unbounded
-from modelgen.runtime.friction_mode import FrictionSystem
+from modelgen.runtime.friction_mode import FrictionSystem, ModeMotion
+from modelgen.runtime.series_kernel import dot, expand, product_term, reach, shrink
 from modelgen.runtime.step_kernel import (
     EVENTS_FULL,
     TOO_MANY,
     UNBOUNDED,
     command,
     cross,
-    dot,
     ends_within,
     first_root,
     horner,
@@ -36,9 +40,15 @@ FloatArray = npt.NDArray[np.float64]
 
 # All modes are tabulated in advance, three a body: beyond so many bodies with friction that would be a waste.
 MOST_BODIES = 5
+# Where there is no other way they are tabulated up to here: 3^8 modes.
+LARGEST_TABLE = 8
 FIRST_EVENTS = 4096
 PARTS = (
     dot,
+    product_term,
+    reach,
+    shrink,
+    expand,
     row_dot,
     horner,
     root_between,
@@ -49,6 +59,7 @@ PARTS = (
     release,
     command,
     ends_within,
+    run,
 )
 
 
@@ -101,6 +112,10 @@ def _run(
     flow: Flow, initial: FloatArray, w: FloatArray, sampling: Sampling, stride: int, steps: int
 ) -> tuple[Trajectory, FloatArray]:
     bodies = len(flow.system.bodies)
+    if bodies > LARGEST_TABLE:
+        what = f"has {bodies} bodies with Coulomb friction, where {LARGEST_TABLE} are possible"
+        remedy = "leave some friction out, or take a continuous controller and linear springs"
+        raise DataError.at("simulation", what, remedy)
     x = initial * flow.scale
     q = x[int(sampling.law[5])]
     # what the controller saw before the start: the axis coming along at its speed
@@ -156,6 +171,7 @@ def _tables(flow: Flow) -> tuple[Any, ...]:
             rates[i],
             rates[i] @ end,
         )
+    deflections, pushes, pulls = _spring_tables(flow, size, motions)
     numbers = [[body.velocity, body.inertia, body.plus, body.minus] for body in bodies]
     return (
         ahead,
@@ -165,7 +181,27 @@ def _tables(flow: Flow) -> tuple[Any, ...]:
         owners,
         np.array([len(motion.owners) for motion in motions]),
         np.array(numbers, dtype=float).reshape(len(bodies), 4),
+        deflections,
+        pushes,
+        pulls,
     )
+
+
+def _spring_tables(
+    flow: Flow, size: int, motions: list[ModeMotion]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return of every cubic spring its deflection, its push in every mode, and what it does to each body."""
+    springs, bodies, nx = flow.system.springs, flow.system.bodies, flow.scale.size
+    deflections, pulls = np.zeros((len(springs), size)), np.zeros((len(springs), len(bodies)))
+    pushes = np.zeros((len(motions), len(springs), size))
+    for s, spring in enumerate(springs):
+        deflections[s, :nx] = spring.deflection
+        pulls[s] = spring.push[[body.velocity for body in bodies]]
+        for i, motion in enumerate(motions):
+            held = [b.velocity for b, sign in zip(bodies, motion.mode, strict=True) if sign == 0]
+            pushes[i, s, :nx] = spring.push
+            pushes[i, s, held] = 0.0
+    return deflections, pushes, pulls
 
 
 def _modes(bodies: int) -> list[tuple[int, ...]]:
@@ -188,5 +224,18 @@ def _kernel() -> Callable[..., tuple[int, int, int]]:
 
     for part in PARTS:
         register_jitable(part)
-    compiled: Callable[..., tuple[int, int, int]] = numba.njit(run, cache=True, nogil=True)
-    return compiled
+    sources = "".join(getsource(part) for part in PARTS)
+    return kept_code(numba.njit, _dated(crc32(sources.encode())), nogil=True)
+
+
+def _dated(version: int) -> Callable[..., tuple[int, int, int]]:
+    """Return `run` with a version in its closure: machine code that was kept serves the same one only."""
+
+    def steps(
+        x: Any, m: int, tables: Any, w: Any, sampling: Any, stride: int, count: int, outputs: Any
+    ) -> tuple[int, int, int]:
+        if version < 0:
+            return UNBOUNDED, 0, 0
+        return run(x, m, tables, w, sampling, stride, count, outputs)
+
+    return steps

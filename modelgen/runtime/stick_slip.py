@@ -46,7 +46,8 @@ def integrate(
     stride : int
         Keep every `stride`-th step.
     compiled : bool, optional
-        Whether to use compiled code; by default wherever numba is installed and the system allows it.
+        Whether to take the steps one by one (compiled, where numba is installed); by default if numba is, and
+        the system allows it. Cubic springs always ask for it.
 
     Raises
     ------
@@ -56,7 +57,7 @@ def integrate(
     refine = refinement(system, step_s)
     step_s, stride, steps = step_s / refine, stride * refine, (len(inputs) - 1) * refine
     flow = Flow(system, step_s)
-    if can_compile(system) if compiled is None else compiled:
+    if system.springs or (can_compile(system) if compiled is None else compiled):
         w = _between(inputs, np.arange(steps + 1) / refine) if refine > 1 else inputs
         return follow_input(flow, initial, w[:, 0], stride)
     states = np.empty((steps // stride + 1, initial.size))

@@ -1,33 +1,42 @@
 """identify_stream: model and records of any length -> parameters, in constant memory.
 
-The rows are those of `modelgen.identify` with method "wls", and so are weights and covariances; what needs
-the whole record at once (the choice of filters, the drift with them, the residual itself) is left to it.
+The rows are those of `modelgen.identify` with method "wls", and so are weights, covariances, drift and
+physical parameters. Filters are chosen from stretches of a long record. What needs the residual itself (its
+tests, the guards that look at whole records, other methods) is left to it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.errors import DataError, Problem
+from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.runtime.channels import Channels, RecordChannels
 from modelgen.runtime.choose import FilterChoice, decimation_for
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
-from modelgen.runtime.factor_fit import FactorFit, fit_factors
+from modelgen.runtime.estimate import Estimate
+from modelgen.runtime.factor_fit import FactorFit, fit_factors, with_inverse
 from modelgen.runtime.record_factors import RecordFactors, matched_task, record_factors
-from modelgen.runtime.stream_covariance import stream_hac_covariance
+from modelgen.runtime.stream_judge import (
+    StreamSolved,
+    judge_stream,
+    refused_columns,
+    stream_drift,
+)
+from modelgen.runtime.stretches import choose_from_stretches, stretches
 
 FloatArray = npt.NDArray[np.float64]
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
 class StreamEstimate:
-    """What was identified from records that no memory had to hold.
+    """What was identified from the records of a machine, or of a fleet.
 
     Attributes
     ----------
@@ -63,42 +72,88 @@ class StreamEstimate:
 def identify_stream(
     model: Model,
     records: Sequence[Channels | Record],
-    cutoff_hz: float,
+    cutoff_hz: float | None = None,
     filter_order: int | None = None,
     decimation: int | None = None,
     direction_cutoff_hz: float | None = None,
+    prune_percent: float = 10.0,
+    drift_check: bool = True,
     chunk_samples: int | None = None,
-) -> StreamEstimate:
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Estimate:
     """Identify the parameters of a model from records that are read in chunks.
 
     Parameters
     ----------
     model : Model
     records : sequence of Channels or Record
-    cutoff_hz : float
-        Cut-off of the matched filter in Hz; `modelgen.runtime.choose.choose_filter` finds one from a stretch.
-    filter_order, decimation, direction_cutoff_hz : optional
-        As for `modelgen.identify`; directions of motion are by default taken below `cutoff_hz`.
+    cutoff_hz, filter_order, decimation, direction_cutoff_hz : optional
+        Taken as given; otherwise chosen from each record, or from stretches of a long one, by the rules of
+        `modelgen.runtime.choose`. Frequencies in Hz.
+    prune_percent : float
+        Relative standard deviation in % from which parameters are removed in the list beside the estimate.
+    drift_check : bool
+        Add to the covariance how far the estimate drifts with cut-off and weights, as `modelgen.identify`
+        does; costs up to three more passes.
     chunk_samples : int, optional
         Samples read at a time; changes memory and speed, never the estimate.
+    threads : int
+        Threads that filter and solve, a chunk each; they change memory and speed, never the estimate.
+    progress : callable, optional
+        Called with a few words before each step.
+
+    Returns
+    -------
+    Estimate
+        That of `modelgen.identify`, without the residual itself.
 
     Raises
     ------
     DataError
-        When a record is too short, or holds a sample that is not finite.
+        When an option is out of range, a record is too short, or holds a sample that is not finite.
     IdentifiabilityError
         When the records answer none of the parameters.
     """
+    say = progress or (lambda _: None)
+    if not records:
+        raise DataError.at("records", "there are none", "give at least one record")
+    if threads < 1:
+        raise DataError.at("threads", f"is {threads}", "give a number of threads, 1 or more")
     sources = [RecordChannels(record) if isinstance(record, Record) else record for record in records]
-    choice = stream_choice(model, sources, cutoff_hz, filter_order, decimation, direction_cutoff_hz)
+    say("choosing filters")
+    pieces = [stretches(model, source) for source in sources]
+    choice = choose_from_stretches(model, pieces, cutoff_hz, filter_order, decimation, direction_cutoff_hz)
+    say("filtering and solving")
     tasks = [
         matched_task(model, source, choice, factor, samples=chunk_samples)
         for source, factor in zip(sources, choice.decimation, strict=True)
     ]
-    factors = [record_factors(task) for task in tasks]
-    fit = fit_factors(model, factors)
-    covariance = stream_hac_covariance(fit, tasks) if fit.inverse is not None else None
-    return stream_estimate(model, factors, fit, covariance)
+    factors = [record_factors(task, threads) for task in tasks]
+    fit = with_inverse(factors, fit_factors(model, factors))
+    seen = [piece for record in pieces for piece in record]
+    refused = refused_columns(model, seen, choice, fit)
+    if all(model.base_parameters[column] in refused for column in fit.columns):
+        remedy = "record another motion, or sense more"
+        raise IdentifiabilityError(*(Problem(name, reason, remedy) for name, reason in refused.items()))
+    drift = np.zeros((len(fit.columns), len(fit.columns)))
+    if drift_check:
+        say("changing cut-off and weights")
+
+        def again(other: FilterChoice) -> FactorFit:
+            same = other.direction_cutoff_hz == choice.direction_cutoff_hz
+            moved = [
+                matched_task(
+                    model, task.source, other, factor, 0, chunk_samples, task.survey if same else None
+                )
+                for task, factor in zip(tasks, choice.decimation, strict=True)
+            ]
+            return fit_factors(model, [record_factors(task, threads) for task in moved])
+
+        drift += stream_drift(model, factors, fit, choice, min(source.fs for source in sources), again)
+    say("judging the fit")
+    solved = StreamSolved(model, choice, tuple(tasks), tuple(factors), fit, refused, drift)
+    return judge_stream(solved, prune_percent)
 
 
 def stream_estimate(
@@ -124,7 +179,7 @@ def stream_estimate(
         covariance=None if covariance is None else covariance[np.ix_(told, told)],
         nobs=fit.samples,
         sigma=fit.sigma,
-        relative_error=fit.residual_norm / fit.measured_norm if fit.measured_norm else float("inf"),
+        relative_error=fit.relative_error,
         condition_number=fit.condition_number,
     )
 

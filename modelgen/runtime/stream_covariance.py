@@ -1,19 +1,25 @@
 """The HAC covariance of `covariance`, over records that are read in chunks.
 
-The Bartlett kernel of a whole bandwidth S is a sum of squares of moving sums over S instants, and that of a
-broken bandwidth lies between two whole ones: the cost does not depend on the bandwidth,
-nor on what the memory holds.
+Parzen's kernel is a sum of squares of the series after two moving sums: the cost does not depend on the
+bandwidth, nor on what the memory holds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.covariance import bandwidth_from_moments, fixed_b_factor
+from modelgen.runtime.chunk import CHUNK_SAMPLES
+from modelgen.runtime.covariance import (
+    bandwidth_from_moments,
+    fixed_b_factor,
+    moving_sum,
+    window_power,
+    window_width,
+)
 from modelgen.runtime.factor_fit import FactorFit
 from modelgen.runtime.record_factors import Task
 from modelgen.runtime.row_terms import RowTerms
@@ -53,32 +59,28 @@ class MomentSums:
         return Moments(self._power, self._product, self._n)
 
 
-class BartlettSums:
-    """The sum over lags l of (1 - |l| / bandwidth) psi_t psi_(t+l)^T, of an influence in chunks."""
+class ParzenSums:
+    """The sum over lags l of Parzen's kernel times psi_t psi_(t+l)^T, of an influence in chunks."""
 
     def __init__(self, columns: int, bandwidth: float) -> None:
-        whole = int(bandwidth)
-        # a triangle of broken width is piecewise linear between those of the two whole widths beside it
-        share = (whole + 1) * (1.0 - whole / bandwidth)
-        self._widths = ((whole, (1.0 - share) / whole), (whole + 1, share / (whole + 1)))
-        self._tail = np.zeros((whole + 1, columns))
+        self._width = window_width(bandwidth)
+        # before the record there is nothing
+        self._tails = [np.zeros((self._width - 1, columns)) for _ in range(2)]
         self._total = np.zeros((columns, columns))
 
     def add(self, psi: FloatArray) -> None:
         """Take in the next instants, shape (count, c)."""
-        joined = np.vstack([self._tail, psi])
-        edge = len(self._tail)
-        sums = np.vstack([np.zeros(psi.shape[1]), np.cumsum(joined, axis=0)])
-        for width, share in self._widths:
-            moved = sums[edge + 1 :] - sums[edge + 1 - width : len(sums) - width]
-            self._total += share * (moved.T @ moved)
-        self._tail = joined[-edge:]
+        for place, tail in enumerate(self._tails):
+            joined = np.vstack([tail, psi])
+            self._tails[place] = joined[len(joined) - len(tail) :]
+            psi = moving_sum(joined, self._width)
+        self._total += psi.T @ psi
 
     def result(self) -> FloatArray:
         """Return the sum over what was taken in, shape (c, c)."""
         # the moving sums that begin within the record and end behind it
-        self.add(np.zeros_like(self._tail))
-        return self._total
+        self.add(np.zeros((2 * (self._width - 1), len(self._total))))
+        return self._total / window_power(self._width)
 
 
 def stream_hac_covariance(fit: FactorFit, tasks: Sequence[Task]) -> FloatArray:
@@ -96,7 +98,7 @@ def stream_hac_covariance(fit: FactorFit, tasks: Sequence[Task]) -> FloatArray:
     bandwidth = bandwidth_of(found)
     total = np.zeros((len(fit.columns), len(fit.columns)))
     for one in series:
-        squares = BartlettSums(len(fit.columns), bandwidth)
+        squares = ParzenSums(len(fit.columns), bandwidth)
         for psi in one():
             squares.add(psi)
         total += squares.result()
@@ -130,6 +132,10 @@ def influence_chunks(fits: Sequence[tuple[FactorFit, int]], task: Task) -> Itera
     ------
     list of array, shape (count, columns of the fit) each
     """
+    columns = sum(len(fit.columns) for fit, _ in fits)
+    most = max(1, KEPT // columns) * task.plan.filtering.factor
+    if most < (task.samples or CHUNK_SAMPLES):  # many columns: their influences are what fills the memory
+        task = replace(task, samples=most)
     for chunk in task.chunks():
         signals, places = chunk.signals(), task.places(chunk)
         found = [np.zeros((chunk.count, len(fit.columns))) for fit, _ in fits]

@@ -7,6 +7,8 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from modelgen.runtime.check_lines import CheckTable, check_tables
+
 if TYPE_CHECKING:
     from modelgen.runtime.estimate import Estimate, Parameter
 
@@ -32,6 +34,8 @@ def summary_text(estimate: Estimate) -> str:
         _pruning(estimate),
         _sentences("Filters", estimate.filtering.sentences),
         _sentences("Notes", estimate.filtering.notes + estimate.notes),
+        *(_titled(table) for table in check_tables(estimate.checks)),
+        _sentences("Warnings", [advice.sentence for advice in estimate.checks.advice]),
     ]
     return "\n\n".join("\n".join(part) for part in parts if part) + "\n"
 
@@ -47,9 +51,12 @@ def _parameter_rows(estimate: Estimate) -> list[list[str]]:
     intervals = estimate.conf_int()
     detailed = estimate.covariance_kind == "hac"
     header = ["parameter", "unit", "value", "std. dev.", "%", "95 % from", "to"]
-    rows = [header + (["noise", "drift", "eq. (11)"] if detailed else [])]
-    for entry in estimate.parameters:
-        parts = (entry.noise_std, entry.drift_std, entry.printed_std) if detailed else ()
+    periods = estimate.checks.periods
+    named = (["noise", "drift", "eq. (11)"] if detailed else []) + (["periods"] if periods else [])
+    rows = [header + named]
+    for index, entry in enumerate(estimate.parameters):
+        parts = [entry.noise_std, entry.drift_std, entry.printed_std] if detailed else []
+        parts += [periods.std[index]] if periods else []
         interval = [_number(bound) for bound in intervals[entry.name]]
         rows.append([*_leading(entry), *interval, *(_number(part, 3) for part in parts)])
     return rows
@@ -118,6 +125,14 @@ def _sentences(title: str, sentences: Sequence[str]) -> list[str]:
         return []
     lines = [f"{title}:"]
     for sentence in sentences:
+        lines += textwrap.wrap(sentence, WIDTH, initial_indent="  ", subsequent_indent="    ")
+    return lines
+
+
+def _titled(found: CheckTable) -> list[str]:
+    table = _table([list(row) for row in found.rows], found.left) if found.rows else []
+    lines = [f"{found.title}:", *(f"  {line}" for line in table)]
+    for sentence in found.sentences:
         lines += textwrap.wrap(sentence, WIDTH, initial_indent="  ", subsequent_indent="    ")
     return lines
 

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import inf
 
-from modelgen.runtime.channel_units import states_no_unit
-from modelgen.runtime.text_layout import Head, Layout, took_from
+from modelgen.runtime.channel_units import split_name, states_no_unit
+from modelgen.runtime.text_layout import Head, Layout, number_from, took_from
+from modelgen.runtime.time_stamps import is_long_count
 
 # rows of metadata that TwinCAT Scope repeats in front of every group of channels with one column of times
 SCOPE_ROWS = ("Name", "SymbolName", "Data-Type", "SampleTime[ms]", "VariableSize", "Unit")
@@ -44,15 +46,18 @@ def twincat_scope(head: Head) -> Layout | None:
             names.append(title)
             if title:
                 clocks[title] = clock
-    first = next(float(cell.replace(",", ".")) for cell in head.lines[head.first][1] if cell)
-    units = {name: "100ns" if first > 1e16 else "ms" for name in dict.fromkeys(clocks.values())}
+    cells = head.lines[head.first][1]
+    first = next(cell for cell in cells if number_from(cell, head.decimal_comma) is not None)
+    full = is_long_count(first)
+    stamps = dict.fromkeys(clocks.values(), first) if full else {}
+    units = dict.fromkeys(clocks.values(), "100ns" if full else "ms")
     unit_row = rows.get("Unit", (0, ()))[1]
     for title, unit in zip(names, unit_row, strict=False):
         if title in clocks and not states_no_unit(unit):
             units[title] = unit
     several = len(dict.fromkeys(clocks.values())) > 1
     layout = _layout(head, names, units, clocks if several else {}, ragged=True)
-    return _with_took(layout, "a TwinCAT Scope export", number)
+    return _with_took(replace(layout, stamps=stamps), "a TwinCAT Scope export", number)
 
 
 def dspace_recorder(head: Head) -> Layout | None:
@@ -93,26 +98,62 @@ def rigol(head: Head) -> Layout | None:
     if len(head.lines) < 3:
         return None
     titles, units_row = head.lines[0][1], head.lines[1][1]
-    if not (titles[0] == "X" and "Increment" in titles and units_row[0] == "Sequence"):
+    fs = stated_frequency(head)
+    if fs is None or not (titles[0] == "X" and "Increment" in titles and units_row[0] == "Sequence"):
         return None
-    place = titles.index("Increment")
     names = [name if name and name not in ("Start", "Increment") else "" for name in titles[: head.width]]
     names[0] = ""
     units = {name: units_row[i] for i, name in enumerate(names) if name and units_row[i : i + 1]}
     layout = _layout(head, names, units, {}, ragged=False)
-    step = float(units_row[place])
-    took = f"a Rigol export: no times, {1.0 / step:.9g} Hz by the increment in line 2"
+    took = f"a Rigol export: no times, {fs:.9g} Hz by the increment in line 2"
     return _with_took(layout, took, head.lines[0][0])
 
 
-def rigol_frequency(head: Head) -> float | None:
-    """Return the sampling frequency in Hz that a Rigol export states, None for any other file."""
-    if rigol(head) is None:
+def rigol_increment(head: Head) -> Layout | None:
+    """Return the layout of a newer Rigol scope: the line of names ends with the start and the increment."""
+    titles = head.lines[0][1]
+    fs = stated_frequency(head)
+    if fs is None or not any(title.startswith("tInc") for title in titles):
         return None
-    return 1.0 / float(head.lines[1][1][head.lines[0][1].index("Increment")])
+    first = [*head.lines[head.first][1], *([""] * head.width)]
+    pairs = [split_name(title) for title in titles[: head.width]]
+    names = [name if cell else "" for (name, _), cell in zip(pairs, first, strict=False)]
+    units = {name: unit for (name, unit), cell in zip(pairs, first, strict=False) if unit and cell}
+    layout = _layout(head, names, units, {}, ragged=False)
+    took = f"a Rigol export: no times, {fs:.9g} Hz by the increment in line 1"
+    return _with_took(layout, took, head.lines[0][0])
 
 
-DIALECTS = (twincat_scope, dspace_recorder, tektronix_tds, rigol)
+def yokogawa(head: Head) -> Layout | None:
+    """Return the layout of a Yokogawa scope: a row of metadata a line, samples behind an empty cell."""
+    rows = {cells[0]: (number, cells) for number, cells in head.lines[: head.first]}
+    fs = stated_frequency(head)
+    if fs is None or "TraceName" not in rows or "HResolution" not in rows:
+        return None
+    number, titles = rows["TraceName"]
+    names = ["", *([*titles[1:], *([""] * head.width)][: head.width - 1])]
+    unit_row = rows.get("VUnit", (0, ()))[1]
+    units = {name: unit for name, unit in zip(names, unit_row, strict=False) if name and unit}
+    layout = _layout(head, names, units, {}, ragged=False)
+    took = f"a Yokogawa export: no times, {fs:.9g} Hz by HResolution"
+    return _with_took(layout, took, number)
+
+
+def stated_frequency(head: Head) -> float | None:
+    """Return the sampling frequency in Hz that the lines above the samples state, None where they do not."""
+    titles = head.lines[0][1]
+    stated = [title.partition("=")[2] for title in titles if title.startswith("tInc")]
+    if titles[0] == "X" and "Increment" in titles and len(head.lines) > 1:
+        place = titles.index("Increment")
+        stated += head.lines[1][1][place : place + 1]
+    stated += [
+        cell for _, cells in head.lines[: head.first] if cells[0] == "HResolution" for cell in cells[1:2]
+    ]
+    steps = [number_from(cell, head.decimal_comma) for cell in stated]
+    return 1.0 / steps[0] if steps and steps[0] and 0.0 < steps[0] < inf else None
+
+
+DIALECTS = (twincat_scope, dspace_recorder, tektronix_tds, rigol, rigol_increment, yokogawa)
 
 
 def _layout(

@@ -14,10 +14,12 @@ from pathlib import Path
 
 from modelgen.runtime.channel_units import split_name, states_no_unit, unit_from_text
 from modelgen.runtime.source import is_time_name
+from modelgen.runtime.time_stamps import is_date, is_long_count, nanoseconds
 
 SEPARATORS = "\t;,"
+SPACES = " "  # any number of them, tried where none of the others separates more
 SNIFFED_LINES = 400  # the samples begin before this line, or the file is a plain table
-END_MARKS = ("EOF",)
+END_MARKS = ("EOF", "//END")
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,8 @@ class Layout:
 
     `names` holds one name a column, "" for a column that is no channel; `header_line` is the last line above
     the samples, counted from 1. `clocks` maps a channel to its column of times, `ragged` says whether columns
-    may end before the others, `took` is what was taken for what.
+    may end before the others; `stamps` maps a column of times as text to the first time, from which
+    it is counted; `took` is what was taken for what.
     """
 
     path: Path
@@ -38,6 +41,7 @@ class Layout:
     units: Mapping[str, str] = field(default_factory=dict)
     clocks: Mapping[str, str] = field(default_factory=dict)
     ragged: bool = False
+    stamps: Mapping[str, str] = field(default_factory=dict)
     took: tuple[str, ...] = ()
 
 
@@ -62,6 +66,8 @@ def lines_of(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
 
 def cells_of(line: str, separator: str) -> list[str]:
     """Return the cells of a line, quotes removed."""
+    if separator == SPACES:
+        return line.split()
     # only quoted cells need a parser, which is slow
     cells = next(csv.reader([line], delimiter=separator)) if '"' in line else line.split(separator)
     return [cell.strip() for cell in cells]
@@ -101,7 +107,7 @@ def heads(path: Path, encoding: str) -> Iterator[Head]:
         if line.strip() and not line.startswith("#")
     ]
     found = []
-    for separator in SEPARATORS:
+    for separator in (*SEPARATORS, SPACES):
         lines = tuple((number, tuple(cells_of(line, separator))) for number, line in first_lines)
         for comma in (False, True) if separator != "," else (False,):
             first = _first_samples(lines, comma)
@@ -126,9 +132,15 @@ def sniff(head: Head) -> Layout | None:
     for cells in between:
         for place, cell in enumerate(_padded(cells, head.width)):
             stated[place] = cell or stated[place]
-    named = _different(titles)
+    filled = _filled(head)
+    first = _padded(head.lines[head.first][1], head.width)
+    days = tuple(title for title, cell in zip(titles, first, strict=True) if is_date(cell))
+    empty = tuple(title for i, title in enumerate(titles) if title and i not in filled)
+    named = tuple("" if title in (*days, *empty) else title for title in _different(titles))
+    stamps = _stamps(dict(zip(named, first, strict=True)))
     units = {name: unit for name, unit in zip(named, stated, strict=True) if name and unit}
     units = {name: unit for name, unit in units.items() if not states_no_unit(unit)}
+    units |= {name: "s" for name, first_time in stamps.items() if not is_long_count(first_time)}
     layout = Layout(
         head.path,
         head.encoding,
@@ -137,10 +149,16 @@ def sniff(head: Head) -> Layout | None:
         head.decimal_comma,
         named,
         units,
-        clocks_by_place(named),
+        clocks_by_place(named) or _unnamed_clock(named, units, stamps),
+        stamps=stamps,
     )
     plain = names == 0 and not between and head.lines[0][0] <= layout.header_line
-    return replace(layout, took=() if plain and not units else took_from(layout, head.lines[names][0]))
+    left_out = [f"column {title} holds days, left out" for title in days]
+    left_out += [f"column {title} is empty, left out" for title in empty]
+    left_out += ["the first column has no name, left out"] if not titles[0] and 0 in filled else []
+    if plain and not units and not left_out:
+        return layout
+    return replace(layout, took=(*took_from(layout, head.lines[names][0]), *left_out))
 
 
 def clocks_by_place(names: Sequence[str]) -> dict[str, str]:
@@ -158,9 +176,29 @@ def clocks_by_place(names: Sequence[str]) -> dict[str, str]:
     return clocks
 
 
+def _stamps(first: Mapping[str, str]) -> dict[str, str]:
+    """Return the columns of times that no double holds, with the first time of their kind."""
+    texts = {name: cell for name, cell in first.items() if name and nanoseconds(cell) is not None}
+    counts = {name: cell for name, cell in first.items() if is_time_name(name) and is_long_count(cell)}
+    # columns of one kind are counted from one time: how far they are apart stays
+    return {name: next(iter(kind.values())) for kind in (texts, counts) for name in kind}
+
+
+def _unnamed_clock(
+    names: Sequence[str], units: Mapping[str, str], stamps: Mapping[str, str]
+) -> dict[str, str]:
+    """Return time stamps, or a first column in a unit of time, as all times, where none is named so."""
+    used = [name for name in names if name]
+    if not used or any(is_time_name(name) for name in used):
+        return {}
+    first = unit_from_text(units.get(used[0], ""))
+    clock = next(iter(stamps), used[0] if first and first.si == "s" else None)
+    return {} if clock is None else {name: clock for name in used if name != clock}
+
+
 def took_from(layout: Layout, names_line: int) -> tuple[str, ...]:
     """Return what the lines above the samples were taken for."""
-    marks = {"\t": "tabs", ";": "semicolons", ",": "commas"}
+    marks = {"\t": "tabs", ";": "semicolons", ",": "commas", SPACES: "spaces"}
     decimal = "a decimal comma" if layout.decimal_comma else "a decimal point"
     units = ", ".join(f"{name} in {unit}" for name, unit in layout.units.items()) or "none"
     sentences = [
@@ -168,6 +206,7 @@ def took_from(layout: Layout, names_line: int) -> tuple[str, ...]:
         f"line {names_line} names the columns, samples start at line {layout.header_line + 1}",
         f"units: {units}",
     ]
+    sentences += [f"{name} holds time stamps, counted from {first}" for name, first in layout.stamps.items()]
     if layout.clocks:
         pairs = ", ".join(f"{name} by {clock}" for name, clock in layout.clocks.items())
         sentences.append(f"columns of times: {pairs}")
@@ -193,8 +232,10 @@ def _first_samples(lines: Sequence[tuple[int, tuple[str, ...]]], comma: bool) ->
 
 
 def _is_samples(cells: Sequence[str], comma: bool) -> bool:
+    """Tell whether there are numbers in a line, and nothing else but days and times."""
     filled = [cell for cell in cells if cell]
-    return bool(filled) and all(number_from(cell, comma) is not None for cell in filled)
+    text = [cell for cell in filled if number_from(cell, comma) is None]
+    return len(text) < len(filled) and all(is_date(cell) or nanoseconds(cell) is not None for cell in text)
 
 
 def _names_place(head: Head) -> int | None:
@@ -205,7 +246,8 @@ def _names_place(head: Head) -> int | None:
     if place < 0:
         return None
     cells = head.lines[place][1]
-    used = {i for i in range(head.width) if any(line[i : i + 1] != ("",) for line in _samples(head))}
+    # pandas writes the index of a table into a first column without a name
+    used = _filled(head) - ({0} if head.width > 1 and not cells[0] else set())
     named = {i for i, cell in enumerate(cells) if cell}
     numbers = [cell for cell in cells if number_from(cell, head.decimal_comma) is not None]
     # a line with numbers is a sample with a mistake, unless channels are called 1, 2, 3
@@ -213,7 +255,14 @@ def _names_place(head: Head) -> int | None:
         return None
     if head.width == 1 and any(mark in cells[0] for mark in SEPARATORS):
         return None
-    return place if used <= named and not any(cells[head.width :]) else None
+    # LabVIEW names a column of comments that no sample need fill
+    beyond = [cell for cell in cells[head.width :] if cell and cell != "Comment"]
+    return place if used <= named and not beyond else None
+
+
+def _filled(head: Head) -> set[int]:
+    """Return the places of the columns that hold something in the first samples."""
+    return {i for i in range(head.width) if any(line[i : i + 1] != ("",) for line in _samples(head))}
 
 
 def _samples(head: Head) -> list[tuple[str, ...]]:

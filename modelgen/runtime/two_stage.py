@@ -32,4 +32,4 @@ def with_regressors(fit: Fit, projected: tuple[FloatArray, ...]) -> Fit:
     Y = np.concatenate([w * b.Y for w, b in zip(fit.weights, fit.blocks, strict=True)])
     solution = least_squares(R, Y)
     residuals = tuple(block.Y - block.W @ solution.x for block in fit.blocks)
-    return replace(fit, solution=solution, residuals=residuals, projected=projected)
+    return replace(fit, solution=solution, residuals=residuals, projected=projected, series=())

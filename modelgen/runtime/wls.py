@@ -75,6 +75,9 @@ class Fit:
         least squares on these columns. Empty for least squares.
     delays : tuple of (str, float, float)
         Channel of a force, by how many s it is late, and the standard deviation of that.
+    series : tuple of array
+        What each instant of each record contributes to X's error, shape (grid, columns), where it does not
+        follow from the residuals and regressors.
     """
 
     columns: tuple[str, ...]
@@ -86,6 +89,7 @@ class Fit:
     notes: tuple[str, ...] = ()
     projected: tuple[FloatArray, ...] = ()
     delays: tuple[tuple[str, float, float], ...] = ()
+    series: tuple[FloatArray, ...] = ()
 
     @property
     def regressors(self) -> tuple[FloatArray, ...]:
@@ -134,6 +138,9 @@ def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
     undetermined = np.any(np.abs(Vt[~kept]) > NULL_SHARE, axis=0)
     raw = float(np.linalg.cond(triangle[:c, :c] * scale))
     if s[-1] * REFINABLE > s[0]:
+        # corrected seminormal equations (Björck, Linear Algebra Appl. 88, 1987, 31-48): undoes what rounding
+        # in QR, and with it the order of the rows, has moved
+        x = x + inverse @ (W.T @ (Y - W @ x))
         rounding = _rounding(s, float(np.linalg.norm(x * scale)), float(np.abs(triangle[c:, c]).sum()))
         if len(Y) <= FEW_ROWS or rounding > ROUNDING:
             x = refined(W, Y, x, inverse)

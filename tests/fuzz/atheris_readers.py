@@ -4,12 +4,13 @@
     python tests/fuzz/atheris_readers.py toml -max_total_time=600 -timeout=5 -rss_limit_mb=1024
     python tests/fuzz/atheris_readers.py csv -max_total_time=600 -timeout=5 -rss_limit_mb=1024
 
-Further targets: npz, module. Options of libFuzzer: a traceback, a hang of 5 s or 1 GB of memory ends
-the run and leaves the input in a file.
+Further targets: npz, module. The run starts from good files, so that it gets past the first line. Options
+of libFuzzer: a traceback, a hang of 5 s or 1 GB of memory ends the run and leaves the input in a file.
 """
 
 from __future__ import annotations
 
+import io
 import sys
 import tempfile
 import warnings
@@ -17,12 +18,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 import atheris
+import numpy as np
 
 with atheris.instrument_imports(include=["modelgen"]):
     from modelgen.errors import ModelgenError
     from modelgen.module_check import module_problems, seal
+    from modelgen.render.writer import generate
+    from modelgen.runtime.data import Record
     from modelgen.runtime.read import read_record
-    from modelgen.spec import parse_spec
+    from modelgen.runtime.write import write_record
+    from modelgen.spec import catalog_names, catalog_path, load_spec, parse_spec
 
 FOLDER = Path(tempfile.mkdtemp(prefix="modelgen_fuzz_"))
 
@@ -51,12 +56,52 @@ def module(data: bytes) -> None:
     module_problems(seal(data.decode("utf-8", errors="replace")))
 
 
+def specs() -> list[bytes]:
+    """Return the catalogue's chains."""
+    return [catalog_path(name).read_bytes() for name in catalog_names()]
+
+
+def tables() -> list[bytes]:
+    """Return tables as modelgen, a spreadsheet and a logger write them."""
+    record = Record({"q_m": np.arange(9.0), "F": np.ones(9)}, 1000.0, "seed", "chirp")
+    write_record(FOLDER / "seed.csv", record)
+    return [
+        (FOLDER / "seed.csv").read_bytes(),
+        b"t;q_m;F\r\n0,000;1,5;-2\r\n0,001;1,6;1e-3\r\n0,002;1,7;0\r\n",
+        b'"Logger","v2"\n\n"time","angle"\n"ms","rad"\n0,1\n1,2\n2,4\n',
+        "\ufefft [s]\tq_m [\u00b0]\n0\t1\n0.1\t2\n0.2\t3\n".encode(),
+        "t,q_m\n0,1\n1,2\n".encode("utf-16"),
+    ]
+
+
+def archives() -> list[bytes]:
+    """Return a record as modelgen writes it."""
+    stream = io.BytesIO()
+    np.savez(stream, fs=1000.0, q_m=np.arange(9.0))
+    return [stream.getvalue()]
+
+
+def modules() -> list[bytes]:
+    """Return a generated module."""
+    return [generate(load_spec(catalog_path("emps_rigid")), "qm").encode()]
+
+
+SEEDS: dict[str, Callable[[], list[bytes]]] = {
+    "toml": specs,
+    "csv": tables,
+    "npz": archives,
+    "module": modules,
+}
 TARGETS: dict[str, Callable[[bytes], None]] = {"toml": toml, "csv": csv, "npz": npz, "module": module}
 
 
 def main() -> None:
     """Fuzz the target of the first argument."""
-    target = TARGETS[sys.argv.pop(1)]
+    name = sys.argv.pop(1)
+    target, corpus = TARGETS[name], FOLDER / "corpus"
+    corpus.mkdir()
+    for number, seed in enumerate(SEEDS[name]()):
+        (corpus / str(number)).write_bytes(seed)
 
     def one(data: bytes) -> None:
         try:
@@ -66,7 +111,7 @@ def main() -> None:
             assert str(error)
 
     warnings.simplefilter("error")
-    atheris.Setup(sys.argv, one)
+    atheris.Setup([*sys.argv, str(corpus)], one)
     atheris.Fuzz()
 
 

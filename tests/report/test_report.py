@@ -214,3 +214,27 @@ def test_chromium_runs_no_name(chromium: str, tmp_path: Path, case: tuple[Model,
     shown, _ = dom(chromium, tmp_path, hostile_page(case))
     assert 'data-ready="yes"' in shown
     assert "<title>emps300, sensors qm_ac</title>" in shown
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_chromium_draws_the_plots_in_the_colours_of_the_scheme(
+    chromium: str, tmp_path: Path, page: str, dark: bool
+) -> None:
+    """Paper, rebuilt lines and residuals have the colours of the style sheet, and are there."""
+    image = pytest.importorskip("matplotlib.image")
+    (tmp_path / "report.html").write_text(page, encoding="utf-8")
+    command = [
+        *(chromium, "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-background-networking"),
+        *(["--force-dark-mode", "--blink-settings=preferredColorScheme=0"] if dark else []),
+        *(f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1300,1800"),
+        *(f"--screenshot={tmp_path / 'shot.png'}", (tmp_path / "report.html").as_uri()),
+    ]
+    subprocess.run(command, capture_output=True, check=True, timeout=120)
+    pixels = np.round(255 * image.imread(tmp_path / "shot.png")[..., :3]).astype(int).reshape(-1, 3)
+    light_style, dark_style = re.findall(r":root \{(.*?)\}", page, re.DOTALL)[:2]
+    colours = dict(re.findall(r"--(\w+): #(\w{6})", dark_style if dark else light_style))
+    for name, share in (("paper", 0.5), ("rebuilt", 0.005), ("residual", 0.0005)):
+        wanted = [int(colours[name][k : k + 2], 16) for k in (0, 2, 4)]
+        # lines that are thinner than a pixel are blended with the paper
+        near = np.mean(np.abs(pixels - wanted).max(axis=1) <= 12)
+        assert near > share, (name, near)

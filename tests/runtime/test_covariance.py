@@ -66,7 +66,7 @@ def test_bandwidth_is_one_for_white_noise_and_grows_with_correlation() -> None:
     white, coloured = (autoregression(rng, 4000, rho)[:, None] for rho in (0.0, 0.8))
     assert andrews_bandwidth([white]) < 4.0 * WIDER
     # Andrews (1991), eq. (6.4) for an exact autoregression with rho = 0.8
-    exact = WIDER * 1.1447 * (4.0 * 0.8**2 / ((1 - 0.8) ** 2 * (1 + 0.8) ** 2) * 4000) ** (1.0 / 3.0)
+    exact = WIDER * 2.6614 * (4.0 * 0.8**2 / (1 - 0.8) ** 4 * 4000) ** (1.0 / 5.0)
     assert andrews_bandwidth([coloured]) == pytest.approx(exact, rel=0.15)
     assert andrews_bandwidth([np.zeros((10, 2))]) == 1.0
 
@@ -86,6 +86,18 @@ def test_intervals_hold_the_truth_as_often_as_they_say(rho: float, covered: tupl
     assert np.all(np.mean(hits, axis=0) < high)
     # what eq. (11) promises for coloured residuals is not kept
     assert (np.mean(printed_hits, axis=0) < 0.75).all() == (rho > 0.0)
+
+
+def test_differentiated_noise_does_not_widen_the_interval_of_a_mean() -> None:
+    rng = np.random.default_rng(5)
+    found, errors = [], []
+    for _ in range(200):
+        noise = rng.standard_normal(1002)
+        fit = fit_of(np.ones((1000, 1)), 0.2 * rng.standard_normal(1000) + np.diff(noise, 2))
+        errors.append(fit.solution.x[0])
+        found.append(hac_covariance(fit)[0, 0])
+    # a triangle as kernel makes it 1.5 times too wide
+    assert 0.8 < np.sqrt(np.mean(found)) / np.std(errors) < 1.3
 
 
 def test_residuals_of_changing_size_widen_the_interval() -> None:

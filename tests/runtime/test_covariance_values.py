@@ -16,6 +16,9 @@ from modelgen.runtime.covariance import (
     hac_covariance,
     influence,
     long_run_covariance,
+    moving_sum,
+    window_power,
+    window_width,
 )
 from modelgen.runtime.observation import RowBlock
 from modelgen.runtime.wls import Fit, least_squares
@@ -26,7 +29,7 @@ SERIES = [RNG.normal(size=(40, 2)).cumsum(axis=0), RNG.normal(size=(25, 2))]
 
 @pytest.mark.parametrize(
     ("bandwidth", "n", "quantile"),
-    [(0.0, 10, 1.96), (2.0, 10, 2.5662608), (5.0, 10, 3.48215), (10.0, 10, 4.813), (30.0, 10, 4.813)],
+    [(0.0, 10, 1.96), (2.0, 10, 2.423312), (5.0, 10, 3.407225), (10.0, 10, 5.6732), (30.0, 10, 5.6732)],
 )
 def test_the_fixed_b_factor_is_the_square_of_a_ratio_of_quantiles(
     bandwidth: float, n: int, quantile: float
@@ -37,9 +40,9 @@ def test_the_fixed_b_factor_is_the_square_of_a_ratio_of_quantiles(
 def test_the_bandwidth_is_andrews_formula_written_out() -> None:
     power, product, n = np.array([4.0, 1.0, 0.0]), np.array([2.0, -0.3, 0.0]), 1000
     rho = [0.5, -0.3]
-    numerator = sum(4 * r**2 * (1 - r**2) ** 2 / ((1 - r) ** 6 * (1 + r) ** 2) for r in rho)
+    numerator = sum(4 * r**2 * (1 - r**2) ** 2 / (1 - r) ** 8 for r in rho)
     denominator = sum((1 - r**2) ** 2 / (1 - r) ** 4 for r in rho)
-    expected = 1.1447 * (numerator / denominator * n) ** (1 / 3)
+    expected = 2.6614 * (numerator / denominator * n) ** (1 / 5)
     found = bandwidth_from_moments(power, product, n)
     assert found in (pytest.approx(expected), pytest.approx(WIDER * expected))
 
@@ -50,13 +53,29 @@ def test_a_correlation_near_one_is_bounded() -> None:
     assert bandwidth_from_moments(np.zeros(2), np.zeros(2), 500) == 1.0
 
 
+def parzen(share: float) -> float:
+    return 1 - 6 * share**2 + 6 * share**3 if share < 0.5 else 2 * max(0.0, 1 - share) ** 3
+
+
+def test_two_moving_sums_are_parzens_kernel() -> None:
+    width = 40
+    triangle = moving_sum(np.pad(np.ones((width, 1)), ((width - 1, width - 1), (0, 0))), width)[:, 0]
+    assert window_power(width) == pytest.approx(triangle @ triangle)
+    kernel = np.correlate(triangle, triangle, "full")[len(triangle) - 1 :] / window_power(width)
+    for lag in range(2 * width - 1):
+        assert kernel[lag] == pytest.approx(parzen(lag / (2.0 * width)), abs=2e-3)
+
+
 def test_the_long_run_covariance_is_a_double_sum_over_instants() -> None:
     bandwidth = andrews_bandwidth(SERIES)
+    triangle = np.convolve(np.ones(window_width(bandwidth)), np.ones(window_width(bandwidth)))
+    kernel = np.correlate(triangle, triangle, "full")[len(triangle) - 1 :] / (triangle @ triangle)
+    kernel = np.append(kernel, np.zeros(40))
     expected = np.zeros((2, 2))
     for psi in SERIES:
         for i, here in enumerate(psi):
             for j, there in enumerate(psi):
-                expected += max(0.0, 1.0 - abs(i - j) / bandwidth) * np.outer(here, there)
+                expected += kernel[abs(i - j)] * np.outer(here, there)
     expected *= fixed_b_factor(bandwidth, 65)
     assert np.allclose(long_run_covariance(SERIES), expected, rtol=1e-10)
 

@@ -10,12 +10,12 @@ import pytest
 from generated import emps300_qm_qc
 from modelgen.errors import DataError
 from modelgen.runtime.contract import model_from_module
-from modelgen.runtime.design import Instrument
 from modelgen.runtime.excitation import excitation_from_record
 from modelgen.runtime.excitation_design import LIMITS, optimise
+from modelgen.runtime.instrument import Instrument
 from modelgen.runtime.multisine import crest_factor, multisine
 from modelgen.runtime.read import read_record
-from modelgen.runtime.series import write_references
+from modelgen.runtime.series import OVERSAMPLE, write_references
 from modelgen.runtime.simulate import simulate
 
 QC = model_from_module(emps300_qm_qc)
@@ -30,7 +30,7 @@ def test_a_few_trials_beat_the_pair_within_its_limits(tmp_path: Path) -> None:
         assert found.reached[key] <= limit
     assert found.worst < found.pair_worst / 1.5
     assert found.worst == max(error for _, _, error in found.parameters)
-    assert [e.reference.size for e in found.excitations] == [2 * 9999 + 1] * 2
+    assert [e.reference.size for e in found.excitations] == [OVERSAMPLE * 9999 + 1] * 2
     # a controller plays the samples of the file; what lies between them makes no difference to speak of
     paths = write_references(tmp_path / "best.csv", found.excitations, 5000.0)
     assert [path.name for path in paths] == ["best_1.csv", "best_2.csv"]
@@ -39,6 +39,15 @@ def test_a_few_trials_beat_the_pair_within_its_limits(tmp_path: Path) -> None:
     assert np.abs(a - b).max() < 2e-3 * np.abs(a).max()
     with pytest.raises(DataError, match=r"best_2.csv: exists already"):
         write_references(tmp_path / "best.csv", found.excitations, 5000.0)
+
+
+@pytest.mark.parametrize("criterion", ["d-optimal", "condition"])
+def test_other_criteria_can_be_asked_for(criterion: str) -> None:
+    found = optimise(QC, TABLE_2, TOOLS, rounds=1, duration_s=1.0, criterion=criterion)
+    # the same first trials, of which another may be the best
+    assert 0.0 < found.worst < np.inf
+    for key, limit in found.limits.items():
+        assert found.reached[key] <= limit
 
 
 def test_given_limits_are_kept() -> None:

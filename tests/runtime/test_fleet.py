@@ -14,10 +14,11 @@ import pytest
 from generated import emps300_qm_qc
 from modelgen.errors import DataError
 from modelgen.runtime.contract import model_from_module
-from modelgen.runtime.fleet import FleetRecord, fleet_client, identify_fleet
+from modelgen.runtime.fleet import FleetRecord, identify_fleet
+from modelgen.runtime.fleet_cluster import fleet_client
 from modelgen.runtime.mapped import NpyChannels, open_npy
 from modelgen.runtime.simulate import simulate
-from modelgen.runtime.stream import identify_stream
+from modelgen.runtime.stream import StreamEstimate, identify_stream
 
 MODEL = model_from_module(emps300_qm_qc)
 TEXT = Path(str(emps300_qm_qc.__file__)).read_text()
@@ -31,6 +32,26 @@ class Deadly(NpyChannels):
 
     def read(self, channel: str, start: int, stop: int) -> np.ndarray:
         os._exit(1)
+
+
+@dataclass(frozen=True, eq=False)
+class Hungry(NpyChannels):
+    """A record for which memory does not suffice."""
+
+    def read(self, channel: str, start: int, stop: int) -> np.ndarray:
+        return np.empty(1 << 50)
+
+
+@dataclass(frozen=True, eq=False)
+class DeadlyOnce(NpyChannels):
+    """A record whose first reader dies: a machine that is switched off, say."""
+
+    def read(self, channel: str, start: int, stop: int) -> np.ndarray:
+        marker = self.columns[channel].path.parent / "read"
+        if not marker.exists():
+            marker.touch()
+            os._exit(1)
+        return super().read(channel, start, stop)
 
 
 # distributed leaves sockets and loops to the garbage collector
@@ -62,33 +83,87 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> list[NpyChannels]:
     return found
 
 
+def same_to_rounding(got: StreamEstimate, expected: StreamEstimate) -> None:
+    assert got.nobs == expected.nobs
+    assert list(got.params) == list(expected.params)
+    for name, value in expected.params.items():
+        assert abs(got.params[name] - value) < 1e-9 * expected.bse[name]
+        assert got.bse[name] == pytest.approx(expected.bse[name], rel=1e-8)
+
+
+def fleet_of(sources: list[NpyChannels]) -> list[FleetRecord]:
+    return [FleetRecord("a", sources[0]), FleetRecord("b", sources[1]), FleetRecord("a", sources[2])]
+
+
 def test_a_fleet_gives_each_machine_what_it_would_get_alone(client: Any, sources: list[NpyChannels]) -> None:
-    fleet = [FleetRecord("a", sources[0]), FleetRecord("b", sources[1]), FleetRecord("a", sources[2])]
     said: list[str] = []
-    found = identify_fleet(client, TEXT, fleet, task_samples=3000, progress=said.append, **SETTINGS)
-    assert (found.failed, found.refused) == ({}, {})
-    alone = {
-        "a": identify_stream(MODEL, [sources[0], sources[2]], **SETTINGS),
-        "b": identify_stream(MODEL, [sources[1]], **SETTINGS),
-    }
-    pooled = identify_stream(MODEL, sources, **SETTINGS)
+    found = identify_fleet(
+        client, TEXT, fleet_of(sources), task_samples=3000, progress=said.append, **SETTINGS
+    )
+    assert (found.failed, found.refused, found.refused_records, found.lost) == ({}, {}, {}, {})
+    assert said == ["filtering the records", "finding covariances"]
     assert list(found.machines) == ["a", "b"]
-    for got, expected in (
-        (found.machines["a"], alone["a"]),
-        (found.machines["b"], alone["b"]),
-        (found.pooled, pooled),
+    assert list(found.records) == ["run 0", "run 1", "run 2"]
+    settings = {**SETTINGS, "direction_cutoff_hz": 300.0, "drift_check": False}
+    for got, members in (
+        (found.machines["a"], [sources[0], sources[2]]),
+        (found.machines["b"], [sources[1]]),
+        (found.records["run 2"], [sources[2]]),
+        (found.pooled, sources),
     ):
-        assert got.nobs == expected.nobs
-        for name, value in expected.params.items():
-            assert abs(got.params[name] - value) < 1e-8 * expected.bse[name]
-            assert got.bse[name] == pytest.approx(expected.bse[name], rel=1e-8)
-    assert said[2] == "filtering: 3 of 3 records"
+        alone = identify_stream(MODEL, members, **settings)
+        assert got.nobs == alone.nobs
+        for name, value in alone.params.items():
+            assert abs(got.params[name] - value) < 1e-9 * alone.bse[name]
+            assert got.bse[name] == pytest.approx(alone.bse[name], rel=1e-8)
+        assert got.covariance is not None
+        known = [list(got.params).index(name) for name in alone.params]
+        np.testing.assert_allclose(
+            got.covariance[np.ix_(known, known)],
+            alone.covariance,
+            rtol=1e-6,
+            atol=1e-8 * alone.covariance.max(),
+        )
+
+
+def test_neither_tasks_nor_workers_change_an_estimate(client: Any, sources: list[NpyChannels]) -> None:
+    fleet = fleet_of(sources)
+    expected = identify_fleet(client, TEXT, fleet, **SETTINGS)
+    with fleet_client(workers=1) as one:
+        for other, task_samples in ((one, 1 << 20), (one, 4000), (client, 1700)):
+            found = identify_fleet(other, TEXT, fleet, task_samples=task_samples, **SETTINGS)
+            same_to_rounding(found.pooled, expected.pooled)
+            for name, estimate in expected.machines.items():
+                same_to_rounding(found.machines[name], estimate)
+            for name, estimate in expected.records.items():
+                same_to_rounding(found.records[name], estimate)
+
+
+def test_a_scheduler_that_runs_is_used(sources: list[NpyChannels]) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        with fleet_client(cluster.scheduler_address) as client:
+            found = identify_fleet(client, TEXT, [FleetRecord("a", sources[0])], **SETTINGS)
+        assert cluster.scheduler_address.startswith("tcp://127.0.0.1")
+        assert len(cluster.scheduler.workers) == 1  # it goes on without us
+    assert list(found.machines) == ["a"]
+
+
+def test_a_scheduler_that_does_not_answer_is_named() -> None:
+    pytest.importorskip("distributed")
+    with (
+        pytest.raises(DataError, match=r"--scheduler tcp://127.0.0.1:9: does not answer"),
+        fleet_client("tcp://127.0.0.1:9", timeout_s=0.5),
+    ):
+        pass
 
 
 def test_a_corrupt_file_costs_its_record_only(
     client: Any, sources: list[NpyChannels], tmp_path: Path
 ) -> None:
-    paths = dict(sources[0].paths)
+    paths = {channel: column.path for channel, column in sources[0].columns.items()}
     broken = tmp_path / "q_c.npy"
     broken.write_bytes(Path(paths["q_c"]).read_bytes())
     corrupt = open_npy({**paths, "q_c": broken}, sources[0].fs, name="corrupt")
@@ -97,19 +172,58 @@ def test_a_corrupt_file_costs_its_record_only(
     found = identify_fleet(client, TEXT, fleet, **SETTINGS)
     assert list(found.failed) == ["corrupt"]
     assert "q_c.npy: is no readable .npy file" in found.failed["corrupt"]
-    expected = identify_stream(MODEL, [sources[0]], **SETTINGS)
-    for name, value in expected.params.items():
-        assert found.machines["a"].params[name] == pytest.approx(value, rel=1e-10)
+    same_to_rounding(found.machines["a"], found.records["run 0"])
     assert list(found.machines) == ["a", "c"]
 
 
-def test_a_record_that_kills_its_workers_is_named(client: Any, sources: list[NpyChannels]) -> None:
-    deadly = Deadly(sources[0].paths, sources[0].fs, "deadly", sources[0].n)
-    fleet = [FleetRecord("a", deadly), FleetRecord("b", sources[1]), FleetRecord("c", sources[2])]
+@pytest.mark.parametrize(("kind", "reason"), [(Deadly, "KilledWorker"), (Hungry, "MemoryError")])
+def test_a_record_that_no_worker_survives_is_named(
+    client: Any, sources: list[NpyChannels], kind: type[NpyChannels], reason: str
+) -> None:
+    bad = kind(sources[0].columns, sources[0].fs, "bad", sources[0].n)
+    fleet = [FleetRecord("a", bad), FleetRecord("b", sources[1]), FleetRecord("c", sources[2])]
     found = identify_fleet(client, TEXT, fleet, **SETTINGS)
-    assert list(found.failed) == ["deadly"]
-    assert "was lost" in found.failed["deadly"]
+    assert list(found.failed) == ["bad"]
+    assert f"was lost ({reason}" in found.failed["bad"]
     assert list(found.machines) == ["b", "c"]
+
+
+def test_a_worker_that_dies_costs_nothing_where_another_can_do_its_work(
+    client: Any, sources: list[NpyChannels]
+) -> None:
+    once = DeadlyOnce(sources[0].columns, sources[0].fs, "once", sources[0].n)
+    found = identify_fleet(client, TEXT, [FleetRecord("a", once), FleetRecord("a", sources[1])], **SETTINGS)
+    assert (once.columns["q_m"].path.parent / "read").exists()
+    assert (found.failed, found.lost) == ({}, {})
+    alone = identify_fleet(client, TEXT, [FleetRecord("a", sources[0])], **SETTINGS)
+    same_to_rounding(found.records["once"], alone.records["run 0"])
+
+
+def test_a_record_that_is_lost_before_its_covariance_leaves_the_estimate(
+    client: Any, sources: list[NpyChannels], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("modelgen.runtime.fleet.moments_of", _no_moments)
+    found = identify_fleet(client, TEXT, [FleetRecord("a", sources[0])], **SETTINGS)
+    assert "was lost (ZeroDivisionError" in found.lost["run 0"]
+    assert found.machines["a"].covariance is None
+    assert found.machines["a"].bse == found.machines["a"].printed_bse
+
+
+def test_a_fleet_without_workers_gives_up(
+    sources: list[NpyChannels], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr("modelgen.runtime.fleet_cluster.PATIENCE_S", 0.6)
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as cluster,
+        fleet_client(cluster.scheduler_address) as client,
+        pytest.raises(DataError, match=r"scheduler: has had no worker for 0.6 s"),
+    ):
+        identify_fleet(client, TEXT, [FleetRecord("a", sources[0])], **SETTINGS)
+
+
+def _no_moments(*_: Any) -> None:
+    raise ZeroDivisionError
 
 
 def test_names_must_differ_and_a_scheduler_must_answer(sources: list[NpyChannels]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from modelgen.runtime.frontal import solve_banded
+from modelgen.runtime.householder import take_in
 from modelgen.runtime.row_factor import RowFactor, empty_factor
 from modelgen.runtime.triangle import triangle_of
 from modelgen.runtime.wls import least_squares
@@ -141,3 +142,13 @@ def test_triangles_of_two_stretches_are_joined() -> None:
     assert (joined.samples, joined.masked) == (400, 7)
     np.testing.assert_allclose(np.abs(joined.R), np.abs(whole.R), rtol=1e-11, atol=1e-13)
     assert factor_of(W[:1], Y[:1], 1).R.shape == (5, 5)
+
+
+def test_reflections_give_the_triangle_of_the_qr() -> None:
+    rng = np.random.default_rng(3)
+    lines = rng.standard_normal((5, 700)) * np.logspace(0, 6, 5)[:, None]
+    lines[3] = 0.0
+    R = triangle_of(rng.standard_normal((20, 5)))
+    expected = triangle_of(np.vstack([R, lines.T]))
+    take_in(R, lines)
+    np.testing.assert_allclose(np.abs(R), np.abs(expected), rtol=1e-10, atol=1e-12)

@@ -8,9 +8,10 @@ from scipy.signal import butter, cheby1, sosfiltfilt
 
 from modelgen.errors import DataError
 from modelgen.runtime.allpass import allpass_states, responses
+from modelgen.runtime.block_loops import run, scan_in_turn
+from modelgen.runtime.block_product import BlockProduct, scan_all
 from modelgen.runtime.derivatives import EIGHTH_ORDER, differentiate
 from modelgen.runtime.fused import FusedOperator, fused_operator
-from modelgen.runtime.scan import choose_scan, compiled_scan, scan_all, scan_in_turn
 from modelgen.runtime.two_sided import kernels
 
 FS = 1000.0
@@ -160,30 +161,49 @@ def test_a_filter_that_hardly_decays_is_refused() -> None:
 
 def test_both_scans_carry_the_same_states() -> None:
     rng = np.random.default_rng(1)
-    power = 0.9 * np.linalg.qr(rng.standard_normal((5, 5)))[0]
+    power = 0.9 * np.linalg.qr(rng.standard_normal((8, 8)))[0]
     powers = np.stack([np.linalg.matrix_power(power, 2**k) for k in range(9)])
-    forward, backward = rng.standard_normal((40, 5)), rng.standard_normal((40, 5))
+    forward, backward = rng.standard_normal((40, 8)), rng.standard_normal((40, 8))
     expected = [forward.copy(), backward.copy()]
     scan_all(*expected, powers)
-    state = np.zeros(5)
+    state = np.zeros(8)
     for b in range(40):
         state = state @ power + forward[b]
         np.testing.assert_allclose(expected[0][b], state, atol=1e-12)
-    got = [forward.copy(), backward.copy()]
-    scan_in_turn(*got, powers)
-    np.testing.assert_allclose(got, expected, atol=1e-12)
+    parts = np.hstack([forward, backward])
+    scan_in_turn(parts, 8, power, np.array([8, 8]))
+    np.testing.assert_allclose(parts, np.hstack(expected), atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [3, 4])  # states that fill the compiler's four, and that do not
+@pytest.mark.parametrize("stencil", [CENTRAL, EIGHTH_ORDER])
+@pytest.mark.parametrize(("factor", "block"), [(1, 32), (7, 84), (7, 77), (10, 80)])
+def test_loops_give_the_same_answer(
+    order: int, stencil: tuple[float, ...], factor: int, block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = fused_operator(sections(low_pass(0.3, order)), FS, (0, 1, 2), factor, stencil, block, fast=False)
+    monkeypatch.setattr("modelgen.runtime.fused.compiled_run", lambda: run)
+    fused_operator.cache_clear()
+    loops = fused_operator(sections(low_pass(0.3, order)), FS, (0, 1, 2), factor, stencil, block, fast=True)
+    fused_operator.cache_clear()
+    samples = signal(2000)
+    for start, count in ((900, 20), (0, 30), (-5, 9)):
+        expected = plain.apply(samples, start, count)
+        got = loops.apply(samples, start, count)
+        np.testing.assert_allclose(got, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
 
 
 def test_compiled_code_gives_the_same_answer() -> None:
     pytest.importorskip("numba")
-    samples = signal(20_000)
-    plain, fast = (operators(None, fast).apply(samples, 4000, 1000) for fast in (False, True))
+    samples = signal(200_000)
+    plain, fast = (operators(None, fast).apply(samples, 4000, 19_000) for fast in (False, True))
     np.testing.assert_allclose(fast, plain, rtol=0.0, atol=1e-11 * np.abs(plain).max())
-    assert choose_scan(True) is compiled_scan()
 
 
-def test_without_numba_the_plain_scan_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("modelgen.runtime.scan.compiled_scan", lambda: None)
-    assert choose_scan() is scan_all
+def test_without_numba_numpy_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("modelgen.runtime.fused.compiled_run", lambda: None)
+    fused_operator.cache_clear()
+    assert isinstance(operators(None).blocks, BlockProduct)
     with pytest.raises(DataError, match="numba cannot be imported"):
-        choose_scan(True)
+        operators(None, fast=True)
+    fused_operator.cache_clear()

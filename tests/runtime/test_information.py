@@ -6,20 +6,17 @@ import numpy as np
 import pytest
 
 from generated import emps300_qm_ac, emps300_qm_qc
+from modelgen.arguments import load_chain
+from modelgen.candidates import Candidates, candidate_models
+from modelgen.chain import Sensor
 from modelgen.errors import DataError
-from modelgen.runtime.contract import model_from_module
-from modelgen.runtime.design import (
-    Instrument,
-    Precision,
-    Prediction,
-    cheapest,
-    experiment,
-    judge_set,
-    monte_carlo,
-    predict,
-    rank,
-)
+from modelgen.runtime.contract import Model, model_from_module
+from modelgen.runtime.design import Prediction, cheapest, judge_set, rank
+from modelgen.runtime.experiment import experiment
+from modelgen.runtime.instrument import Instrument
 from modelgen.runtime.methods import METHODS, Job
+from modelgen.runtime.monte_carlo import Spread, misorders, monte_carlo, worst_spread
+from modelgen.runtime.prediction import Precision, predict
 
 QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
 TOOLS = {
@@ -28,6 +25,22 @@ TOOLS = {
     "a_c": Instrument(2.0, price=30.0),
     "Gamma_m": Instrument(1e-4, price=50.0),
 }
+TABLE_2 = QC.parameter_sets["table_2"]
+BENCH = {
+    **{key: Instrument(2e-5) for key in ("q_m", "q_c")},
+    **{key: Instrument(2.0) for key in ("a_m", "a_c")},
+    "v_m": Instrument(0.01),
+    "Gamma_m": Instrument(1e-4),
+}
+
+
+@pytest.fixture(scope="module")
+def ten() -> dict[str, Model]:
+    """Sensor sets that the catalogue does not have, by their channels."""
+    kinds = {"q": "position", "v": "velocity", "a": "acceleration"}
+    keys = ("q_m", "q_c", "v_m", "a_m")
+    sensors = tuple(Sensor(key, key[-1], None, kinds[key[0]]) for key in keys)  # type: ignore[arg-type]
+    return candidate_models(load_chain("emps300"), Candidates(sensors, BENCH), 2)[0]
 
 
 def own(model: object, scale: float = 1.0) -> dict[str, Instrument]:
@@ -54,14 +67,55 @@ def test_the_bias_of_least_squares_is_predicted() -> None:
         assert s.predicted_bias == pytest.approx(s.bias, rel=0.2)
 
 
+def test_composites_are_predicted_through_the_estimators_own_nonlinear_step(ten: dict[str, Model]) -> None:
+    # noise in high derivatives takes a quarter off the composites, and adds a tenth to the damping
+    planned = experiment(ten["q_m"], TABLE_2, BENCH)
+    information = predict(planned).information
+    assert np.min(information.bias / np.abs(information.values)) < -0.2
+    s = next(s for s in monte_carlo(planned, 30) if s.name == "F_vmc")
+    assert s.bias > 5.0
+    assert s.predicted_bias == pytest.approx(s.bias, rel=0.1)
+    assert s.predicted_std == pytest.approx(s.std, rel=0.4)
+
+
+def test_parameters_that_the_estimator_refuses_are_missing(ten: dict[str, Model]) -> None:
+    found = judge_set("q_c", ten["q_c"], TABLE_2, BENCH)
+    assert found.worst == np.inf
+    assert {"J_c", "K", "F_vmc"} <= set(found.missing)
+    assert "too much for the step from the composites" in found.reason
+    assert not set(found.missing) & {entry.name for entry in found.precisions}
+
+
+def test_the_order_of_sensor_sets_is_that_of_repeated_experiments(ten: dict[str, Model]) -> None:
+    chosen = ("q_m+q_c", "q_c+v_m", "v_m", "q_c")
+    ranked = [p.sensor_set for p in rank([judge_set(key, ten[key], TABLE_2, BENCH) for key in chosen])]
+    assert ranked == ["q_c+v_m", "q_m+q_c", "v_m", "q_c"]
+    worst = {key: worst_spread(monte_carlo(experiment(ten[key], TABLE_2, BENCH), 40)) for key in chosen}
+    assert misorders(ranked, worst).wrong == ()
+
+
+def test_an_order_is_judged_by_what_the_draws_can_tell() -> None:
+    def spread(std: float, given: float = 1.0) -> Spread:
+        return Spread("K", std, 0.0, std, 0.0, 200, given)
+
+    # the error of 200 draws is known to 5 %
+    assert spread(1.0).uncertainty == pytest.approx(0.05)
+    assert spread(1.0, 0.4).error == np.inf
+    errors = {"a": spread(1.0), "b": spread(1.1), "c": spread(0.7), "d": spread(9.0, 0.0)}
+    found = misorders(tuple(errors), errors)
+    assert found.ties == (("a", "b"),)
+    assert found.wrong == (("a", "c"), ("b", "c"))
+
+
 def test_a_linear_estimator_is_predicted_exactly() -> None:
     # noise of the force alone: W is exact, least squares is linear, and every draw is the formula's own
     p = QC.parameter_sets["light"]
     planned = experiment(QC, p, {"Gamma_m": Instrument(1e-5)}, method="wls")
-    information = predict(planned)[0]
-    np.testing.assert_array_equal(information.bias, 0.0)
+    information = predict(planned).information
+    # what is left without any noise is all the bias there is
     clean = METHODS["wls"].run(Job(QC, planned.records(None), planned.choice))[1].solution.x
     np.testing.assert_allclose(clean, information.values, rtol=2e-3)
+    np.testing.assert_allclose(information.values + information.bias, clean, rtol=2e-4)
     assert 1.0 < information.condition_number < 1e4
 
 
@@ -73,7 +127,7 @@ def test_twice_the_noise_is_twice_the_deviation() -> None:
         tools = own(AC, scale)
         planned = experiment(AC, p, tools, method="wls", choice=small.choice)
         planned = type(planned)(AC, p, small.simulations, tools, "wls", small.choice, small.weights)
-        found.append([entry.std for entry in predict(planned)[1]])
+        found.append([entry.std for entry in predict(planned).precisions])
     np.testing.assert_allclose(found[1], 2.0 * np.array(found[0]), rtol=1e-4)
 
 

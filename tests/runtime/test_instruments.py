@@ -92,6 +92,22 @@ def test_noise_biases_least_squares_and_not_iv() -> None:
     assert abs(errors["iv"]) < 0.05
 
 
+@pytest.mark.parametrize("parameters", ["table_1", "light"])
+def test_with_noise_in_the_force_alone_the_force_still_fixes_the_scale(parameters: str) -> None:
+    rng = np.random.default_rng(0)
+    records = [
+        Record(
+            dict(record.signals) | {"Gamma_m": with_noise(record, rng).signals["Gamma_m"]},
+            record.fs,
+            record.name,
+        )
+        for record in clean("qc", parameters)
+    ]
+    estimate = identify(QC, records, "iv", drift_check=False)
+    for entry in estimate.parameters:
+        assert abs(entry.value - QC.parameter_sets[parameters][entry.name]) < 3.5 * entry.std
+
+
 def test_iv_and_its_projection_are_the_same_estimate() -> None:
     rng = np.random.default_rng(1)
     records = [with_noise(record, rng) for record in clean("qc", "table_2")]

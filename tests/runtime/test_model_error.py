@@ -1,15 +1,24 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from generated import two_mass_bench_qm_qc
+from modelgen.runtime.choose import choose_filter
 from modelgen.runtime.contract import model_from_module
 from modelgen.runtime.data import Record
 from modelgen.runtime.identify import identify
-from modelgen.runtime.model_error import Disagreement, disagreement_notes, significant_drift
+from modelgen.runtime.model_error import (
+    Disagreement,
+    disagreement_notes,
+    disagreements,
+    significant_drift,
+)
+from modelgen.runtime.observation import observe
+from modelgen.runtime.wls import fit_matched
 
 X = np.array([10.0, 10.0])
 BENCH = model_from_module(two_mass_bench_qm_qc)
@@ -40,6 +49,44 @@ def bench(shared_data: Path) -> Record:
     data = loadmat(shared_data / "two_mass_bench" / "MultisineTypeA.mat")
     signals = {"q_m": data["theta_mx"].ravel(), "q_c": -data["theta_my"].ravel(), "i": data["iq_adx"].ravel()}
     return Record(signals, 2500.0, "bench")
+
+
+def test_the_bench_agrees_over_cutoffs_and_periods(bench: Record) -> None:
+    found = []
+    for cutoff_hz, (first, last) in (
+        (120.0, (1, 10)),
+        (200.0, (10, 20)),
+        (300.0, (1, 10)),
+        (400.0, (10, 20)),
+    ):
+        signals = {key: s[2500 * first : 2500 * last] for key, s in bench.signals.items()}
+        found.append(identify(BENCH, Record(signals, 2500.0, "periods"), "iv", cutoff_hz=cutoff_hz))
+    for name in ("Jm", "Jc", "K"):
+        # every interval overlaps every other, and none is blown up
+        assert max(one.conf_int()[name][0] for one in found) < min(one.conf_int()[name][1] for one in found)
+        assert all(1.96 * one.relative_std[name] < 10.0 for one in found)
+    assert all(any("model error" in note for note in one.notes) for one in found)
+
+
+def test_a_record_without_samples_at_the_other_cutoff_is_compared_with_nothing() -> None:
+    rng, t = np.random.default_rng(0), np.arange(4000) / 2500.0
+    signals = {
+        key: 50.0 * t + 0.1 * np.sin(60.0 * t**2 + phase) + 1e-4 * rng.standard_normal(4000)
+        for phase, key in enumerate(BENCH.channels)
+    }
+    records = [Record(signals, 2500.0, name) for name in ("first", "second")]
+    choice = choose_filter(BENCH, records, cutoff_hz=100.0, direction_cutoff_hz=50.0)
+    fit = fit_matched(observe(BENCH, records, choice))
+    kept = [index for index, block in enumerate(fit.blocks) if block.record == 0]
+    fewer = replace(
+        fit,
+        blocks=tuple(fit.blocks[index] for index in kept),
+        weights=tuple(fit.weights[index] for index in kept),
+        residuals=tuple(fit.residuals[index] for index in kept),
+    )
+    (found,) = disagreements(fit, choice, [(choice, fewer)])
+    assert np.all(np.isfinite(found.std))
+    assert np.all(found.std > 0.0)
 
 
 def test_the_bench_agrees_over_periods_and_names_its_model_error(bench: Record) -> None:

@@ -126,9 +126,13 @@ def test_parameters_are_copied() -> None:
     assert isinstance(plant.parameters, MappingProxyType)
 
 
-def test_a_cubic_stiffness_is_refused() -> None:
-    (problem,) = complaints(shared('stiffness3 = "K_3"'), {"M_1": 2.0, "K": 1.0, "F_s": 1.0, "K_3": 1.0})
-    assert problem.startswith("model shared: has a cubic stiffness (K_3)")
+def test_a_cubic_stiffness_pulls_both_ends() -> None:
+    plant = make_plant(shared('stiffness3 = "K_3"'), {"M_1": 2.0, "K": 1.0, "F_s": 1.0, "K_3": 6.0})
+    (spring,) = plant.cubic_forces(lags=1)
+    np.testing.assert_array_equal(spring.deflection, [1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(spring.push, [0.0, 0.0, 0.0, -3.0, 6.0 / 5.0, 0.0, 0.0], rtol=1e-15)
+    # nothing here reads an acceleration
+    np.testing.assert_array_equal(plant.felt_accelerations(), np.zeros((3, 3)))
 
 
 def test_a_chain_without_actuator_is_refused() -> None:

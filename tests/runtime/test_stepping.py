@@ -12,7 +12,7 @@ from modelgen.errors import DataError
 from modelgen.runtime import stepping
 from modelgen.runtime.closed_loop import closed_loop, default_controller
 from modelgen.runtime.contract import model_from_module
-from modelgen.runtime.friction_mode import FrictionSystem
+from modelgen.runtime.friction_mode import CoulombBody, CubicForce, FrictionSystem
 from modelgen.runtime.plant import make_plant
 from modelgen.runtime.stick_slip import integrate
 
@@ -77,3 +77,19 @@ def test_an_unstable_loop_is_explained(steps: int) -> None:
             closed_loop(plant, default_controller(plant)),
             np.ones(4), np.ones((1001, 1)), STEP, compiled=True,
         )  # fmt: skip
+
+
+def test_more_bodies_with_friction_than_can_be_tabulated_are_refused() -> None:
+    count = stepping.LARGEST_TABLE + 1
+    bodies = tuple(CoulombBody(count + i, 1.0, 1.0, 1.0) for i in range(count))
+    springs = (CubicForce(np.zeros(2 * count), np.zeros(2 * count)),)
+    system = FrictionSystem(
+        lambda mode: np.zeros((2 * count,) * 2),
+        np.zeros((2 * count, 1)),
+        np.zeros(2 * count),
+        bodies,
+        0,
+        springs,
+    )
+    with pytest.raises(DataError, match="has 9 bodies with Coulomb friction, where 8 are possible"):
+        integrate(system, np.zeros(2 * count), np.zeros((11, 1)), STEP)

@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import ellipj
 
 from modelgen.errors import DataError
-from modelgen.runtime.friction_mode import CoulombBody, FrictionSystem, Mode
+from modelgen.runtime.friction_mode import CoulombBody, CubicForce, FrictionSystem, Mode
 from modelgen.runtime.stick_slip import integrate as integrate_by_any
 
 STEP = 1e-3
@@ -26,6 +27,7 @@ def chain(
     coulomb: dict[int, tuple[float, float]] | None = None,
     viscous: dict[int, tuple[float, float]] | None = None,
     offset: tuple[float, ...] | None = None,
+    cubic: tuple[float, ...] = (),
 ) -> FrictionSystem:
     """Bodies in a line, driven by a force on the first; `ground` ties the first to the ground."""
     n = len(inertia)
@@ -47,7 +49,12 @@ def chain(
     B = np.zeros((2 * n, 1))
     B[n] = 1.0 / J[0]
     drift = np.r_[np.zeros(n), -np.array(offset or (0.0,) * n) / J]
-    return FrictionSystem(matrix, B, drift, bodies)
+    levers = [np.eye(n)[i] - np.eye(n)[i + 1] for i in range(len(cubic))]
+    none = np.zeros(n)
+    springs = tuple(
+        CubicForce(np.r_[c, none], np.r_[none, -k * c / J]) for c, k in zip(levers, cubic, strict=True)
+    )
+    return FrictionSystem(matrix, B, drift, bodies, springs=springs)
 
 
 def force(times: np.ndarray, values: list[float], step: float, end: float) -> np.ndarray:
@@ -62,7 +69,8 @@ def solver_motion(
     t, x, events = 0.0, np.array(initial), []
 
     def free(t: float, x: np.ndarray, mode: Mode) -> np.ndarray:
-        return system.matrix(mode) @ x + system.B[:, 0] * w(t) + system.drift
+        pulled = sum(spring.push * (spring.deflection @ x) ** 3 for spring in system.springs)
+        return system.matrix(mode) @ x + system.B[:, 0] * w(t) + system.drift + pulled
 
     def rate(t: float, x: np.ndarray, mode: Mode) -> np.ndarray:
         change = free(t, x, mode)
@@ -358,3 +366,55 @@ def test_stride_keeps_every_so_many_steps() -> None:
     np.testing.assert_array_equal(some.states, every.states[::7])
     np.testing.assert_array_equal(some.modes, every.modes[::7])
     assert some.events == every.events
+
+
+def test_a_hardening_spring_swings_as_its_elliptic_function_says() -> None:
+    # two free bodies: their deflection r follows mu r'' + K r + K3 r^3 = 0, Duffing's equation
+    J, K, K3, wide = (2.0, 0.5), 30.0, 5e3, 0.2
+    step, end = 2e-3, 10.0
+    system = chain(J, (K,), cubic=(K3,))
+    mu, total = J[0] * J[1] / sum(J), sum(J)
+    initial = np.array([wide * J[1] / total, -wide * J[0] / total, 0.0, 0.0])
+    path = integrate(system, initial, np.zeros((round(end / step) + 1, 1)), step)
+    omega = np.sqrt((K + K3 * wide**2) / mu)
+    t = np.arange(len(path.states)) * step
+    exact = wide * ellipj(omega * t, 0.5 * K3 * wide**2 / (K + K3 * wide**2))[1]
+    np.testing.assert_allclose(path.states[:, 0] - path.states[:, 1], exact, atol=1e-9 * wide)
+    # far from a harmonic swing
+    assert np.abs(exact - wide * np.cos(omega * t)).max() > wide
+
+
+def test_stick_slip_beside_a_hardening_spring_agrees_with_an_ode_solver() -> None:
+    system = chain(
+        (0.5, 0.3), (60.0,), (0.05,), ground=20.0, coulomb={0: (1.0, 0.7), 1: (0.8, 1.1)},
+        viscous={0: (0.1, 0.4), 1: (0.2, 0.0)}, offset=(0.1, -0.2), cubic=(4e4,),
+    )  # fmt: skip
+    step, end = 1e-3, 10.0
+    nodes = np.arange(10001) * step
+    w = np.interp(nodes, np.arange(21) * 0.5, [0.0, 6.0, -6.0, 0.0, 0.0, 4.0, -9.0] * 3)
+    initial = np.array([0.0, 0.1, 0.5, -0.4])
+    path = integrate(system, initial, w[:, None], step)
+    x, events = solver_motion(system, initial, lambda t: float(np.interp(t, nodes, w)), end)
+    deflection = path.states[:, 0] - path.states[:, 1]
+    assert 4e4 * np.abs(deflection).max() ** 2 > 3.0 * 60.0
+    assert len(events) > 40
+    assert [(event.body, event.mode) for event in path.events] == [(body, mode) for _, body, mode in events]
+    peak = np.abs(path.states[:, :2]).max()
+    np.testing.assert_allclose(path.states[-1, :2], x[:2], atol=1e-9 * peak)
+    np.testing.assert_allclose([event.time_s for event in path.events], [t for t, _, _ in events], atol=1e-8)
+
+
+def test_a_step_too_long_for_its_series_is_taken_in_parts() -> None:
+    system = chain((0.5, 0.3), (60.0,), (0.05,), coulomb={1: (0.8, 1.1)}, cubic=(4e6,))
+    initial = np.array([0.0, 0.1, 0.5, -0.4])
+    coarse = integrate(system, initial, np.zeros((11, 1)), 0.05)
+    fine = integrate(system, initial, np.zeros((10001, 1)), 5e-5, stride=1000)
+    assert len(fine.events) > 10
+    np.testing.assert_allclose(coarse.states, fine.states, atol=1e-10)
+    np.testing.assert_allclose([e.time_s for e in coarse.events], [e.time_s for e in fine.events], atol=1e-11)
+
+
+def test_a_spring_that_softens_until_it_gives_way_is_no_motion() -> None:
+    system = chain((1.0, 1.0), (10.0,), cubic=(-100.0,))
+    with pytest.raises(DataError, match="grows without bound"):
+        integrate(system, np.array([0.5, -0.5, 0.0, 0.0]), np.zeros((2001, 1)), 1e-2)

@@ -8,18 +8,22 @@ import numpy as np
 import pytest
 
 from generated import emps300_qm_ac, emps300_qm_qc, emps_rigid_asymmetric_qm
+from modelgen import generate
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.channels import RecordChannels, read_continued
 from modelgen.runtime.choose import FilterChoice
-from modelgen.runtime.contract import Model, model_from_module
-from modelgen.runtime.covariance import long_run_covariance
+from modelgen.runtime.contract import Model, model_from_module, model_from_text
+from modelgen.runtime.covariance import long_run_covariance, window_width
 from modelgen.runtime.data import Record
-from modelgen.runtime.factor_fit import fit_factors
+from modelgen.runtime.estimate import Estimate
+from modelgen.runtime.factor_fit import fit_factors, with_inverse
 from modelgen.runtime.identify import identify
 from modelgen.runtime.record_factors import matched_task, record_factors
 from modelgen.runtime.simulate import simulate
-from modelgen.runtime.stream import StreamEstimate, identify_stream
-from modelgen.runtime.stream_covariance import BartlettSums, MomentSums, bandwidth_of
+from modelgen.runtime.stream import identify_stream
+from modelgen.runtime.stream_covariance import MomentSums, ParzenSums, bandwidth_of
+from modelgen.runtime.stretches import choose_from_stretches, stretches
+from modelgen.spec import catalog_path, parse_spec
 
 NOISE = {"q_m": 2e-5, "q_c": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
 SETTINGS: dict[str, Any] = {
@@ -45,23 +49,37 @@ def case(request: pytest.FixtureRequest) -> tuple[Model, list[Record]]:
     return model, records(model)
 
 
-def distance(a: StreamEstimate, b: Any) -> float:
+def distance(a: Estimate, b: Estimate) -> float:
     """Largest difference of the parameters in standard deviations."""
     return max(abs(a.params[name] - b.params[name]) / b.bse[name] for name in b.params)
 
 
-def test_it_is_the_estimate_of_identify(case: tuple[Model, list[Record]]) -> None:
+@pytest.mark.parametrize("settings", [SETTINGS, {}], ids=["given", "chosen"])
+def test_it_is_the_estimate_of_identify(case: tuple[Model, list[Record]], settings: dict[str, Any]) -> None:
     model, given = case
-    whole = identify(model, given, drift_check=False, **SETTINGS)
-    chunked = identify_stream(model, given, **SETTINGS)
+    whole = identify(model, given, **settings)
+    chunked = identify_stream(model, given, **settings)
     # the ends of a record are continued differently, which may move a reversal there by a sample
     assert abs(chunked.nobs - whole.nobs) <= 2
-    assert set(whole.params) <= set(chunked.params)
-    assert distance(chunked, whole) < 1e-2
-    for name in whole.params:
-        assert chunked.bse[name] == pytest.approx(whole.bse[name], rel=1e-3)
+    assert list(chunked.params) == list(whole.params)
+    assert list(chunked.physical) == list(whole.physical)
+    assert list(chunked.not_identifiable) == list(whole.not_identifiable)
+    assert chunked.filtering == whole.filtering
+    for got, expected in zip(
+        chunked.parameters + chunked.physical_parameters,
+        whole.parameters + whole.physical_parameters,
+        strict=True,
+    ):
+        assert abs(got.value - expected.value) < 1e-2 * expected.std
+        for kind in ("std", "noise_std", "drift_std", "printed_std"):
+            assert getattr(got, kind) == pytest.approx(getattr(expected, kind), rel=5e-3)
     assert chunked.sigma == pytest.approx(whole.sigma, rel=1e-3)
     assert chunked.relative_error == pytest.approx(whole.relative_error, rel=1e-3)
+    assert chunked.condition_number == pytest.approx(whole.condition_number, rel=1e-3)
+    for row, expected_row in zip(chunked.rows, whole.rows, strict=True):
+        assert (row.record, row.row, row.unit) == (expected_row.record, expected_row.row, expected_row.unit)
+        assert row.relative_error == pytest.approx(expected_row.relative_error, rel=1e-2)
+    assert [step.removed for step in chunked.pruning.steps] == [step.removed for step in whole.pruning.steps]
 
 
 def test_chunks_change_nothing(case: tuple[Model, list[Record]]) -> None:
@@ -72,14 +90,70 @@ def test_chunks_change_nothing(case: tuple[Model, list[Record]]) -> None:
         assert chunked.nobs == whole.nobs
         assert distance(chunked, whole) < 1e-8
         for name in whole.params:
-            assert chunked.bse[name] == pytest.approx(whole.bse[name], rel=1e-8)
+            assert chunked.bse[name] == pytest.approx(whole.bse[name], rel=1e-7)
+
+
+def test_threads_change_nothing(case: tuple[Model, list[Record]]) -> None:
+    model, given = case
+    alone = identify_stream(model, given, chunk_samples=1600, **SETTINGS)
+    several = identify_stream(model, given, chunk_samples=1600, threads=3, **SETTINGS)
+    assert several.to_json() == alone.to_json()
+    with pytest.raises(DataError, match="threads: is 0"):
+        identify_stream(model, given, threads=0, **SETTINGS)
+
+
+def test_filters_of_a_long_record_come_from_stretches(
+    case: tuple[Model, list[Record]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, given = case
+    monkeypatch.setattr("modelgen.runtime.stretches.WHOLE", 8192)
+    chirp = given[0]
+    pieces = stretches(model, RecordChannels(chirp))
+    assert [piece.name for piece in pieces] == [f"chirp from sample {k}" for k in (0, 2651, 5301, 7952)]
+    assert {piece.n for piece in pieces} == {2048}
+    np.testing.assert_array_equal(pieces[3].signals["q_m"], chirp.signals["q_m"][7952:])
+    choice = choose_from_stretches(model, [pieces, stretches(model, RecordChannels(given[1]))])
+    assert len(choice.decimation) == 2
+    assert len(choice.bands) == 8
+    # the chirp asks for the most where it is fastest
+    whole = identify_stream(model, given)
+    assert whole.filtering == choice
+    truth = model.parameter_sets["table_2"]
+    for entry in whole.parameters:
+        assert abs(entry.value - truth[entry.name]) < 5.0 * entry.std
+
+
+def test_the_report_of_a_stream_is_that_of_identify(case: tuple[Model, list[Record]]) -> None:
+    model, given = case
+    found = identify_stream(model, given, **SETTINGS)
+    text = found.summary()
+    assert text.startswith(f"emps300, sensors {model.sensor_set}: wls")
+    assert f"Samples r = {found.nobs}, condition number" in text
+    assert '"nobs": ' + str(found.nobs) in found.to_json()
+    assert len(found.resid) == 0
+
+
+def test_composites_give_physical_parameters() -> None:
+    only_motor = '\n[sensors.qm]\nq_m = { body = "m", measures = "position" }\n'
+    spec = parse_spec(catalog_path("emps300").read_text(encoding="utf-8") + only_motor, "emps300.toml")
+    model = model_from_text(generate(spec, "qm"), "qm")
+    truth = model.parameter_sets["table_2"]
+    given = [
+        simulate(model, truth, kind, duration_s=2.0, oversample=8, seed=seed).record
+        for seed, kind in enumerate(("chirp", "trapezoid"))
+    ]
+    whole, chunked = identify(model, given), identify_stream(model, given)
+    assert list(chunked.physical) == list(whole.physical)
+    assert list(chunked.not_identifiable) == list(whole.not_identifiable)
+    for got, expected in zip(chunked.physical_parameters, whole.physical_parameters, strict=True):
+        assert abs(got.value - expected.value) < 1e-2 * expected.std
 
 
 def test_asymmetric_friction_and_a_resting_channel() -> None:
     model = model_from_module(emps_rigid_asymmetric_qm)
     truth = next(iter(model.parameter_sets.values()))
     record = simulate(model, truth, "trapezoid", duration_s=4.0, fs=1000.0).record
-    chunked = identify_stream(model, [record], cutoff_hz=40.0, chunk_samples=1000)
+    chunked = identify_stream(model, [record], cutoff_hz=40.0, direction_cutoff_hz=40.0, chunk_samples=1000)
     whole = identify(model, [record], cutoff_hz=40.0, direction_cutoff_hz=40.0, drift_check=False)
     for name, value in whole.params.items():
         assert chunked.params[name] == pytest.approx(value, rel=1e-4)
@@ -94,13 +168,19 @@ def test_the_banded_solution_gives_the_same_fit(case: tuple[Model, list[Record]]
     factors = [record_factors(matched_task(model, RecordChannels(record), choice, 6)) for record in given]
     dense, banded = fit_factors(model, factors, banded=False), fit_factors(model, factors, banded=True)
     assert banded.inverse is None
+    whole = with_inverse(factors, banded)
+    assert whole.inverse is not None
+    assert dense.inverse is not None
+    np.testing.assert_allclose(whole.inverse, dense.inverse, rtol=1e-8)
+    np.testing.assert_allclose(whole.x, dense.x, rtol=1e-9)
+    assert whole.residual_norm == pytest.approx(dense.residual_norm, rel=1e-9)
     np.testing.assert_allclose(banded.x, dense.x, rtol=1e-9)
     np.testing.assert_allclose(banded.variance, dense.variance, rtol=1e-9)
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.6, 0.96])
 @pytest.mark.parametrize("pieces", [1, 7, 40])
-def test_moving_sums_are_the_bartlett_kernel(phi: float, pieces: int) -> None:
+def test_moving_sums_are_the_parzen_kernel(phi: float, pieces: int) -> None:
     rng = np.random.default_rng(0)
     series = []
     for n in (400, 900):
@@ -117,14 +197,17 @@ def test_moving_sums_are_the_bartlett_kernel(phi: float, pieces: int) -> None:
     bandwidth = bandwidth_of(moments)
     total = np.zeros((3, 3))
     for psi in series:
-        squares = BartlettSums(3, bandwidth)
+        squares = ParzenSums(3, bandwidth)
         for part in np.array_split(psi, pieces):
             squares.add(part)
         total += squares.result()
+    box = np.ones(window_width(bandwidth))
+    triangle = np.convolve(box, box)
+    kernel = np.convolve(triangle, triangle)[len(triangle) - 1 :] / (triangle @ triangle)
     expected = np.zeros((3, 3))
     for psi in series:
-        for lag in range(len(psi)):
-            product = max(0.0, 1.0 - lag / bandwidth) * psi[lag:].T @ psi[: len(psi) - lag]
+        for lag, share in enumerate(kernel[: len(psi)]):
+            product = share * psi[lag:].T @ psi[: len(psi) - lag]
             expected += product if lag == 0 else product + product.T
     np.testing.assert_allclose(total, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
     whole = long_run_covariance(series)
@@ -161,3 +244,5 @@ def test_wrong_settings_and_short_records_are_refused() -> None:
         identify_stream(model, [record], cutoff_hz=2500.0)
     with pytest.raises(DataError, match="there are none"):
         identify_stream(model, [], cutoff_hz=100.0)
+    with pytest.raises(DataError, match="run: has no channel Gamma_m; give it; the model needs q_m, q_c"):
+        identify_stream(model, [record.select(("q_m", "q_c"))])

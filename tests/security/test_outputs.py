@@ -43,7 +43,13 @@ def test_a_formula_names_no_column(trap: Path, name: str) -> None:
     assert list(trap.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", FORMULAS)
+@pytest.mark.parametrize("name", [name for name, text in FORMULAS.items() if not text.isprintable()])
+def test_a_record_refuses_a_formula_behind_a_control_character(name: str) -> None:
+    with pytest.raises(DataError, match="give a string of visible characters"):
+        Record(SIGNAL, fs=100.0, name=FORMULAS[name])
+
+
+@pytest.mark.parametrize("name", [name for name, text in FORMULAS.items() if text.isprintable()])
 @pytest.mark.parametrize("separator", [",", ";"])
 def test_a_record_named_by_a_formula_starts_no_cell_with_it(trap: Path, name: str, separator: str) -> None:
     record = Record(SIGNAL, fs=100.0, name=FORMULAS[name], tag=FORMULAS[name])

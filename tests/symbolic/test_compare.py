@@ -9,7 +9,9 @@ import pytest
 from generated import emps300_qm_ac, emps300_qm_qc, tree_mixed, tree_positions
 from modelgen.errors import ModelError
 from modelgen.formal_rows import exact, formal_regressor
-from modelgen.runtime.contract import model_from_module
+from modelgen.render.writer import generate
+from modelgen.runtime.contract import model_from_module, model_from_text
+from modelgen.spec import parse_spec
 from modelgen.symbolic.compare import (
     COMBINATION,
     DIFFERENT,
@@ -85,3 +87,31 @@ def test_coefficients_are_small_fractions_or_refused() -> None:
     assert exact(0.05) == Fraction(1, 20)
     with pytest.raises(ModelError, match=r"has the coefficient 1.41421356\d*, no small fraction"):
         exact(2.0**0.5)
+
+
+def test_a_gear_of_many_digits_is_an_exact_fraction() -> None:
+    ratio = Fraction("628.3")
+    for power in (1, 2):
+        assert exact(float(1 / ratio**power)) == 1 / ratio**power
+    spec = """
+chain = {{ name = "{name}", motion = "translation" }}
+bodies = [
+    {{ name = "m", inertia = "J", viscous = "B", motion = "rotation", actuator = "T" }},
+    {{ name = "t", inertia = "M", viscous = "C" }},
+]
+links = [{{ bodies = ["m", "t"], stiffness = "K", ratio = {ratio} }}]
+[sensors.both]
+q_m = {{ body = "m", measures = "position" }}
+x_t = {{ body = "t", measures = "position" }}
+[sensors.stretched]
+q_m = {{ body = "m", measures = "position" }}
+stretch = {{ deflection = ["m", "t"], measures = "position" }}
+"""
+    formal = {}
+    for gear in (628.3, 628.4):
+        chain = parse_spec(spec.format(name="screw", ratio=gear), "screw.toml")
+        for sensors in ("both", "stretched"):
+            title = f"{sensors} {gear}"
+            formal[gear, sensors] = formal_regressor(model_from_text(generate(chain, sensors)), title)
+    assert compare(formal[628.3, "both"], formal[628.3, "stretched"]).verdict == EQUAL
+    assert compare(formal[628.3, "both"], formal[628.4, "both"]).verdict == DIFFERENT

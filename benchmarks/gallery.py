@@ -1,0 +1,100 @@
+"""The pictures of the gallery, drawn anew into docs/; needs chromium and matplotlib.
+
+    python -P benchmarks/gallery.py
+
+The paper's bench, lightly damped, with encoder and accelerometer: identified from a chirp and a trapezoid,
+simulated in closed loop beside them.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from PIL import Image, ImageChops
+
+from modelgen.figure import draw_forces
+from modelgen.render.writer import generate
+from modelgen.report.page import report_page
+from modelgen.reporting import force_panels, sensor_set_rows
+from modelgen.runtime.closed_loop import PositionVelocityController
+from modelgen.runtime.contract import model_from_text
+from modelgen.runtime.identify import identify
+from modelgen.runtime.simulate import record_with_reference, simulate
+from modelgen.runtime.validate import validate
+from modelgen.spec import catalog_path, load_spec
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+NOISE = {"q_m": 2e-6, "a_c": 0.5, "Gamma_m": 1e-4}
+LOOP = PositionVelocityController(0.02, 5e-4)
+WIDTH, HEIGHT = 1300, 8000
+# what of the page is shown: picture, dark or light, first heading and the one that is no longer shown
+SHOTS = (
+    ("report-light", False, "parameters", "residuals"),
+    ("report-dark", True, "residuals", "conditioning"),
+    ("report-loop", False, "conditioning", "filters"),
+    ("report-equations", False, "filters", "end"),
+)
+
+
+def main() -> None:
+    spec = load_spec(catalog_path("emps300"))
+    model = model_from_text(generate(spec, "qm_ac"), "emps300_qm_ac")
+    records = [
+        record_with_reference(
+            simulate(
+                model,
+                spec.parameter_sets["light"],
+                kind,
+                noise=NOISE,
+                seed=seed,
+                controller=LOOP,
+                duration_s=3.0,
+            )
+        )
+        for seed, kind in enumerate(("chirp", "trapezoid"))
+    ]
+    estimate = identify(model, records)
+    draw_forces(force_panels(model, records, estimate), DOCS / "forces.svg")
+    loops = validate(model, estimate.physical, records[1:], LOOP)
+    page = report_page(model, records, estimate, {}, sensor_set_rows(spec), loops)
+    for name, dark, first, after in SHOTS:
+        shoot(page, dark, first, after, DOCS / f"{name}.png")
+        print(f"{name}.png: from {first} to {after}")
+
+
+def shoot(page: str, dark: bool, first: str, after: str, path: Path) -> None:
+    """Write a picture of the sections of a report from `first` up to `after`."""
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        raise SystemExit("chromium is not installed")
+    hidden = [f"section:has(~ #{first})", f"#{after}", f"#{after} ~ section", "header"]
+    style = (
+        f"<style>{', '.join(hidden)} {{ display: none; }} ::-webkit-scrollbar {{ display: none; }}</style>"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "page.html"
+        source.write_text(page.replace("</head>", f"{style}</head>"), encoding="utf-8")
+        command = [
+            chromium,
+            "--headless=new",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-background-networking",
+            f"--window-size={WIDTH},{HEIGHT}",
+            f"--screenshot={folder}/shot.png",
+            *(["--force-dark-mode", "--blink-settings=preferredColorScheme=0"] if dark else []),
+            source.as_uri(),
+        ]
+        subprocess.run(command, capture_output=True, check=True, timeout=120)
+        shot = Image.open(f"{folder}/shot.png").convert("RGB")
+    paper = Image.new("RGB", shot.size, shot.getpixel((2, shot.height - 2)))
+    used = ImageChops.difference(shot, paper).getbbox() or (0, 0, *shot.size)
+    cut = shot.crop((0, 0, WIDTH, used[3] + 30))
+    cut.quantize(64).save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""Runs of equal readings of one channel: which are of a sensor that stuck, or reached the end of its range.
+
+A mass cannot stop within one sample, so a position that stops at full speed is the sensor's fault; a mass
+that sticks slows down first. A sensor with noise cannot read the same number many times in a row. A force or
+an acceleration may stand still, but hardly while the machine moves in a record that repeats no other reading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+# Readings are rounded to a step where most of their differences are nearly integer multiples of the least.
+ROUNDING, NEARLY, MOST = 1e-12, 0.1, 0.8
+# Chance that a run of equal readings as long as one that counts comes about in a record by itself.
+CHANCE = 1e-6
+SHORTEST_RUN = 8
+# Clipped readings come in runs of at least three; so many runs at the ends of the range, and fewer than this
+# share elsewhere, are no chance.
+CLIPPED_RUN, OFTEN, RARELY = 3, 4, 0.1
+# A step before or after a run is one at full speed from this share of the rms step on, if it is also so many
+# times the resolution, and so many times the usual change from step to step.
+FULL_SPEED, RESOLUTIONS, USUAL_CHANGES = 0.15, 4.0, 4.0
+# A ramp that ends in a run (a command, not a limit) bends less than this share of such a step.
+STRAIGHT = 1e-6
+# Noise changes the sign of its fourth difference nearly every sample; it counts from so many resolutions on.
+ALTERNATING, VISIBLE_NOISE = 0.6, 2.0
+# A sensor that was stuck leaps to where the motion is by then: by this many of the largest usual steps.
+LEAP = {"position": 1.0, "velocity": 5.0}
+# Forces and accelerations repeat a reading by fault where fewer than this share of the others are repeated,
+# and the machine moves during most of the run.
+SELDOM, MOSTLY = 0.01, 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Runs of two and more equal readings: first and last sample of each, shape (runs,).
+
+    `resolution` is the step of readings that are rounded, 0 if they are not.
+    """
+
+    first: IntArray
+    last: IntArray
+    resolution: float
+
+    @property
+    def lengths(self) -> IntArray:
+        """Samples of each run."""
+        return self.last - self.first + 1
+
+
+def equal_runs(samples: FloatArray) -> Runs:
+    """Return the runs of equal readings of a channel that is not constant, shape (n,)."""
+    steps = np.diff(samples)
+    edges = np.flatnonzero(np.concatenate([[True], steps != 0.0, [True]]))
+    long = np.diff(edges) > 1
+    return Runs(edges[:-1][long], edges[1:][long] - 1, _resolution(samples))
+
+
+def _resolution(samples: FloatArray) -> float:
+    """Return the least difference of two readings if most others are multiples of it, otherwise 0."""
+    apart = np.diff(np.unique(samples))
+    # values that were scaled or shifted differ by rounding as well
+    apart = apart[apart > ROUNDING * np.ptp(samples)]
+    least = float(np.min(apart))
+    multiples = np.abs(apart / least - np.round(apart / least)) < NEARLY
+    return least if float(np.mean(multiples)) > MOST else 0.0
+
+
+def faulty_runs(
+    samples: FloatArray, runs: Runs, measures: str, moving: BoolArray
+) -> tuple[IntArray, IntArray]:
+    """Return which runs (indices) are clipped readings and which are of a sensor that stuck.
+
+    Parameters
+    ----------
+    samples : array, shape (n,)
+    runs : Runs
+    measures : str
+        "position", "velocity" or "acceleration"; empty for a force.
+    moving : array of bool, shape (n,)
+        Where the record's other channels say that the machine moves.
+    """
+    lengths, values = runs.lengths, samples[runs.first]
+    extreme = (values == samples.max()) | (values == samples.min())
+    long = lengths >= _longest_by_chance(len(samples), lengths)
+    if _noisy(samples, runs):
+        short = extreme & (lengths >= CLIPPED_RUN)
+        clipped = short & (long | (np.sum(short) > 1))
+        return np.flatnonzero(clipped), np.flatnonzero(long & ~extreme)
+    steps, bends = np.abs(np.diff(samples)), np.abs(np.diff(samples, 2))
+    full = _full_speed(steps, bends, runs.resolution)
+    # at a limit the step into the run is cut short; the one before it is not
+    before = _sudden(steps, bends, runs.first - 2, runs.first - 3, full) | (runs.first == 0)
+    after = _sudden(steps, bends, runs.last + 1, runs.last + 1, full) | (runs.last == len(samples) - 1)
+    bent = np.maximum(_at(bends, runs.first - 3), _at(bends, runs.last + 1)) > STRAIGHT * full
+    short = extreme & (lengths >= CLIPPED_RUN)
+    clipped = short & bent & ((before & after) | _only_there(short, lengths, len(samples)))
+    if measures in LEAP:
+        largest = max(full, float(np.quantile(steps, 0.99)))
+        wrong = _at(steps, runs.last) > LEAP[measures] * largest
+        if measures == "position":
+            wrong |= _sudden(steps, bends, runs.first - 1, runs.first - 2, full)
+    else:
+        seldom = np.sum(lengths - 1) - (lengths - 1) < SELDOM * len(samples)
+        moved = np.concatenate([[0], np.cumsum(moving)])
+        wrong = seldom & (moved[runs.last + 1] - moved[runs.first] > MOSTLY * lengths)
+        # at a crest the readings of a coarse channel repeat, and do not leap afterwards
+        wrong &= (_at(steps, runs.last) > RESOLUTIONS * runs.resolution) | (runs.last == len(samples) - 1)
+        # a body that sticks is not accelerated
+        wrong &= (measures != "acceleration") | (values != 0.0)
+    return np.flatnonzero(clipped), np.flatnonzero(long & ~clipped & wrong)
+
+
+def _only_there(short: BoolArray, lengths: IntArray, n: int) -> bool:
+    """Tell whether readings repeat at the ends of the range, hardly elsewhere, not as in a square wave."""
+    there, elsewhere = int(np.sum(short)), int(np.sum(~short & (lengths >= CLIPPED_RUN)))
+    return bool(there >= OFTEN and elsewhere <= RARELY * there and np.sum(lengths[short]) < 0.5 * n)
+
+
+def _longest_by_chance(n: int, lengths: IntArray) -> float:
+    """Return the length from which on a run does not come about by itself.
+
+    How often neighbours are equal is counted without the longest run: it may be the fault that is looked for.
+    """
+    equal = float(np.sum(lengths - 1) - (lengths.max(initial=1) - 1)) / n
+    if equal <= 0.0:
+        return float(SHORTEST_RUN)
+    return max(float(SHORTEST_RUN), 1.0 + float(np.log(CHANCE / n) / np.log(min(equal, 0.999))))
+
+
+def _noisy(samples: FloatArray, runs: Runs) -> bool:
+    """Tell whether there is noise larger than the resolution: readings then hardly ever repeat."""
+    fourth = np.diff(samples, 4)
+    fourth = fourth[fourth != 0.0]
+    if len(fourth) < SHORTEST_RUN:
+        return False
+    alternating = float(np.mean(fourth[1:] * fourth[:-1] < 0.0))
+    noise = float(np.median(np.abs(fourth))) / (0.6745 * np.sqrt(70.0))  # standard deviation, if it is white
+    return alternating > ALTERNATING and noise > VISIBLE_NOISE * runs.resolution
+
+
+def _full_speed(steps: FloatArray, bends: FloatArray, resolution: float) -> float:
+    """Return the step that no mass makes just before it stops."""
+    rms = float(np.sqrt(np.mean(steps[steps > 0.0] ** 2)))
+    usual = float(np.quantile(bends, 0.95)) if bends.size else 0.0
+    return max(FULL_SPEED * rms, RESOLUTIONS * resolution, USUAL_CHANGES * usual)
+
+
+def _sudden(steps: FloatArray, bends: FloatArray, step: IntArray, bend: IntArray, full: float) -> BoolArray:
+    """Tell which steps are at full speed and do not change as they would if something slowed down there."""
+    found = _at(steps, step)
+    return np.asarray((found > full) & (found > USUAL_CHANGES * _at(bends, bend)))
+
+
+def _at(steps: FloatArray, places: IntArray) -> FloatArray:
+    """Return the steps at these places; 0 beyond the ends."""
+    inside = (places >= 0) & (places < len(steps))
+    return np.where(inside, steps[np.where(inside, places, 0)], 0.0) if steps.size else np.zeros(len(places))

@@ -1,0 +1,31 @@
+"""An instrument that may be bought: how well it reads, and what it costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, inf, sqrt
+
+from modelgen.errors import DataError, Problem
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """A sensor or a force measurement one may buy: noise (standard deviation) and resolution in SI."""
+
+    noise: float = 0.0
+    resolution: float = 0.0
+    price: float = 0.0
+
+    def __post_init__(self) -> None:
+        problems = [
+            Problem(f"instrument: {name}", f"is {getattr(self, name)!r}", "give zero or a positive number")
+            for name in ("noise", "resolution", "price")
+            if not 0.0 <= getattr(self, name) < inf
+        ]
+        if problems:
+            raise DataError(*problems)
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of noise and rounding together."""
+        return hypot(self.noise, self.resolution / sqrt(12.0))

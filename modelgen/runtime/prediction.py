@@ -1,0 +1,156 @@
+"""The precision that a planned experiment promises, of every physical parameter.
+
+Covariance and bias of the base parameters follow in closed form (`information`). The step to the physical
+ones is the estimator's own: where base parameters are composites it is nonlinear and weighted by the
+estimate's covariance, which is taken from a few noisy records, and so is what the estimator would refuse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import hypot
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.contract import Model
+from modelgen.runtime.estimate import Estimate, Parameter
+from modelgen.runtime.experiment import Experiment
+from modelgen.runtime.identify import identify
+from modelgen.runtime.information import Information, information
+from modelgen.runtime.physical import Covariances, all_from_composites, physical_parameters
+
+FloatArray = npt.NDArray[np.float64]
+
+# Noisy copies of the experiment whose estimates say how composites are weighted, and no correction for that.
+WEIGHING = 16
+AS_IS = (1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Precision:
+    """What is predicted of one physical parameter; `std` and `bias` in % of its magnitude."""
+
+    name: str
+    value: float
+    std: float
+    bias: float
+
+    @property
+    def error(self) -> float:
+        """Root of std^2 + bias^2, in %."""
+        return hypot(self.std, self.bias)
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """What an experiment promises; `refused` maps the physical parameters it leaves open to the reason."""
+
+    information: Information
+    precisions: tuple[Precision, ...]
+    refused: Mapping[str, str]
+
+    @property
+    def worst(self) -> float:
+        """Largest error in % of the parameters that are not refused."""
+        return max((entry.error for entry in self.precisions), default=0.0)
+
+
+def predict(planned: Experiment) -> Predicted:
+    """Return what the experiment promises.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When the experiment does not determine all base parameters.
+    """
+    noise = {key: instrument.std for key, instrument in planned.instruments.items()}
+    found = information(
+        planned.model,
+        planned.parameters,
+        planned.records(None),
+        noise,
+        planned.choice,
+        planned.weights,
+        instruments=planned.method == "iv",
+    )
+    copies = WEIGHING if all_from_composites(planned.model) else 1
+    return _physical(planned, found, [estimate_once(planned, seed) for seed in range(copies)])
+
+
+def estimate_once(planned: Experiment, seed: int) -> Estimate:
+    """Return the estimate from one noisy copy of the experiment, with the planned filter."""
+    choice, model = planned.choice, planned.model
+    return identify(
+        model,
+        planned.records(seed),
+        planned.method,
+        cutoff_hz=choice.cutoff_hz,
+        filter_order=choice.filter_order,
+        decimation=choice.decimation[0],
+        direction_cutoff_hz=choice.direction_cutoff_hz,
+        # the drift widens intervals, but moves values only where composites are weighted with it
+        drift_check=all_from_composites(model),
+        delays="none",
+    )
+
+
+def _physical(planned: Experiment, found: Information, estimates: Sequence[Estimate]) -> Predicted:
+    """Take the estimator's step from base to physical parameters, weighted as estimates are on average."""
+    model = planned.model
+    true = {**model.known, **planned.parameters}
+    first = estimates[0]
+    alike = [one for one in estimates if one.covariance.shape == first.covariance.shape]
+    weight = sum((one.covariance for one in alike), np.zeros_like(first.covariance)) / len(alike)
+    given = np.isfinite(first.base)
+    expected = found.values + found.bias
+    spread = found.covariance[np.ix_(given, given)]
+    # weighted by the first; the deviations to be carried on are the predicted ones
+    covariances = Covariances(weight, spread, weight, spread)
+    nuisance = dict(zip(found.columns, expected.tolist(), strict=True))
+    base = np.where(given, expected, np.nan)
+    solved = physical_parameters(model, base, covariances, first.not_identifiable, nuisance)[0]
+    refused = {
+        name: next((e.not_identifiable[name] for e in estimates if name in e.not_identifiable), "is refused")
+        for name in model.parameters
+        if 2 * sum(name in one.physical for one in estimates) <= len(estimates)
+    }
+    own = _own_weights(model, alike, covariances) if len(alike) > 1 else {}
+    precisions = tuple(
+        Precision(
+            entry.name, true[entry.name], *_percent(entry, true[entry.name], own.get(entry.name, AS_IS))
+        )
+        for entry in solved
+        if entry.name not in refused
+    )
+    return Predicted(found, precisions, refused)
+
+
+def _own_weights(
+    model: Model, estimates: Sequence[Estimate], average: Covariances
+) -> dict[str, tuple[float, float]]:
+    """Return what each one's own weights do to a parameter: the factor of its deviation, and its shift.
+
+    An estimate is weighted by its own drift with the settings, which goes along with its own error. What that
+    changes, beside the same estimates weighted as on average, shows in a few: the two are nearly alike.
+    """
+    pairs: dict[str, list[tuple[float, float]]] = {}
+    for one in estimates:
+        solved = physical_parameters(model, one.base, average, one.not_identifiable, one.nuisance)[0]
+        for entry in solved:
+            if entry.name in one.physical:
+                pairs.setdefault(entry.name, []).append((one.physical[entry.name], entry.value))
+    found = {}
+    for name, values in pairs.items():
+        own, averaged = np.array(values).T
+        if own.size > 1 and averaged.std() > 0.0:
+            found[name] = float(own.std() / averaged.std()), float((own - averaged).mean())
+    return found
+
+
+def _percent(entry: Parameter, true: float, own: tuple[float, float]) -> tuple[float, float]:
+    """Return standard deviation and bias in % of the true magnitude."""
+    size = abs(true) or np.nan
+    share, shift = own
+    return 100.0 * share * entry.noise_std / size, 100.0 * (entry.value + shift - true) / size

@@ -1,0 +1,108 @@
+"""Times as text (ISO 8601, or with a day first and dots, as in German) -> whole nanoseconds.
+
+"2022-05-02T15:56:24.0005", "2022-05-02 15:56:24,0005+02:00", "02.05.2022 15:56:24.0005", "15:56:24.0005".
+Counts that are too long for a double, "132959733843760000", are counted from the first as well.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+_DATE = r"(?:(?P<year>\d{4})[-/](?P<month>\d\d?)[-/](?P<day>\d\d?)|(?P<D>\d\d?)\.(?P<M>\d\d?)\.(?P<Y>\d{4}))"
+_CLOCK = r"(?P<hour>\d\d?):(?P<minute>\d\d)"
+_TO_THE_MINUTE = re.compile(rf"(?:{_DATE}[T ]\s*)?{_CLOCK}")
+_STAMP = re.compile(r"([\d.T/ -]{0,12}\d\d?:\d\d):(\d\d)(?:[.,](\d{1,12}))?\s*(Z|[+-]\d\d(?::?\d\d)?)?")
+_DAY_ALONE = re.compile(_DATE)
+MOST_DIGITS = 15  # which a double holds
+LONGEST_COUNT = 30  # digits; what is longer counts no time
+_FIRST_DAY = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def nanoseconds(cell: str) -> int | None:
+    """Return the time a cell holds, since 1970 or since midnight; None for any other text."""
+    match = _STAMP.fullmatch(cell)
+    if match is None:
+        return None
+    to_the_minute, seconds, fraction, offset = match.groups()
+    minute = _minute(to_the_minute)  # remembered: a record has few minutes and many samples
+    if minute is None:
+        return None
+    return (minute + int(seconds) - _offset_s(offset or "Z")) * 10**9 + int(
+        (fraction or "").ljust(9, "0")[:9]
+    )
+
+
+def is_date(cell: str) -> bool:
+    """Tell whether a cell holds a day without a time."""
+    return _DAY_ALONE.fullmatch(cell) is not None
+
+
+def is_long_count(cell: str) -> bool:
+    """Tell whether a cell holds a whole number of more digits than a double can tell apart."""
+    return MOST_DIGITS < len(cell) <= LONGEST_COUNT and cell.isdecimal()
+
+
+def time_since(first: str) -> Callable[[str], float]:
+    """Return what turns a cell into s (of a long count: counts) since `first`; it raises ValueError."""
+    start = int(first) if is_long_count(first) else nanoseconds(first)
+    per_unit = 1.0 if is_long_count(first) else 1e9
+
+    def time(cell: str) -> float:
+        text = cell.strip().strip('"')
+        found = int(text) if is_long_count(text) else nanoseconds(text)
+        if found is None or start is None:
+            raise ValueError(cell)
+        return (found - start) / per_unit
+
+    return time
+
+
+def elapsed_s(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return NumPy's times or time differences as s (times since the first); other values as they are."""
+    if values.dtype.kind == "M":
+        values = values - values[:1]
+    if values.dtype.kind != "m":
+        return values
+    missing = np.isnat(values)
+    seconds = values.astype("timedelta64[ns]").astype(np.int64) / 1e9
+    return np.where(missing, np.nan, seconds)
+
+
+@lru_cache(maxsize=1024)
+def _minute(text: str) -> int | None:
+    """Return s since 1970, or since midnight where no date stands before the time."""
+    match = _TO_THE_MINUTE.fullmatch(text)
+    if match is None:
+        return None
+    part = match.groupdict()
+    year, month, day = (
+        part[iso] or part[dotted] for iso, dotted in (("year", "Y"), ("month", "M"), ("day", "D"))
+    )
+    try:
+        when = datetime(
+            int(year or 1970),
+            int(month or 1),
+            int(day or 1),
+            int(part["hour"]),
+            int(part["minute"]),
+            tzinfo=UTC,
+        )
+    except ValueError:
+        return None
+    return (when - _FIRST_DAY) // timedelta(seconds=1)
+
+
+@lru_cache(maxsize=16)
+def _offset_s(text: str) -> int:
+    if text == "Z":
+        return 0
+    digits = text[1:].replace(":", "").ljust(4, "0")
+    size = 3600 * int(digits[:2]) + 60 * int(digits[2:])
+    return -size if text[0] == "-" else size

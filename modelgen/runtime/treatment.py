@@ -1,0 +1,82 @@
+"""What is done to a method's fit before it is judged: columns left out at their bounds, robust weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.bounds import PHYSICAL, BoundCost, bounded_fit
+from modelgen.runtime.contract import Model
+from modelgen.runtime.covariance import hac_covariance
+from modelgen.runtime.huber import huber, huber_notes
+from modelgen.runtime.wls import Fit, refit
+
+HUBER = "huber"
+# Methods whose fit is a (weighted, projected) least-squares problem that robust weights and bounds can enter.
+TREATABLE = ("wls", "iv")
+
+
+def check_treatment(method: str, robust: str | None, bounds: str | None) -> None:
+    """Raise one DataError for every word that is unknown, or does not go with the method."""
+    problems = []
+    for name, given, word in (("robust", robust, HUBER), ("bounds", bounds, PHYSICAL)):
+        if given is None:
+            continue
+        if given != word:
+            problems.append(Problem(name, f"is {given!r}", f'give "{word}", or nothing'))
+        if method not in TREATABLE:
+            what = f"does not go with method {method}"
+            problems.append(Problem(name, what, f"use one of {', '.join(TREATABLE)}"))
+    if problems:
+        raise DataError(*problems)
+
+
+@dataclass(frozen=True)
+class Treatment:
+    """The same for the fit and for those at other settings, so that they can be compared.
+
+    `columns` are those left free by the bounds, None for all; `robust` is "huber" or None.
+    """
+
+    robust: str | None = None
+    columns: tuple[str, ...] | None = None
+
+    def __call__(self, fit: Fit) -> Fit:
+        """Return the fit so treated."""
+        found = fit
+        if self.columns is not None and self.columns != fit.columns:
+            there = [name for name in self.columns if name in fit.columns]
+            found = replace(refit(fit, there), notes=fit.notes, delays=fit.delays)
+        if self.robust is None:
+            return found
+        found, weights = huber(found)
+        return replace(found, notes=found.notes + huber_notes(weights))
+
+
+def treat(
+    fit: Fit, model: Model, robust: str | None, bounds: str | None
+) -> tuple[Fit, Treatment, BoundCost | None]:
+    """Return the treated fit, what was done to it, and what bounds cost (None without any)."""
+    if fit.series and (robust or bounds):
+        # its parameters were not found by linear least squares, which weights and bounds would start again
+        name = "robust" if robust else "bounds"
+        remedy = "use method wls for this sensor set"
+        raise DataError.at(name, "does not go with method iv where the rows hold composites", remedy)
+    treatment = Treatment(robust)
+    found = treatment(fit)
+    if bounds is None:
+        return found, treatment, None
+    within, cost = bounded_fit(found, model, hac_covariance(found))
+    if not cost.active:
+        return found, treatment, cost
+    treatment = Treatment(robust, within.columns)
+    return treatment(fit), treatment, cost
+
+
+def unweighted(fit: Fit, plain: Fit) -> Fit:
+    """Return a treated fit on the rows as they were, without robust weights."""
+    there = [plain.columns.index(name) for name in fit.columns]
+    blocks = tuple(replace(block, W=block.W[:, there]) for block in plain.blocks)
+    projected = tuple(array[:, there] for array in plain.projected)
+    residuals = tuple(block.Y - block.W @ fit.solution.x for block in blocks)
+    return replace(fit, blocks=blocks, projected=projected, residuals=residuals, weights=plain.weights)
