@@ -10,8 +10,10 @@ import pytest
 
 from modelgen.errors import DataError
 from modelgen.render.writer import generate
+from modelgen.runtime import stepping
 from modelgen.runtime.closed_loop import PositionVelocityController
 from modelgen.runtime.contract import Model, model_from_module, model_from_text
+from modelgen.runtime.default_excitation import default_excitation
 from modelgen.runtime.drive import Drive
 from modelgen.runtime.identify import identify
 from modelgen.runtime.simulate import simulate
@@ -84,6 +86,22 @@ def test_the_equations_of_motion_hold_at_every_sample(model: Model, kind: str, d
         assert np.all(np.abs(x[f"friction_{body}"][rests]) <= p[f"F_s{body}"] * (1.0 + 1e-12))
     np.testing.assert_allclose(x["acc_c"], x["a_c"], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(x["twist"], x["a_m"] / 2.0 - x["a_c"], rtol=1e-9, atol=1e-7)
+
+
+@pytest.mark.parametrize("drive", [Drive(), SAMPLED], ids=["continuous", "sampled"])
+def test_compiled_or_not_the_motion_is_the_same(
+    model: Model, drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    p = model.parameter_sets["p"]
+    excitation = default_excitation("trapezoid", model, p, 2000.0, duration_s=0.15, oversample=8)
+    fast = simulate(model, p, excitation, fs=2000.0, oversample=8, drive=drive, controller=LOOP)
+    monkeypatch.setattr(stepping, "has_numba", lambda: False)
+    stepping._kernel.cache_clear()
+    plain = simulate(model, p, excitation, fs=2000.0, oversample=8, drive=drive, controller=LOOP)
+    stepping._kernel.cache_clear()
+    assert [c.body for c in plain.changes] == [c.body for c in fast.changes]
+    for key in ("q_m", "q_c", "acc_c"):
+        np.testing.assert_allclose(plain.true[key], fast.true[key], atol=1e-10 * np.abs(fast.true[key]).max())
 
 
 def test_without_the_cube_it_is_the_linear_chain(model: Model) -> None:
