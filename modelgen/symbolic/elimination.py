@@ -91,17 +91,23 @@ def _alone(
 ) -> Iterator[tuple[tuple[str, ...], tuple[str, ...]]]:
     """Yield choices that leave one coordinate of those around an unseen group: seen ones go as well.
 
-    Their orders are high, but nothing can be added to such a row: it is the transfer from the forces.
+    Their orders are high, but little can be added to such a row: once the whole chain is around the group, it
+    is the transfer from the forces.
     """
     held = {equation.body: _bodies_in(equation) for equation in motion.equations}
     for group in _groups(coordinates.unseen, unseen.values()):
-        around = {other for body in held if unseen[body] & set(group) for other in held[body]}
-        bodies = tuple(body for body in held if body in around)
-        seen = [body for body in bodies if body not in group]
-        alone = all(unit(body) in coordinates.measured and unseen[body] <= set(group) for body in seen)
-        if alone and 2 <= len(seen) <= MOST_SEEN:
-            for kept in seen:
-                yield bodies, (*group, *(body for body in seen if body != kept))
+        reached, around = set(group), {other for body in group for other in held[body]}
+        while around != reached:
+            reached, around = around, {other for body in around for other in held[body]}
+            bodies = tuple(body for body in held if body in reached)
+            seen = [body for body in bodies if body not in group]
+            if len(seen) > MOST_SEEN or not all(
+                unit(body) in coordinates.measured and unseen[body] <= set(group) for body in seen
+            ):
+                break
+            if len(seen) > 1:
+                for kept in seen:
+                    yield bodies, (*group, *(body for body in seen if body != kept))
 
 
 def _bodies_in(equation: Equation) -> dict[str, None]:

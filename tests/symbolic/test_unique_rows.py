@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from types import ModuleType
 
 import pytest
@@ -13,6 +14,7 @@ from modelgen.spec import parse_spec
 from modelgen.symbolic import common_factor, elimination, multipliers, unique_rows
 from modelgen.symbolic.pipeline import build
 from tests.symbolic.exact_rank import rank_along_motions
+from tests.symbolic.random_chains import random_spec
 
 ENDS = """
 [sensors.set]
@@ -123,3 +125,9 @@ def test_where_no_row_is_unique_the_error_names_the_bodies(monkeypatch: pytest.M
     monkeypatch.setattr(elimination, "MOST_SEEN", 0)
     with pytest.raises(ModelError, match="cannot be told apart; add a sensor on one of c"):
         build(axis(ENDS), "set")
+
+
+def test_seen_bodies_farther_away_are_eliminated_where_it_takes_that() -> None:
+    """Three unseen bodies behind seen ones that no force drives: the whole chain counts as around them."""
+    model = build(parse_spec(random_spec(random.Random(544)), "chain.toml"), "set")
+    assert rank_along_motions(model, 544) == len(model.base)
