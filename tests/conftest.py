@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from modelgen.runtime.data import Record
+from tests.runtime import measured_records
 
 
 @pytest.fixture(scope="session")
@@ -27,18 +28,10 @@ def shared_data(repo_root: Path) -> Path:
 @pytest.fixture(scope="session")
 def emps(shared_data: Path) -> Record:
     """The EMPS bench: motor position in m, force in N, 1 kHz."""
-    from scipy.io import loadmat
-
-    data = loadmat(shared_data / "emps" / "DATA_EMPS.mat")
-    force = float(data["gtau"].item()) * data["vir"].ravel()
-    return Record({"q_m": data["qm"].ravel(), "F": force}, 1000.0, "emps")
+    return measured_records.emps(shared_data)[1]
 
 
 @pytest.fixture(scope="session")
 def bench(shared_data: Path) -> Record:
     """The two-mass bench: both angles in rad, the current in A, 2.5 kHz."""
-    from scipy.io import loadmat
-
-    data = loadmat(shared_data / "two_mass_bench" / "MultisineTypeA.mat")
-    signals = {"q_m": data["theta_mx"].ravel(), "q_c": -data["theta_my"].ravel(), "i": data["iq_adx"].ravel()}
-    return Record(signals, 2500.0, "bench")
+    return measured_records.bench(shared_data)[1]

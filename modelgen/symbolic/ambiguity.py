@@ -15,7 +15,9 @@ from typing import Any, Protocol
 
 from sympy.polys.rings import PolyElement
 
+from modelgen.symbolic.identifiability import value_at
 from modelgen.symbolic.polynomials import Place, by_order
+from modelgen.symbolic.sensing import add_scaled
 from modelgen.symbolic.signals import Signal
 
 #: a derivative in a row: (table, coordinate or force or constant, order); tables as in `Tables`
@@ -37,19 +39,22 @@ class Tables(Protocol):
     def cubes(self) -> Mapping[Signal, PolyElement]: ...  # noqa: D102
 
 
-@dataclass
+@dataclass(frozen=True)
 class Combination:
     """A combination of equations at a random point: its multipliers, and what it leaves by slot."""
 
-    multipliers: dict[Multiplier, Any]
-    slots: dict[Slot, Any]
+    multipliers: Mapping[Multiplier, Any]
+    slots: Mapping[Slot, Any]
 
-    def clear(self, slot: Slot, pivot: Combination) -> None:
-        """Subtract the multiple of another combination that leaves nothing in a slot, in place."""
-        if slot in self.slots:
-            factor = self.slots[slot] / pivot.slots[slot]
-            _subtract(self.slots, pivot.slots, factor)
-            _subtract(self.multipliers, pivot.multipliers, factor)
+    def cleared(self, slot: Slot, pivot: Combination) -> Combination:
+        """Subtract the multiple of another combination that leaves nothing in a slot."""
+        if slot not in self.slots:
+            return self
+        factor = -self.slots[slot] / pivot.slots[slot]
+        return Combination(
+            add_scaled(self.multipliers, pivot.multipliers, factor),
+            add_scaled(self.slots, pivot.slots, factor),
+        )
 
 
 def slots(tables: Tables) -> Iterator[tuple[Slot, PolyElement]]:
@@ -89,10 +94,9 @@ def combinations_on(
     found = []
     for body, equation in equations.items():
         for power in range(highest + 1):
-            slots_left = dict(raised(equation, power, constants))
-            combination = Combination({(body, power): one}, slots_left)
+            combination = Combination({(body, power): one}, dict(raised(equation, power, constants)))
             while lead := next((slot for slot in combination.slots if slot in pivots), None):
-                combination.clear(lead, pivots[lead])
+                combination = combination.cleared(lead, pivots[lead])
             lead = next((slot for slot in combination.slots if slot not in allowed), None)
             if lead is None:
                 found.append(combination)
@@ -117,16 +121,13 @@ def unique_on_their_slots(
 
     The slots of highest badness are cleared first; the best combination comes first: without the worst slots.
     """
-    rows = [Combination(dict(row.multipliers), dict(row.slots)) for row in basis]
+    rows = list(basis)
     done: list[Combination] = []
     for slot in sorted({slot for row in rows for slot in row.slots}, key=badness, reverse=True):
         pivot = next((row for row in rows if slot in row.slots), None)
-        if pivot is None:
-            continue
-        rows.remove(pivot)
-        for row in [*rows, *done]:
-            row.clear(slot, pivot)
-        done.append(pivot)
+        if pivot is not None:
+            rows = [row.cleared(slot, pivot) for row in rows if row is not pivot]
+            done = [*(row.cleared(slot, pivot) for row in done), pivot]
     return done[::-1]
 
 
@@ -146,9 +147,7 @@ def closest(row: Mapping[Slot, Any], basis: Iterable[Combination], kept: Slot) -
     """
     left = [{slot: value / row[slot] for slot, value in combination.slots.items()} for combination in basis]
     own = dict.fromkeys(row, row[kept] / row[kept])
-    for scaled in left:
-        if kept in scaled:
-            _subtract(scaled, own, scaled[kept])
+    left = [add_scaled(scaled, own, -scaled[kept]) if kept in scaled else scaled for scaled in left]
     given_up = []
     while left := [scaled for scaled in left if scaled]:
         slot, pivot = max(
@@ -160,10 +159,11 @@ def closest(row: Mapping[Slot, Any], basis: Iterable[Combination], kept: Slot) -
             ),
         )
         given_up.append(slot)
-        left = [scaled for scaled in left if scaled is not pivot]
-        for scaled in left:
-            if slot in scaled:
-                _subtract(scaled, pivot, scaled[slot] / pivot[slot])
+        left = [
+            add_scaled(scaled, pivot, -scaled[slot] / pivot[slot]) if slot in scaled else scaled
+            for scaled in left
+            if scaled is not pivot
+        ]
     return given_up
 
 
@@ -171,24 +171,4 @@ def at_point(
     tables: Iterable[tuple[Slot, PolyElement]], point: Mapping[str, Any], field: Any
 ) -> dict[Slot, Any]:
     """Evaluate coefficients at a point of a field; those that vanish there are left out."""
-    return {slot: number for slot, value in tables if (number := _value(value, point, field))}
-
-
-def _value(poly: PolyElement, point: Mapping[str, Any], field: Any) -> Any:
-    values = [point.get(symbol.name) for symbol in poly.ring.symbols]
-    total = field.zero
-    for powers, coefficient in poly.items():
-        term = field(int(coefficient.numerator)) / field(int(coefficient.denominator))
-        for value, power in zip(values, powers, strict=True):
-            term = term * value**power if power else term
-        total = total + term
-    return total
-
-
-def _subtract(vector: dict[Any, Any], other: Mapping[Any, Any], factor: Any) -> None:
-    for key, value in other.items():
-        total = vector[key] - factor * value if key in vector else -factor * value
-        if total:
-            vector[key] = total
-        else:
-            vector.pop(key, None)
+    return {slot: number for slot, value in tables if (number := value_at(value, point, field))}

@@ -61,8 +61,7 @@ def unseen_by_equation(motion: MotionEquations, coordinates: Coordinates) -> dic
 
 
 def _unseen_in(equation: Equation, coordinates: Coordinates) -> Iterator[str]:
-    held = {term.signal.name for term in equation.terms if term.signal.kind not in ("force", "one", "cube")}
-    reached = {functional for body in held for functional, _ in coordinates.table[body]}
+    reached = {functional for body in equation.bodies for functional, _ in coordinates.table[body]}
     return (body for body in coordinates.unseen if unit(body) in reached)
 
 
@@ -94,7 +93,7 @@ def _alone(
     Their orders are high, but little can be added to such a row: once the whole chain is around the group, it
     is the transfer from the forces.
     """
-    held = {equation.body: _bodies_in(equation) for equation in motion.equations}
+    held = {equation.body: equation.bodies for equation in motion.equations}
     for group in _groups(coordinates.unseen, unseen.values()):
         reached, around = set(group), {other for body in group for other in held[body]}
         while around != reached:
@@ -108,10 +107,6 @@ def _alone(
             if len(seen) > 1:
                 for kept in seen:
                     yield bodies, (*group, *(body for body in seen if body != kept))
-
-
-def _bodies_in(equation: Equation) -> dict[str, None]:
-    return {term.signal.name: None for term in equation.terms if term.signal.kind == "coordinate"}
 
 
 def _few(choices: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:

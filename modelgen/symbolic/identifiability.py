@@ -11,13 +11,16 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterator, Mapping, MutableMapping, Sequence
 from fractions import Fraction
 from random import Random
-from typing import TypeVar
+from typing import Any, TypeVar
 
+from sympy import GF
 from sympy.polys.rings import PolyElement
 
+from modelgen.chain import ChainSpec
 from modelgen.symbolic.row import Composite
 
 PRIME = 2_147_483_647
+FIELD = GF(PRIME)
 SEED = 2002
 
 Key = TypeVar("Key", bound=Hashable)
@@ -71,26 +74,35 @@ def reduce_modular(vector: MutableMapping[Key, int], pivots: Mapping[Key, Mappin
         pending = [key for key in vector if key in pivots]
 
 
-def evaluate(poly: PolyElement, point: Mapping[str, int]) -> int:
-    """Return the value of a polynomial at a point of the prime field, given by generator names."""
-    return sum(value for _, value in _terms(poly, point)) % PRIME
+def random_values(spec: ChainSpec, field: Any) -> dict[str, Any]:
+    """Return a random element of a SymPy field for every parameter; known ones have their value."""
+    point = {name: field(value) for name, value in random_point([p.name for p in spec.parameters]).items()}
+    for name, value in spec.known.items():
+        known = Fraction(str(value))
+        point[name] = field(known.numerator) / field(known.denominator)
+    return point
 
 
-def _terms(poly: PolyElement, point: Mapping[str, int]) -> Iterator[tuple[tuple[int, ...], int]]:
+def value_at(poly: PolyElement, point: Mapping[str, Any], field: Any) -> Any:
+    """Return the value of a polynomial in the parameters at a point of a SymPy field."""
+    return sum((value for _, value in _terms(poly, point, field)), field.zero)
+
+
+def _terms(poly: PolyElement, point: Mapping[str, Any], field: Any) -> Iterator[tuple[tuple[int, ...], Any]]:
     """Yield (exponents, value) of every term."""
-    values = [point.get(symbol.name, 1) for symbol in poly.ring.symbols]
+    values = [point.get(symbol.name) for symbol in poly.ring.symbols]
     for exponents, coefficient in poly.items():
-        term = modular(Fraction(int(coefficient.numerator), int(coefficient.denominator)))
+        term = field(int(coefficient.numerator)) / field(int(coefficient.denominator))
         for value, exponent in zip(values, exponents, strict=True):
-            if exponent:
-                term = term * (value if exponent == 1 else pow(value, exponent, PRIME)) % PRIME
+            term = term * value**exponent if exponent else term
         yield exponents, term
 
 
 def _slopes(poly: PolyElement, point: Mapping[str, int]) -> tuple[int, Vector[str]]:
     """Return the value of a polynomial and its gradient; a term's slope is exponent times value over x."""
     total, slopes = 0, [0] * poly.ring.ngens
-    for exponents, term in _terms(poly, point):
+    for exponents, element in _terms(poly, point, FIELD):
+        term = int(element)
         total += term
         for place, exponent in enumerate(exponents):
             if exponent:

@@ -24,6 +24,11 @@ class Equation:
     body: str
     terms: tuple[Term, ...]
 
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies whose coordinates the equation holds, its own included."""
+        return tuple(dict.fromkeys(t.signal.name for t in self.terms if t.signal.kind == "coordinate"))
+
 
 @dataclass(frozen=True)
 class MotionEquations:

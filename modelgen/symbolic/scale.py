@@ -7,18 +7,18 @@ the rows that hang together are divided by one of their parameters: what they gi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from fractions import Fraction
 from typing import Any
 
 from modelgen.chain import ChainSpec
 from modelgen.symbolic.composites import Composites
 from modelgen.symbolic.identifiability import (
+    FIELD,
     PRIME,
     add_modular,
-    evaluate,
     modular,
-    random_point,
+    random_values,
     reduce_modular,
+    value_at,
 )
 from modelgen.symbolic.reading import Candidate
 from modelgen.symbolic.signals import Term, differentiate
@@ -34,8 +34,7 @@ def scaled(
     found = list(chosen)
     inertias = [p.name for p in spec.parameters if p.role == "inertia"]
     terms_of = [differentiate(candidate.terms, times) for candidate, times in chosen]
-    point = random_point([parameter.name for parameter in spec.parameters])
-    point.update({name: modular(Fraction(str(value))) for name, value in spec.known.items()})
+    point = random_values(spec, FIELD)
     for group in _hanging_together(_without_scale(terms_of, spec, composites, point), terms_of):
         names = dict.fromkeys(
             t.parameter for index in group for t in terms_of[index] if t.parameter is not None
@@ -48,7 +47,7 @@ def scaled(
 
 
 def _without_scale(
-    terms_of: Sequence[Sequence[Term]], spec: ChainSpec, composites: Composites, point: Mapping[str, int]
+    terms_of: Sequence[Sequence[Term]], spec: ChainSpec, composites: Composites, point: Mapping[str, Any]
 ) -> list[int]:
     """Return the rows whose columns may all be multiplied by a number: no other row minds.
 
@@ -86,11 +85,11 @@ def _without_scale(
     return sorted(free)
 
 
-def _value(parameter: str, composites: Composites, point: Mapping[str, int]) -> int:
+def _value(parameter: str, composites: Composites, point: Mapping[str, Any]) -> int:
     composite = composites.named.get(parameter)
     if composite is None:
-        return point[parameter]
-    return evaluate(composite.numerator, point) * pow(evaluate(composite.denominator, point), -1, PRIME)
+        return int(point[parameter])
+    return int(value_at(composite.numerator, point, FIELD) / value_at(composite.denominator, point, FIELD))
 
 
 def _hanging_together(indices: Sequence[int], terms_of: Sequence[Sequence[Term]]) -> list[list[int]]:

@@ -6,16 +6,16 @@ measures, by differentiating its reading j - k times. Nothing is ever integrated
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from modelgen.spec import ChainSpec, Sensor
 from modelgen.symbolic.newton import deflection
 from modelgen.symbolic.signals import Exact, quotient
 
-Key = TypeVar("Key", str, int)
+Key = TypeVar("Key", bound=Hashable)
 
 ORDER = {"position": 0, "velocity": 1, "acceleration": 2}
 HIGHEST_SENSOR_ORDER = 2
@@ -183,8 +183,8 @@ def express(target: Combination, basis: Iterable[Combination]) -> dict[int, Exac
     return None if rest else {index: -weight for index, weight in recipe.items()}
 
 
-def add_scaled(left: dict[Key, Exact], right: Mapping[Key, Exact], factor: Exact) -> dict[Key, Exact]:
-    """Return left + factor * right without zero entries."""
+def add_scaled(left: Mapping[Key, Any], right: Mapping[Key, Any], factor: Any) -> dict[Key, Any]:
+    """Return left + factor * right without zero entries, over any exact field."""
     total = dict(left)
     for key, value in right.items():
         total[key] = total.get(key, 0) + factor * value

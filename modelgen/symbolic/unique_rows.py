@@ -7,11 +7,10 @@ gives up as many of its signals as there are other combinations, and becomes uni
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from fractions import Fraction
 from functools import partial
 from typing import Any
 
-from sympy import GF, QQ
+from sympy import QQ
 
 from modelgen.chain import ChainSpec
 from modelgen.errors import ModelError
@@ -26,7 +25,14 @@ from modelgen.symbolic.ambiguity import (
 )
 from modelgen.symbolic.eliminated_row import EliminatedRow, weighted_sum
 from modelgen.symbolic.elimination import unseen_by_equation
-from modelgen.symbolic.identifiability import PRIME, add_modular, random_point, reduce_modular
+from modelgen.symbolic.identifiability import (
+    FIELD,
+    PRIME,
+    add_modular,
+    random_point,
+    random_values,
+    reduce_modular,
+)
 from modelgen.symbolic.multipliers import TooLong, exact_multipliers
 from modelgen.symbolic.newton import Equation, MotionEquations
 from modelgen.symbolic.polynomials import Coordinates, by_order, polynomial_system
@@ -45,12 +51,10 @@ class UniqueRows:
         self.motion = motion
         self.coordinates = coordinates
         self.sensing = sensing
-        self._point = _random_values(motion.spec, GF(PRIME))
+        self._point = random_values(motion.spec, FIELD)
         self._light = _lightly_damped(motion.spec)
-        self._neighbours = {
-            e.body: tuple(dict.fromkeys(t.signal.name for t in e.terms if t.signal.kind == "coordinate"))
-            for e in motion.equations
-        }
+        self._neighbours = {equation.body: equation.bodies for equation in motion.equations}
+        self._s = random_point(["s derivative"])["s derivative"]
 
     def choose(self, candidates: Iterable[EliminatedRow], where: str) -> Iterator[EliminatedRow]:
         """Yield independent unique rows, as many as there are more equations than unseen coordinates.
@@ -68,7 +72,7 @@ class UniqueRows:
             if not missing:
                 return
             for combination, make in self._versions(candidate):
-                vector = _of_bodies(combination, holders)
+                vector = self._of_bodies(combination, holders)
                 reduce_modular(vector, pivots)
                 row = make() if vector else None
                 if row is not None:
@@ -96,7 +100,7 @@ class UniqueRows:
             equations = {body: at_point(slots(e), point, field) for body, e in near.equations.items()}
             return combinations_on(allowed, equations, field.one, candidate.order - 2, constants)
 
-        basis = basis_at(self._point, GF(PRIME))
+        basis = basis_at(self._point, FIELD)
         if len(basis) == 1:
             yield basis[0], lambda: candidate
             return
@@ -110,6 +114,14 @@ class UniqueRows:
         for combination in (nearest, *lowest):
             if len(combination.multipliers) <= MOST_MULTIPLIERS:
                 yield combination, partial(self._exact, combination, candidate, constants)
+
+    def _of_bodies(self, combination: Combination, bodies: Collection[str]) -> dict[str, int]:
+        """Return the multipliers of some bodies' equations as polynomials at a random s."""
+        vector: dict[str, int] = {}
+        for (body, power), value in combination.multipliers.items():
+            if body in bodies:
+                add_modular(vector, {body: pow(self._s, power, PRIME)}, int(value))
+        return vector
 
     def _exact(
         self, combination: Combination, candidate: EliminatedRow, constants: bool
@@ -151,28 +163,9 @@ class UniqueRows:
         return [equation for equation in self.motion.equations if equation.body in reached]
 
 
-def _of_bodies(combination: Combination, bodies: Collection[str]) -> dict[str, int]:
-    """Return the multipliers of some bodies' equations as polynomials at a random s."""
-    s = random_point(["s derivative"])["s derivative"]
-    vector: dict[str, int] = {}
-    for (body, power), value in combination.multipliers.items():
-        if body in bodies:
-            add_modular(vector, {body: pow(s, power, PRIME)}, int(value))
-    return vector
-
-
-def _random_values(spec: ChainSpec, field: Any) -> dict[str, Any]:
-    """Return a random element of a field for every parameter; known ones have their value."""
-    point = {name: field(value) for name, value in random_point([p.name for p in spec.parameters]).items()}
-    for name, value in spec.known.items():
-        known = Fraction(str(value))
-        point[name] = field(known.numerator) / field(known.denominator)
-    return point
-
-
 def _lightly_damped(spec: ChainSpec) -> dict[str, Any]:
     """Return rational values as machines have them: what damps is small against what swings."""
-    point = _random_values(spec, QQ)
+    point = random_values(spec, QQ)
     for parameter in spec.parameters:
         if parameter.name not in spec.known:
             size = LIGHT if parameter.role in ("damping", "viscous") else 1

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -25,13 +23,8 @@ def test_symmetric_friction_is_not_called_asymmetric() -> None:
     assert not any("direction of motion" in note for note in estimate.notes)
 
 
-def test_emps_prefers_asymmetric_friction(shared_data: Path) -> None:
-    from scipy.io import loadmat
-
-    data = loadmat(shared_data / "emps" / "DATA_EMPS.mat")
-    force = float(data["gtau"].item()) * data["vir"].ravel()
-    record = Record({"q_m": data["qm"].ravel(), "F": force}, 1000.0, "emps")
-    found = {method: identify(RIGID, record, method, drift_check=False) for method in ("wls", "iv")}
+def test_emps_prefers_asymmetric_friction(emps: Record) -> None:
+    found = {method: identify(RIGID, emps, method, drift_check=False) for method in ("wls", "iv")}
     for estimate in found.values():
         assert "depends on the direction of motion" in estimate.summary().replace("\n    ", " ")
     wls, iv = found["wls"], found["iv"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,24 +29,6 @@ QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
 
 # standard deviations of the sensors and the torque, as in the tables of bias and coverage
 NOISE = {"q_m": 2e-5, "q_c": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
-
-
-@pytest.fixture(scope="module")
-def emps(shared_data: Path) -> Record:
-    from scipy.io import loadmat
-
-    data = loadmat(shared_data / "emps" / "DATA_EMPS.mat")
-    force = float(data["gtau"].item()) * data["vir"].ravel()
-    return Record({"q_m": data["qm"].ravel(), "F": force}, 1000.0, "emps")
-
-
-@pytest.fixture(scope="module")
-def bench(shared_data: Path) -> Record:
-    from scipy.io import loadmat
-
-    data = loadmat(shared_data / "two_mass_bench" / "MultisineTypeA.mat")
-    signals = {"q_m": data["theta_mx"].ravel(), "q_c": -data["theta_my"].ravel(), "i": data["iq_adx"].ravel()}
-    return Record(signals, 2500.0, "bench")
 
 
 def experiments(model: Model, parameters: str) -> list[Record]:

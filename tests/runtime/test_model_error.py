@@ -1,10 +1,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pytest
 
 from generated import two_mass_bench_qm_qc
 from modelgen.runtime.choose import choose_filter
@@ -40,15 +38,6 @@ def test_only_what_noise_does_not_explain_counts() -> None:
     assert "b" not in note.split("(")[1].split(")")[0]
     assert disagreement_notes(found, ("a", "b"), ("b",)) == ()
     np.testing.assert_array_equal(significant_drift((), 2), np.zeros((2, 2)))
-
-
-@pytest.fixture(scope="module")
-def bench(shared_data: Path) -> Record:
-    from scipy.io import loadmat
-
-    data = loadmat(shared_data / "two_mass_bench" / "MultisineTypeA.mat")
-    signals = {"q_m": data["theta_mx"].ravel(), "q_c": -data["theta_my"].ravel(), "i": data["iq_adx"].ravel()}
-    return Record(signals, 2500.0, "bench")
 
 
 def test_the_bench_agrees_over_cutoffs_and_periods(bench: Record) -> None:

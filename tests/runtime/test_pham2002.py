@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,15 +15,6 @@ RIGID = model_from_module(emps_rigid_qm)
 ASYMMETRIC = model_from_module(emps_rigid_asymmetric_qm)
 AC = model_from_module(emps300_qm_ac)
 PUBLISHED = {"cutoff_hz": 100.0, "filter_order": 4, "decimation": 10, "drop": 49}
-
-
-@pytest.fixture(scope="module")
-def emps(shared_data: Path) -> Record:
-    from scipy.io import loadmat
-
-    data = loadmat(shared_data / "emps" / "DATA_EMPS.mat")
-    force = float(data["gtau"].item()) * data["vir"].ravel()
-    return Record({"q_m": data["qm"].ravel(), "F": force}, 1000.0, "emps")
 
 
 def test_the_published_result_comes_out_to_every_decimal(emps: Record) -> None:
