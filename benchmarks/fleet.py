@@ -4,7 +4,8 @@
 
 Writes one record to .npy files (deleted afterwards) that 200 records of 20 machines share under different
 names, then identifies the fleet with one and with two workers, BLAS at one thread each; runs alternate,
-medians are compared. The estimates must not depend on the number of workers.
+medians are compared. The estimates must not depend on the number of workers. Each run is told on stderr when
+it is over; workers that stand still end the program with a message (`modelgen.runtime.fleet_cluster.Watch`).
 """
 
 from __future__ import annotations
@@ -64,6 +65,7 @@ def main() -> None:
                     start = time.perf_counter()
                     found[workers] = identified(client, records)
                     times[workers].append(time.perf_counter() - start)
+                    print(f"{workers} worker(s): {times[workers][-1]:.2f} s", file=sys.stderr, flush=True)
     medians = {workers: statistics.median(values) for workers, values in times.items()}
     alone, both = found[1].pooled, found[2].pooled
     differ = max(abs(alone.params[key] - both.params[key]) / alone.bse[key] for key in alone.params)

@@ -3,8 +3,10 @@
     python benchmarks/memory.py
 
 A record of 1e7 samples is written to .npy files (here, deleted afterwards), then identified in a process of
-its own: once in chunks from the mapped files, once by the chain written by hand (`throughput.py`). Printed is
-how far each process's resident memory rises above what it was before it touched the record. The cost of a
+its own: in chunks from the mapped files, by one thread and by two, and by the chain written by hand
+(`throughput.py`). Printed is how far each process's resident memory rises above what it was before it touched
+the record, and by how much the estimate differs from that of `identify`, which has the record in memory (4 GB
+at 1e7 samples; `--whole 0` leaves it out) and uses the filters that were chosen for the chunks. The cost of a
 sample is that of filtering, masks, solution and covariance; what `identify_stream` adds to that looks at 2^18
 samples at most (the choice of filters) or does the same again (drift, pruning).
 """
@@ -23,6 +25,7 @@ import statistics
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +35,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from throughput import FS, by_hand, made_record, processor_seconds, two_bodies
 
 from modelgen.runtime.data import Record
+from modelgen.runtime.estimate import Estimate
 from modelgen.runtime.factor_fit import fit_factors
+from modelgen.runtime.identify import identify
 from modelgen.runtime.mapped import open_npy
 from modelgen.runtime.record_factors import matched_task, record_factors
 from modelgen.runtime.stream import identify_stream, stream_choice
@@ -61,10 +66,11 @@ def resident_mb(field: str) -> float:
     raise RuntimeError(f"no {field} in /proc/self/status")
 
 
-def in_chunks(folder: Path) -> object:
+def in_chunks(folder: Path, threads: int = 1) -> Estimate:
     """Identify from the mapped files, masks, both covariances and all."""
     source = open_npy({channel: folder / f"{channel}.npy" for channel in CHANNELS}, FS)
-    return identify_stream(two_bodies(), [source], cutoff_hz=400.0, filter_order=4, decimation=10)
+    settings = {"cutoff_hz": 400.0, "filter_order": 4, "decimation": 10}
+    return identify_stream(two_bodies(), [source], **settings, threads=threads)
 
 
 def once_through(folder: Path) -> object:
@@ -76,17 +82,40 @@ def once_through(folder: Path) -> object:
     return stream_hac_covariance(fit, [task])
 
 
+def loaded(folder: Path) -> Record:
+    """Return the record of the files."""
+    return Record({channel: np.load(folder / f"{channel}.npy") for channel in CHANNELS}, FS)
+
+
 def all_at_once(folder: Path) -> object:
     """Load the files and go through the chain written by hand."""
-    signals = {channel: np.load(folder / f"{channel}.npy") for channel in CHANNELS}
-    return by_hand(two_bodies(), Record(signals, FS))
+    return by_hand(two_bodies(), loaded(folder))
+
+
+def difference(folder: Path) -> float:
+    """Return by how much in chunks and from memory differ, in standard deviations; the largest."""
+    chunked = in_chunks(folder)
+    used = chunked.filtering
+    whole = identify(
+        two_bodies(),
+        [loaded(folder)],
+        cutoff_hz=used.cutoff_hz,
+        filter_order=used.filter_order,
+        decimation=used.decimation[0],
+        direction_cutoff_hz=used.direction_cutoff_hz,
+    )
+    return max(abs(chunked.params[name] - whole.params[name]) / whole.bse[name] for name in whole.params)
+
+
+def fresh(work: Callable[..., float], *arguments: object) -> float:
+    """Return what a process of its own answers."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(work, arguments)
 
 
 def rise_mb(work: Callable[[Path], object], folder: Path, warm: Path) -> float:
     """Return how far the memory of a fresh process rises, in MB, once a short record has loaded the code."""
-    context = multiprocessing.get_context("spawn")
-    with context.Pool(1) as pool:
-        return pool.apply(_rise, (work, folder, warm))
+    return fresh(_rise, work, folder, warm)
 
 
 def _rise(work: Callable[[Path], object], folder: Path, warm: Path) -> float:
@@ -102,6 +131,7 @@ def main() -> None:
     raw = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
     parser.add_argument("--samples", type=int, default=10_000_000)
+    parser.add_argument("--whole", type=int, default=1, help="0: do not identify it from memory")
     parser.add_argument("--largest", type=int, default=100_000_000, help="record of the cost per sample")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -111,8 +141,13 @@ def main() -> None:
             write_record(place, n)
         chunked = rise_mb(in_chunks, folder, warm)
         print(f"in chunks:    {chunked:7.1f} MB above the start  (wanted: under 64)")
+        both = rise_mb(partial(in_chunks, threads=2), folder, warm)
+        print(f"two threads:  {both:7.1f} MB above the start  (wanted: under 64)")
         whole = rise_mb(all_at_once, folder, warm)
         print(f"by hand:      {whole:7.1f} MB, {whole / chunked:.0f} times as much")
+        if options.whole:
+            differ = fresh(difference, folder)
+            print(f"in chunks and from memory: {differ:.1e} standard deviations apart  (wanted: 1e-6)")
     sizes = [10**k for k in range(5, round(math.log10(options.largest)) + 1)]
     cost = {}
     for n in sizes:

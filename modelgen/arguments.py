@@ -78,8 +78,11 @@ def parameter_values(chain: ChainSpec, chosen: str | None) -> Mapping[str, float
     raise SpecError.at("--parameters", what, remedy)
 
 
-def excitation_from(text: str) -> tuple[str | Excitation, float | None]:
-    """Return the kind of excitation, or that of a data file with the file's sampling frequency in Hz."""
+def excitation_from(text: str, forces: Sequence[str] = ()) -> tuple[str | Excitation, float | None]:
+    """Return the kind of excitation, or that of a data file with the file's sampling frequency in Hz.
+
+    `forces` are columns of the file that drive further actuators.
+    """
     if text in ("chirp", "trapezoid"):
         return text, None
     if not Path(text).suffix:
@@ -88,7 +91,7 @@ def excitation_from(text: str) -> tuple[str | Excitation, float | None]:
     from modelgen.runtime.read import read_record
 
     record = read_record(text)
-    return excitation_from_record(record), record.fs
+    return excitation_from_record(record, forces=forces), record.fs
 
 
 def delays_from(items: Sequence[str]) -> Mapping[str, float] | str | None:

@@ -429,7 +429,8 @@ def simulate(
         str,
         typer.Option(
             metavar="KIND",
-            help="chirp, trapezoid, or a data file with columns reference, reference_rate or feedforward.",
+            help="chirp, trapezoid, or a data file with columns reference, reference_rate or feedforward, "
+            "and the forces of actuators behind the first.",
         ),
     ],
     data: Annotated[
@@ -467,7 +468,8 @@ def simulate(
 ) -> None:
     """Simulate a chain in closed loop and write what its sensors read.
 
-    Friction is true stick and slip; the levels of chirp and trapezoid follow from the parameters.
+    Friction is true stick and slip; the levels of chirp and trapezoid follow from the parameters. The loop
+    drives the first actuator; others follow the excitation's file, or rest.
     """
     from modelgen.render.writer import generate as module_text
     from modelgen.render.writer import module_name
@@ -479,7 +481,7 @@ def simulate(
 
     chain = load_chain(spec)
     model = model_from_text(module_text(chain, sensors), module_name(chain, sensors))
-    signal, file_fs = excitation_from(excitation)
+    signal, file_fs = excitation_from(excitation, [actuator.key for actuator in model.actuators[1:]])
     loop, drive = load_controller(controller) if controller else (None, None)
     result = run(
         model,

@@ -1,15 +1,16 @@
 """A model run beside a record: what its sensors would have read without noise.
 
-The model is driven by the measured forces. These alone would let it drift away from the record, so a weak
-feedback holds the driven body near the record's low-passed position; its loop is slow against the dynamics of
-interest, and what it takes from the record is smoother still: noise of the sensors does not get through.
-Where the record brings the reference and the controller is known, the closed loop itself is run instead.
+The model is driven by the measured forces of all actuators. These alone would let it drift away from the
+record, so a weak feedback holds the first actuator's body near the record's low-passed position; its loop is
+slow against the dynamics of interest, and what it takes from the record is smoother still: noise of the
+sensors does not get through. Where the record brings the reference and the controller is known, the closed
+loop itself is run instead, on the first actuator; the forces of the others remain the measured ones.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import pi
 
 import numpy as np
@@ -25,7 +26,7 @@ from modelgen.runtime.drive import Drive
 from modelgen.runtime.excitation import Excitation, excitation_from_record
 from modelgen.runtime.filters import zero_phase
 from modelgen.runtime.motion import move, true_signals
-from modelgen.runtime.plant import Plant, make_plant
+from modelgen.runtime.plant import Plant, make_plant, measured_forces
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -59,11 +60,11 @@ def run_beside(
     Parameters
     ----------
     model : Model
-        With a single actuator.
+        With one actuator or several.
     parameters : mapping of str to float
         Physical parameters (SI), as `possible` returns them.
     record : Record
-        The measured record.
+        The measured record, with the forces of all actuators.
     choice : FilterChoice
         Its dynamics set the bandwidth of the weak feedback.
     loop : Loop, optional
@@ -72,15 +73,12 @@ def run_beside(
     Raises
     ------
     DataError
-        When the model cannot be simulated, or its motion grows without bound.
+        When the model cannot be simulated, the record lacks a force, or the motion grows without bound.
     """
-    if len(model.actuators) != 1:
-        what = f"has {len(model.actuators)} actuators; only chains with one can be run beside a record"
-        raise DataError.at(f"model {model.chain}", what, "use method wls")
     plant = make_plant(model, parameters)
     start = _initial_state(plant, record, choice)
     if loop is not None and REFERENCE in record.signals:
-        excitation = excitation_from_record(record, 1)
+        excitation = replace(excitation_from_record(record, 1), forces=measured_forces(plant, record)[1])
         motion = move(plant, loop.controller, loop.drive, excitation, start, 1)
     else:
         motion = move(plant, *_weak_feedback(plant, record, choice), start, 1)
@@ -124,8 +122,8 @@ def _weak_feedback(
     inertia = vibration(plant).drive_inertia
     controller = PositionVelocityController(inertia * rate**2, 2.0 * DAMPING_RATIO * inertia * rate)
     position, velocity = _followed(plant, plant.bodies[plant.driven], record, choice)
-    force = record.signals[plant.model.actuators[plant.actuator].key]
-    return controller, Drive(), Excitation(position, velocity, force, record.fs, record.name)
+    force, further = measured_forces(plant, record)
+    return controller, Drive(), Excitation(position, velocity, force, record.fs, record.name, further)
 
 
 def _feedback_hz(choice: FilterChoice) -> float:

@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+# Multiplications of a product that BLAS does as it is: a larger one is copied first, and spread over threads
+# that wait for each other.
+SMALL_PRODUCT = 1 << 18
 LANES = 4  # states are worked on four at a time, so their number is filled up with zeros
 MAGNITUDE = 0x7FFFFFFFFFFFFFFF  # all bits of a float but its sign
 
@@ -38,6 +41,13 @@ def copy_signs(samples: Any, block: int, windows: Any) -> None:
         for p in range(wide):
             value = source[p]
             target[p] = 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
+
+
+def multiply(lines: Any, table: Any, out: Any) -> None:
+    """Fill in lines @ table, by small products of a few lines."""
+    few = max(1, SMALL_PRODUCT // table.size)
+    for first in range(0, len(lines), few):
+        np.dot(lines[first : first + few], table, out[first : first + few])
 
 
 def scan_in_turn(parts: Any, n: int, hop: Any, ends: Any) -> None:
@@ -148,11 +158,11 @@ def run(
         elif copied:
             copy_windows(samples[low:high], block, windows[:m])
         if copied:
-            np.dot(windows[:m], near_table, parts[:m])
+            multiply(windows[:m], near_table, parts[:m])
         else:
-            np.dot(samples[low:high].reshape(m, block), near_table, parts[:m])
+            multiply(samples[low:high].reshape(m, block), near_table, parts[:m])
         scan_in_turn(parts[:m], n, hop, ends)
         gather_states(parts[halo - 1 :], parts[halo + 1 :], n, states[:count])
-        np.dot(states[:count], far_table, far[:count])
+        multiply(states[:count], far_table, far[:count])
         put(parts[halo:], far[:count], 2 * n, kept, out, start * kept)
     return largest

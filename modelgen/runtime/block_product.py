@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.runtime.block_loops import SMALL_PRODUCT
 from modelgen.runtime.block_tables import BlockTables
 
 FloatArray = npt.NDArray[np.float64]
@@ -58,16 +59,30 @@ class BlockProduct:
         block, states, wide, halo = tables.block, tables.powers.shape[1], tables.window, tables.halo
         beside, inside = halo * block, len(out) * block
         whole = window(samples, origin - tables.before - beside, origin + inside + tables.after + beside)
-        forward = whole[: beside + inside - block].reshape(-1, block) @ tables.gather
-        backward = whole[len(whole) - beside - inside + block :].reshape(-1, block) @ tables.gather_back
+        forward = product(whole[: beside + inside - block].reshape(-1, block), tables.gather)
+        behind = whole[len(whole) - beside - inside + block :]
+        backward = product(behind.reshape(-1, block), tables.gather_back)
         scan_all(forward, backward, tables.powers)
         body = whole[beside : len(whole) - beside]
         near = body.reshape(-1, block) if wide == block else _overlapping(body, block, wide)
         spread = tables.spread.reshape(len(tables.spread), -1)
-        np.matmul(near, spread[:wide], out=out)
-        out += forward[halo - 1 :] @ spread[wide : wide + states]
-        out += backward[: len(out)] @ spread[wide + states :]
+        product(near, spread[:wide], out)
+        out += product(forward[halo - 1 :], spread[wide : wide + states])
+        out += product(backward[: len(out)], spread[wide + states :])
         return largest(whole)
+
+
+def product(lines: FloatArray, table: FloatArray, out: FloatArray | None = None) -> FloatArray:
+    """Return lines @ table, by small products of a few lines; see `block_loops.SMALL_PRODUCT`."""
+    few, (length, columns) = max(1, SMALL_PRODUCT // table.size), table.shape
+    if len(lines) <= few:
+        return np.matmul(lines, table, out=out)
+    found = np.empty((len(lines), columns)) if out is None else out
+    whole = len(lines) // few * few
+    pieces = lines[:whole].reshape(-1, few, length)
+    np.matmul(pieces, table, out=found[:whole].reshape(-1, few, columns))
+    np.matmul(lines[whole:], table, out=found[whole:])
+    return found
 
 
 def largest(samples: FloatArray) -> float:
@@ -103,8 +118,8 @@ def scan_all(forward: FloatArray, backward: FloatArray, powers: FloatArray) -> N
     for power in powers:
         if hop >= len(forward):
             break
-        forward[hop:] += forward[:-hop] @ power
-        backward[:-hop] += backward[hop:] @ power
+        forward[hop:] += product(forward[:-hop], power)
+        backward[:-hop] += product(backward[hop:], power)
         hop *= 2
 
 

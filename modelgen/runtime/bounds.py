@@ -49,9 +49,8 @@ def bounded_below_or_above(model: Model) -> tuple[FloatArray, FloatArray]:
     bounded by zero; offsets and cubic stiffness are free. Decided on 200 random points over ten decades.
     """
     rng = np.random.default_rng(0)
-    positive = np.array(
-        [name in model.roles and model.roles[name].role in POSITIVE_ROLES for name in model.parameters]
-    )
+    bounded = bounded_names(model)
+    positive = np.array([name in bounded for name in model.parameters])
     size = 10.0 ** rng.uniform(-5.0, 5.0, (DRAWS, len(model.parameters)))
     sign = np.where(positive, 1.0, rng.choice([-1.0, 1.0], size.shape))
     points = [dict(zip(model.parameters, row, strict=True)) for row in (size * sign).tolist()]
@@ -77,11 +76,29 @@ def bounded_fit(fit: Fit, model: Model, covariance: FloatArray) -> tuple[Fit, Bo
     IdentifiabilityError
         When nothing is left above zero.
     """
-    from scipy.optimize import lsq_linear
-
     lower, upper = bounded_below_or_above(model)
     places = [model.base_parameters.index(name) for name in fit.columns]
-    lower, upper = lower[places], upper[places]
+    return _fit_within(fit, lower[places], upper[places], covariance)
+
+
+def bounded_physical(fit: Fit, model: Model, covariance: FloatArray) -> tuple[Fit, BoundCost]:
+    """Return the same for a fit whose columns are physical parameters, and further ones without bounds."""
+    bounded = bounded_names(model)
+    lower = np.array([0.0 if name in bounded else -np.inf for name in fit.columns])
+    return _fit_within(fit, lower, np.full(len(lower), np.inf), covariance)
+
+
+def bounded_names(model: Model) -> tuple[str, ...]:
+    """Return the physical parameters that are never negative."""
+    roles = model.roles
+    return tuple(n for n in model.parameters if n in roles and roles[n].role in POSITIVE_ROLES)
+
+
+def _fit_within(
+    fit: Fit, lower: FloatArray, upper: FloatArray, covariance: FloatArray
+) -> tuple[Fit, BoundCost]:
+    from scipy.optimize import lsq_linear
+
     names = tuple(
         name
         for name, low, high in zip(fit.columns, lower, upper, strict=True)
@@ -119,12 +136,15 @@ def bounded_fit(fit: Fit, model: Model, covariance: FloatArray) -> tuple[Fit, Bo
     return replace(bounded, notes=fit.notes, delays=fit.delays), cost
 
 
-def bound_reasons(cost: BoundCost) -> dict[str, str]:
-    """Return why the parameters at their bound have no number."""
-    return {
+def bound_reasons(cost: BoundCost, fit: Fit) -> dict[str, str]:
+    """Return why the parameters at their bound, and composites that vanish with them, have no number."""
+    active = {
         name: f"lies at its bound, 0: without bounds it would be {value:.4g}; there is no interval for it"
         for name, value in cost.active
     }
+    vanished = [name for name, value in zip(fit.columns, fit.solution.x, strict=True) if value == 0.0]
+    why = f"is zero with {_listed(list(active))} at the bound"
+    return dict.fromkeys(vanished, why) | active if active else {}
 
 
 def bound_advice(cost: BoundCost, significant: float = 3.0) -> tuple[Advice, ...]:

@@ -15,7 +15,10 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class Channels(Protocol):
-    """What a record in stretches offers; `n` samples at `fs` in Hz of every channel."""
+    """What a record in stretches offers; `n` samples at `fs` in Hz of every channel.
+
+    Several threads may read at a time.
+    """
 
     @property
     def name(self) -> str:

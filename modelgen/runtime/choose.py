@@ -6,8 +6,13 @@ record is sampled fast (eq. (9)). Here both are read off the records themselves:
 1. force band: below it lies 99.9 % of the force's power; above it nothing was excited;
 2. dynamics: within that band, the frequency below which a body's acceleration has 99.8 % of its power, and of
    all sensed bodies the lowest: what every body takes part in;
-3. cut-off: the filter, run forward and backward, takes 5 % off at that frequency;
-4. decimation: the new Nyquist frequency is 1/0.8 times the cut-off.
+3. order: the highest derivative plus 2; more where tones stand out beyond the cut-off;
+4. cut-off: the filter, run forward and backward, takes 5 % off at that frequency; a lower one where noise is
+   more than 1 % of a highest derivative;
+5. decimation: the new Nyquist frequency is 1/0.8 times the cut-off.
+
+Power is that of the lines that stand out of a channel's own noise (`spectrum`); `derivative_noise` reads the
+spectra for 3 and 4, `filter_sentences` says what was seen.
 """
 
 from __future__ import annotations
@@ -21,6 +26,21 @@ import numpy as np
 from modelgen.errors import DataError
 from modelgen.runtime.contract import Model, Sensor
 from modelgen.runtime.data import Record
+from modelgen.runtime.derivative_noise import (
+    HighestDerivative,
+    excited_to_hz,
+    highest_derivatives,
+    quiet_cutoff,
+    steep_enough,
+)
+from modelgen.runtime.filter_sentences import (
+    lost_note,
+    order_sentence,
+    ordinal,
+    quiet_sentence,
+    seen_sentence,
+)
+from modelgen.runtime.reading_spectrum import reading_spectrum
 from modelgen.runtime.spectrum import band_limit_hz, power_spectrum
 
 FORCE_SHARE = 0.999
@@ -90,10 +110,11 @@ def choose_filter(
         When an option is out of its range, or nothing moves and no cut-off is given.
     """
     _check_options(records, cutoff_hz, filter_order, decimation, direction_cutoff_hz)
-    order = filter_order if filter_order is not None else max(row.order for row in model.rows) + 2
     bands = tuple(record_band(model, record) for record in records)
     dynamics = max((band.dynamics_hz for band in bands if band.dynamics_hz is not None), default=None)
     sentences = [_band_sentence(band) for band in bands]
+    highest = highest_derivatives(model, records)
+    order = filter_order if filter_order is not None else least_order(model)
     notes: list[str] = []
     if cutoff_hz is not None:
         cutoff = float(cutoff_hz)
@@ -105,9 +126,13 @@ def choose_filter(
             "check the channels, or give cutoff_hz",
         )
     else:
-        cutoff, explained, noted = _cutoff_from(dynamics, order, min(record.fs for record in records))
-        sentences.append(explained)
+        order, cutoff, explained, noted = _order_and_cutoff(
+            model, records, bands, highest, dynamics, filter_order
+        )
+        sentences += explained
         notes += noted
+    sentences += [seen_sentence(one, cutoff, order) for one in highest if one.order and one.seen]
+    notes += [lost_note(one) for one in highest if one.order and one.snr_db(cutoff, order)[0] <= 0.0]
     direction = float(direction_cutoff_hz or min(dynamics or cutoff, cutoff))
     sentences.append(
         f"Directions of motion are the signs of velocities below {direction:.4g} Hz"
@@ -118,7 +143,7 @@ def choose_filter(
     factors = tuple(decimation or decimation_for(record.fs, cutoff) for record in records)
     for record, factor in zip(records, factors, strict=True):
         why = "as given" if decimation else "a new Nyquist frequency of 1/0.8 times the cut-off"
-        sentences.append(f"{record.name}: every {_ordinal(factor)} sample of {record.fs:.6g} Hz ({why}).")
+        sentences.append(f"{record.name}: every {ordinal(factor)} sample of {record.fs:.6g} Hz ({why}).")
     ratio = None if dynamics is None else min(record.fs for record in records) / dynamics
     if ratio is not None:
         sentences.append(
@@ -135,6 +160,11 @@ def choose_filter(
     )
 
 
+def least_order(model: Model) -> int:
+    """Return the order that makes up for the highest derivative, and leaves two orders of roll-off."""
+    return max(row.order for row in model.rows) + 2
+
+
 def record_band(model: Model, record: Record) -> Band:
     """Return what one record excites: steps 1 and 2 of the rule."""
     half = 0.5 * record.fs
@@ -143,8 +173,15 @@ def record_band(model: Model, record: Record) -> Band:
         band_limit_hz(*power_spectrum(record.signals[key], record.fs), FORCE_SHARE, half) for key in used
     ]
     force_hz = max((limit for limit in limits if limit is not None), default=half)
+    best = _best_sensors(model)
+    shown = {
+        name: sensor
+        for name, sensor in best.items()
+        if reading_spectrum(record.signals[sensor.key], record.fs).lines
+    }
     found: list[tuple[float, str]] = []
-    for name, sensor in _best_sensors(model).items():
+    # a body of which nothing but noise is read sets no dynamics, unless there is nothing else
+    for name, sensor in (shown or best).items():
         spectrum = power_spectrum(record.signals[sensor.key], record.fs, 2 - ORDER_OF[sensor.measures])
         limit = band_limit_hz(*spectrum, DYNAMICS_SHARE, force_hz)
         if limit:
@@ -164,6 +201,32 @@ def distortion_bound_hz(dynamics_hz: float, order: int) -> float:
 def decimation_for(fs: float, cutoff_hz: float) -> int:
     """Return the decimation whose Nyquist frequency is 1/0.8 times the cut-off, at least 1."""
     return max(1, int(np.floor(DECIMATION_MARGIN * fs / (2.0 * cutoff_hz))))
+
+
+def _order_and_cutoff(
+    model: Model,
+    records: Sequence[Record],
+    bands: Sequence[Band],
+    highest: Sequence[HighestDerivative],
+    dynamics_hz: float,
+    given: int | None,
+) -> tuple[int, float, list[str], list[str]]:
+    """Return order and cut-off, sentences that explain them, and warnings; `given` is an order or None."""
+    fs = min(record.fs for record in records)
+    force_hz = [band.force_hz for band in bands]
+    order, sentences = given or least_order(model), []
+    if given is None:
+        least = order
+
+        def ceiling_for(order: int) -> float:
+            return min(distortion_bound_hz(dynamics_hz, order), HIGHEST_CUTOFF * fs)
+
+        order, loud, level_db = steep_enough(highest, least, ceiling_for, excited_to_hz(highest, force_hz))
+        sentences.append(order_sentence(order, least, loud, level_db))
+    ceiling, explained, notes = _cutoff_from(dynamics_hz, order, fs)
+    cutoff, noisy = quiet_cutoff(highest, ceiling, order, max(force_hz))
+    sentences.append(explained if noisy is None else quiet_sentence(noisy, cutoff, ceiling, order))
+    return order, cutoff, sentences, notes
 
 
 def _cutoff_from(dynamics_hz: float, order: int, fs: float) -> tuple[float, str, list[str]]:
@@ -223,9 +286,3 @@ def _band_sentence(band: Band) -> str:
     return (
         f"{start}, and within it 99.8 % of the acceleration of {band.body} below {band.dynamics_hz:.4g} Hz."
     )
-
-
-def _ordinal(number: int) -> str:
-    if 10 <= number % 100 <= 20:
-        return f"{number}th"
-    return f"{number}{ {1: 'st', 2: 'nd', 3: 'rd'}.get(number % 10, 'th') }"

@@ -6,6 +6,7 @@ solver, no tolerance. A sampled one (`drive`) works on the open loop, step by st
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite, pi
 
@@ -108,41 +109,49 @@ def default_controller(plant: Plant) -> PositionVelocityController:
     )
 
 
-def open_loop(plant: Plant, bandwidth_hz: float = inf) -> FrictionSystem:
-    """Return the chain with the commanded force as its one input, behind a current loop if that lags.
+def open_loop(plant: Plant, bandwidth_hz: float = inf, further: Sequence[int] = ()) -> FrictionSystem:
+    """Return the chain with the commanded force as its first input, behind a current loop if that lags.
 
-    The force is then the last state: Gamma' = 2 pi bandwidth_hz (command - Gamma).
+    The force is then the last state: Gamma' = 2 pi bandwidth_hz (command - Gamma). The other inputs are the
+    forces of further actuators, given as columns of B; they act at once.
     """
     column, lags = plant.actuator, int(isfinite(bandwidth_hz))
     resting = plant.space((0,) * len(plant.sticking))
     drift = np.r_[resting.E @ plant.offsets, np.zeros(lags)]
     springs = plant.cubic_forces(lags)
-    B = np.vstack((resting.B[:, [column]], np.zeros((lags, 1))))
+    B = np.vstack((resting.B[:, [column, *further]], np.zeros((lags, 1 + len(further)))))
     if not lags:
         return FrictionSystem(lambda mode: plant.space(mode).A, B, drift, plant.coulomb_bodies, 0, springs)
     rate = 2.0 * pi * bandwidth_hz
 
     def matrix(mode: Mode) -> FloatArray:
         A = np.zeros((len(B), len(B)))
-        A[:-1, :-1], A[:, [-1]] = plant.space(mode).A, B
+        A[:-1, :-1], A[:, [-1]] = plant.space(mode).A, B[:, :1]
         A[-1, -1] = -rate
         return A
 
-    command = np.zeros_like(B)
-    command[-1] = rate
-    return FrictionSystem(matrix, command, drift, plant.coulomb_bodies, lags, springs)
+    inputs = B.copy()
+    inputs[:, 0] = 0.0
+    inputs[-1, 0] = rate
+    return FrictionSystem(matrix, inputs, drift, plant.coulomb_bodies, lags, springs)
 
 
 def closed_loop(
-    plant: Plant, controller: PositionVelocityController, bandwidth_hz: float = inf
+    plant: Plant,
+    controller: PositionVelocityController,
+    bandwidth_hz: float = inf,
+    further: Sequence[int] = (),
 ) -> FrictionSystem:
-    """Return the closed loop; its one input is w = kp r + kv rate_gain r' + feedforward."""
-    system = open_loop(plant, bandwidth_hz)
+    """Return the closed loop; its first input is w = kp r + kv rate_gain r' + feedforward.
+
+    The forces of further actuators, columns of B, are the other inputs.
+    """
+    system = open_loop(plant, bandwidth_hz, further)
     states = [plant.driven, len(plant.bodies) + plant.driven]
 
     def matrix(mode: Mode) -> FloatArray:
         A: FloatArray = np.array(system.matrix(mode), dtype=float)
-        A[:, states] -= np.outer(system.B, [controller.kp, controller.kv])
+        A[:, states] -= np.outer(system.B[:, 0], [controller.kp, controller.kv])
         return A
 
     return replace(system, matrix=matrix)

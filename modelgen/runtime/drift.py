@@ -75,18 +75,19 @@ def direction_drift(
     fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Fit]
 ) -> FloatArray:
     """Return the square of X's drift with the cut-off of directions, shape (c, c); parameters as above."""
-    return _mean_square(fit, other_direction(choice, lowest_fs, again))
+    return _mean_square(fit, [other for _, other in other_direction(choice, lowest_fs, again)])
 
 
 def other_direction(
     choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Found]
-) -> list[Found]:
+) -> list[tuple[FilterChoice, Found]]:
     """Return the fit at a higher cut-off of directions, where the records allow it; parameters as above."""
     higher_hz = min(DIRECTION_FACTOR * choice.direction_cutoff_hz, HIGHEST_CUTOFF * lowest_fs)
     if higher_hz <= choice.direction_cutoff_hz:
         return []
     try:
-        return [again(replace(choice, direction_cutoff_hz=higher_hz))]
+        other = replace(choice, direction_cutoff_hz=higher_hz)
+        return [(other, again(other))]
     except (DataError, IdentifiabilityError):
         return []  # nearer to the noise, a body may seem to reverse all the time
 

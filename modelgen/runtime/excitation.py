@@ -1,4 +1,4 @@
-"""What moves the chain: reference, its rate, and a feedforward force, piecewise linear in time.
+"""What moves the chain: reference, its rate, a feedforward force, forces of others; piecewise linear in time.
 
 Two experiments, as in Pham 2002: a chirp for the elastic modes, riding on a constant velocity so that no body
 reverses (its Coulomb friction is then constant, and rows may be differentiated), and trapezoids with dwells
@@ -7,9 +7,10 @@ for friction and inertia.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from math import pi
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +37,9 @@ class Excitation:
         Samples per second: a whole multiple of the sampling frequency of the simulation.
     name : str
         Becomes name and tag of the record.
+    forces : mapping of str to ndarray
+        Forces of further actuators, by key, in N m or N, shape (K + 1,) each, linear in between. Actuators
+        that are not named rest at 0.
 
     Raises
     ------
@@ -48,13 +52,18 @@ class Excitation:
     feedforward: FloatArray
     rate_hz: float
     name: str = "excitation"
+    forces: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         # a record makes the same demands: one-dimensional, finite, of equal length
         keys = ("reference", "reference_rate", "feedforward")
-        checked = Record({key: getattr(self, key) for key in keys}, self.rate_hz, self.name)
+        own = {key: getattr(self, key) for key in keys}
+        further = {f"forces[{key}]": samples for key, samples in self.forces.items()}
+        checked = Record(own | further, self.rate_hz, self.name).signals
         for key in keys:
-            object.__setattr__(self, key, checked.signals[key])
+            object.__setattr__(self, key, checked[key])
+        forces = {key: checked[f"forces[{key}]"] for key in self.forces}
+        object.__setattr__(self, "forces", MappingProxyType(forces))
 
     @property
     def t(self) -> FloatArray:
@@ -62,7 +71,7 @@ class Excitation:
         return np.arange(self.reference.size) / self.rate_hz
 
 
-def excitation_from_record(record: Record, oversample: int = 32) -> Excitation:
+def excitation_from_record(record: Record, oversample: int = 32, forces: Sequence[str] = ()) -> Excitation:
     """Return the user's own excitation: channels reference, reference_rate and feedforward of a record.
 
     Parameters
@@ -72,21 +81,24 @@ def excitation_from_record(record: Record, oversample: int = 32) -> Excitation:
         what else is absent is 0.
     oversample : int
         Internal steps per sample; the motion is exact with any, events are looked for step by step.
+    forces : sequence of str
+        Channels that hold the forces of further actuators, where the record has them.
     """
     given = record.signals
     if "reference" not in given and "feedforward" not in given:
         what = f"has no channel reference or feedforward, only {', '.join(given)}"
         raise DataError.at(record.name, what, "name one of them, or map a column to it")
     _require(("oversample", oversample >= 1, f"is {oversample}", "give a whole number, 1 or more"))
-    zero = np.zeros(record.n)
+    zero, known = np.zeros(record.n), [key for key in forces if key in given]
     reference = given.get("reference", zero)
     rate = given.get("reference_rate", np.gradient(reference, record.dt))
     times = np.arange((record.n - 1) * oversample + 1) / oversample
-    reference, rate, feedforward = (
+    reference, rate, feedforward, *further = (
         np.interp(times, np.arange(record.n), array)
-        for array in (reference, rate, given.get("feedforward", zero))
+        for array in (reference, rate, given.get("feedforward", zero), *(given[key] for key in known))
     )
-    return Excitation(reference, rate, feedforward, record.fs * oversample, record.name)
+    others = dict(zip(known, further, strict=True))
+    return Excitation(reference, rate, feedforward, record.fs * oversample, record.name, others)
 
 
 def chirp(

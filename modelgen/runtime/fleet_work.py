@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -46,21 +46,26 @@ class Prepared:
     """A job and the grid and survey of its record: what is found once for all its parts."""
 
     job: Job
-    task: Task
+    grid: range
+    survey: Survey
+
+    @cached_property
+    def task(self) -> Task:
+        """What is to be done with the record; made by whoever first works on it, not by who receives it.
+
+        What arrives at a worker is unpacked by the thread that answers the scheduler, which must not wait.
+        """
+        return replace(_task(self.job, self.survey), grid=self.grid)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # a module does not travel, its text does
-        return _again, (self.job, self.task.grid, self.task.survey)
-
-
-def _again(job: Job, grid: range, survey: Survey | None) -> Prepared:
-    task = _task(job, survey)
-    return Prepared(job, replace(task, grid=grid))
+        return Prepared, (self.job, self.grid, self.survey)
 
 
 def prepare(job: Job) -> Prepared:
     """Look through a record once."""
-    return Prepared(job, _task(job, None))
+    task = _task(job, None)
+    return Prepared(job, task.grid, task.survey)
 
 
 def _task(job: Job, survey: Survey | None) -> Task:
@@ -77,7 +82,7 @@ def part_factors(prepared: Prepared, index: int) -> RecordFactors:
     block = task.plan.feature_operator.block
     step = -(-step // block) * block
     mine = task.grid[index * step : (index + 1) * step]
-    return record_factors(replace(task, grid=mine))
+    return record_factors(replace(task, grid=mine), threads=1)  # the workers are the threads
 
 
 def fit_records(model: Model, records: Sequence[RecordFactors]) -> FactorFit:

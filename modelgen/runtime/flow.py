@@ -49,8 +49,7 @@ def refinement(system: FrictionSystem, step_s: float) -> int:
         When the system has motions too fast for any reasonable part of the step.
     """
     scale = system.scale(step_s)
-    matrices = (system.matrix((sign,) * len(system.bodies)) for sign in (1, -1))
-    norm = max(np.abs(step_s * scale[:, None] * A / scale).sum(axis=0).max() for A in matrices)
+    norm = max(np.abs(step_s * scale[:, None] * A / scale).sum(axis=0).max() for A in system.both_ways)
     if not norm < LARGEST_NORM * FINEST_STEP:
         what = f"has a motion too fast ({step_s / norm:.2g} s) for steps of {step_s:.2g} s"
         raise DataError.at("simulation", what, "raise fs, or leave out what is almost rigid")
@@ -64,8 +63,19 @@ class Flow:
         self.step_s = step_s
         self.scale = system.scale(step_s)
         rate = step_s * self.scale
+        forward, backward = (rate[:, None] * A / self.scale for A in system.both_ways)
+        own = [body.velocity for body in system.bodies]
+
+        def matrix(mode: Mode) -> FloatArray:
+            # a direction matters in its body's own damping only, and at rest not at all
+            A: FloatArray = forward.copy()
+            for row, sign in zip(own, mode, strict=True):
+                if sign < 0:
+                    A[row, row] = backward[row, row]
+            return A
+
         self.system = FrictionSystem(
-            matrix=lambda mode: rate[:, None] * system.matrix(mode) / self.scale,
+            matrix=matrix,
             B=rate[:, None] * system.B,
             drift=rate * system.drift,
             bodies=tuple(

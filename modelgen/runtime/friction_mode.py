@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -75,6 +76,12 @@ class FrictionSystem:
         n = (self.drift.size - self.lags) // 2
         return np.concatenate([np.ones(n), np.full(n, step_s), np.ones(self.lags)])
 
+    @cached_property
+    def both_ways(self) -> tuple[FloatArray, FloatArray]:
+        """A while all bodies slip forward, and backward: that of any other mode is made of these two."""
+        forward, backward = ((sign,) * len(self.bodies) for sign in (1, -1))
+        return self.matrix(forward), self.matrix(backward)
+
 
 class ModeMotion:
     """z' = M z in one mode, z = (x, w, slope of w, 1), with the guards of that mode.
@@ -103,34 +110,33 @@ class ModeMotion:
         self._bodies, self._springs = system.bodies, system.springs
         nx, m = system.B.shape
         self._nx, self._m = nx, m
-        A, drift = system.matrix(mode), system.drift.copy()
-        free = np.c_[A, system.B, np.zeros((nx, m)), drift]
-        self.free = free[[body.velocity for body in system.bodies]]
+        velocities = [body.velocity for body in system.bodies]
+        self.M = M = np.zeros((nx + 2 * m + 1,) * 2)
+        M[:nx, :nx], M[:nx, nx : nx + m], M[:nx, -1] = system.matrix(mode), system.B, system.drift
+        self.free = M[velocities]
         for body, sign in zip(system.bodies, mode, strict=True):
-            drift[body.velocity] -= max(sign, 0) * body.plus / body.inertia
-            drift[body.velocity] -= min(sign, 0) * body.minus / body.inertia
-        held = [body.velocity for body, sign in zip(system.bodies, mode, strict=True) if sign == 0]
-        self.M = np.zeros((nx + 2 * m + 1,) * 2)
-        self.M[:nx] = np.c_[A, system.B, np.zeros((nx, m)), drift]
-        self.M[held], self.M[:, held] = 0.0, 0.0
-        self.M[nx : nx + m, nx + m : nx + 2 * m] = np.eye(m)
+            M[body.velocity, -1] -= max(sign, 0) * body.plus / body.inertia
+            M[body.velocity, -1] -= min(sign, 0) * body.minus / body.inertia
+        for velocity, sign in zip(velocities, mode, strict=True):
+            if sign == 0:
+                M[velocity] = M[:, velocity] = 0.0
+        M[nx : nx + m, nx + m : nx + 2 * m] = np.eye(m)
         self.guards, self.owners = self._make_guards()
-        self.rates = self.guards @ self.M
+        self.rates = self.guards @ M
         self._discretise()
 
     def _make_guards(self) -> tuple[FloatArray, list[tuple[int, int]]]:
         """Return the guards, shape (guards, len(z)), and of each the body and direction that it watches."""
-        guards, owners = [np.empty((0, len(self.M)))], []
-        unit = np.eye(len(self.M))
-        for j, (body, sign) in enumerate(zip(self._bodies, self.mode, strict=True)):
-            if sign:
-                guards.append(sign * unit[[body.velocity]])
-                owners.append((j, sign))
+        owners = [(j, way) for j, sign in enumerate(self.mode) for way in ((sign,) if sign else (1, -1))]
+        guards = np.zeros((len(owners), len(self.M)))
+        for guard, (j, way) in zip(guards, owners, strict=True):
+            body = self._bodies[j]
+            if self.mode[j]:
+                guard[body.velocity] = way
             else:
-                guards.append(unit[[-1]] * body.plus / body.inertia - self.free[j])
-                guards.append(unit[[-1]] * body.minus / body.inertia + self.free[j])
-                owners += [(j, 1), (j, -1)]
-        return np.vstack(guards), owners
+                guard[-1] = (body.plus if way > 0 else body.minus) / body.inertia
+                guard -= way * self.free[j]
+        return guards, owners
 
     def _discretise(self) -> None:
         """First-order hold: x[k+1] = Phi x[k] + G0 w[k] + G1 w[k+1] + constant."""

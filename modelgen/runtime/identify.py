@@ -18,13 +18,7 @@ from modelgen.runtime.contract import Model, model_from_module
 from modelgen.runtime.data import Record, missing_name
 from modelgen.runtime.delays import advanced
 from modelgen.runtime.direction_sources import direction_problems, wanted_directions, with_directions
-from modelgen.runtime.drift import (
-    FARTHER_FACTORS,
-    cutoff_drift,
-    direction_drift,
-    load_row_drift,
-    other_cutoffs,
-)
+from modelgen.runtime.drift import cutoff_drift, direction_drift, load_row_drift
 from modelgen.runtime.estimate import Estimate
 from modelgen.runtime.examine import (
     Extras,
@@ -42,7 +36,7 @@ from modelgen.runtime.friction_asymmetry import asymmetries, asymmetry_notes
 from modelgen.runtime.hold_out import split
 from modelgen.runtime.judge import Solved, judge
 from modelgen.runtime.methods import METHODS, Job
-from modelgen.runtime.model_error import disagreement_notes, disagreements, significant_drift
+from modelgen.runtime.model_error import all_disagreements, disagreement_notes, significant_drift
 from modelgen.runtime.pairing import PAPER, rows_for_tags
 from modelgen.runtime.periods import periods_of
 from modelgen.runtime.suspicions import suspicions, told_on_failure
@@ -170,7 +164,8 @@ def identify(
     given, late = aligned(model, given, delays, held, chosen.consistent)
     unseen = with_directions(model, unseen, directions or {}, choice.direction_cutoff_hz)
     unseen = aligned(model, unseen, delays, held, chosen.consistent)[0]
-    job = Job(model, given, choice, drop or 0, rows_for_tags(model, rows_for_tag), loop, late)
+    rows = rows_for_tags(model, rows_for_tag)
+    job = Job(model, given, choice, drop or 0, rows, loop, late, robust=robust, bounds=bounds)
     say("filtering and solving")
     with told_on_failure(doubts):
         observation, plain = chosen.run(job)
@@ -179,6 +174,8 @@ def identify(
             raise all_refused(refused)
     advice = (*doubts, *advice)
     fit, treatment, cost = treat(plain, model, robust, bounds)
+    job = treatment.job(job)
+    at_bounds = bound_reasons(cost, fit) if cost else {}
     as_measured = unweighted(fit, plain)
     drift = np.zeros((len(fit.columns), len(fit.columns)))
     lowest_fs = min(record.fs for record in given)
@@ -191,11 +188,7 @@ def identify(
     if drift_check and chosen.matched:
         say("changing cut-off and weights")
         if chosen.consistent:
-            others = other_cutoffs(choice, lowest_fs, again)
-            found = disagreements(fit, choice, others)
-            if any(np.any(one.significant) for one in found):
-                others += other_cutoffs(choice, lowest_fs, again, FARTHER_FACTORS)
-                found = disagreements(fit, choice, others)
+            found = all_disagreements(fit, choice, lowest_fs, again, bool(model.direction_keys))
             drift += significant_drift(found, len(fit.columns))
             told = [name for name in fit.columns if name not in refused]
             notes = disagreement_notes(found, fit.columns, told)
@@ -212,7 +205,7 @@ def identify(
         judge_held_out(
             job, method, as_measured, refused, [advanced(one, found_late) for one in unseen], treatment
         ),
-        scanned(fit, choice, given, scan_cutoffs, again, refused, say),
+        scanned(fit, choice, given, scan_cutoffs, again, {**refused, **at_bounds}, say),
         cost,
         bias_of(chosen, job, as_measured) if drift_check else None,
     )
@@ -222,7 +215,6 @@ def identify(
     if chosen.matched:
         asymmetric = asymmetries(plain, model, given, choice, drop or 0, refused)
         fit = replace(fit, notes=fit.notes + asymmetry_notes(asymmetric))
-    at_bounds = bound_reasons(cost) if cost else {}
     fixed = dict.fromkeys(at_bounds, 0.0)
     solved = Solved(job, method, observation, fit, {**refused, **at_bounds}, drift, fixed, tuple(keep))
     estimate = judge(solved, residual_dof, prune_percent)

@@ -76,17 +76,23 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         for name, value in zip(fit.columns, fit.solution.x, strict=True)
         if name not in identified
     }
-    physical, unanswered = physical_parameters(model, base, covariances, solved.refused, nuisance)
+    physical, unanswered = physical_parameters(
+        model, base, covariances, solved.refused, nuisance, fit.physical(model.parameters)
+    )
     found = {entry.name: entry.value for entry in physical}
-    physical, doubtful = certain(physical, nonlinear=bool(model.composites))
+    # what lies at its bound has its reason already
+    free = tuple(entry for entry in physical if entry.name not in solved.fixed)
+    physical, doubtful = certain(free, nonlinear=bool(model.composites))
+    known = [name for name in model.base_parameters if name in identified]
     if (
         doubtful
         and all_from_composites(model)
         and list(found) == list(model.parameters)
-        and np.all(np.isfinite(base))
+        and {*known, *solved.fixed} >= {*model.base_parameters}
     ):
         reason = f"cannot be told from {', '.join(doubtful)}, too uncertain in these records"
-        doubtful |= dict.fromkeys(hanging_on(model, covariances, found, doubtful), reason)
+        hanging = hanging_on(model, covariances, found, doubtful, known)
+        doubtful |= dict.fromkeys((name for name in hanging if name not in solved.fixed), reason)
         physical = tuple(entry for entry in physical if entry.name not in doubtful)
     unanswered |= doubtful
     others = other_solutions(model, base, covariances, physical)
@@ -172,11 +178,11 @@ def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
 
     if fit.series:
         # fitted in the physical parameters: without one of its composites the fit would be another model's
-        spread = 100.0 * np.sqrt(np.diag(hac_covariance(fit) + solved.drift)) / np.abs(fit.solution.x)
-        known = dict(
-            zip(fit.columns, zip(fit.solution.x.tolist(), spread.tolist(), strict=True), strict=True)
-        )
-        return Pruning(percent, fit.relative_error, (), tuple((name, *known[name]) for name in identified))
+        place = [fit.columns.index(name) for name in identified]
+        found = fit.solution.x[place]
+        spread = 100.0 * np.sqrt(np.diag(hac_covariance(fit) + solved.drift))[place] / np.abs(found)
+        kept = tuple(zip(identified, found.tolist(), spread.tolist(), strict=True))
+        return Pruning(percent, fit.relative_error, (), kept)
 
     def fit_again(kept: tuple[str, ...]) -> tuple[FloatArray, FloatArray, float]:
         reduced = refit(fit, [name for name in fit.columns if name in kept or name not in identified])

@@ -14,6 +14,7 @@ from modelgen.runtime.block_loops import (
     copy_windows,
     gather_states,
     largest_bits,
+    multiply,
     put,
     run,
     scan_in_turn,
@@ -60,7 +61,8 @@ class LoopBlocks:
         low = origin - tables.before - halo * block
         whole = window(samples, low, low + (blocks + 2 * halo - 1) * block + tables.window)
         out = np.empty((tables.derivatives, blocks * tables.kept))
-        step = max(PANEL // block, HALOS * halo)
+        panels = max(1, round(blocks / max(PANEL // block, HALOS * halo)))
+        step = -(-blocks // panels)
         whole = np.ascontiguousarray(whole)
         matrices = (self.near_table, self.far_table, self.hop, self.ends)
         largest = self.kernel(whole, signs, block, halo, step, *matrices, out)
@@ -88,6 +90,6 @@ def loop_blocks(tables: BlockTables, kernel: Kernel) -> LoopBlocks:
 
 def compiled_run() -> Kernel | None:
     """Return `block_loops.run`, compiled, or None without numba."""
-    parts = (largest_bits, copy_windows, copy_signs, scan_in_turn, gather_states, put)
+    parts = (largest_bits, copy_windows, copy_signs, multiply, scan_in_turn, gather_states, put)
     loops: Kernel | None = compiled(run, parts)
     return loops

@@ -19,6 +19,7 @@ from modelgen.runtime.observation import Observation, observe, rows_by_tag
 from modelgen.runtime.pham2002 import observe_paper
 from modelgen.runtime.physical import all_from_composites
 from modelgen.runtime.physical_iv import fit_composites_iv
+from modelgen.runtime.physical_step import Rules
 from modelgen.runtime.reversal_mask import without_reversals
 from modelgen.runtime.total_least_squares import fit_total
 from modelgen.runtime.wls import Fit, fit_matched, fit_paper
@@ -31,7 +32,8 @@ class Job:
     """What is to be estimated from what; see `modelgen.identify` for the options.
 
     `late` names the force channels whose delay is estimated as well. `start` is a fit at other settings,
-    close to the one wanted; it saves rounds.
+    close to the one wanted; it saves rounds. `robust`, `bounds` and `at_zero` are for physical parameters
+    fitted to composites; other fits are treated afterwards, see `modelgen.runtime.treatment`.
     """
 
     model: Model
@@ -42,6 +44,9 @@ class Job:
     loop: Loop | None = None
     late: tuple[str, ...] = ()
     start: Fit | None = None
+    robust: str | None = None
+    bounds: str | None = None
+    at_zero: tuple[str, ...] = ()
 
     def only_rows_for_tag(self, observation: Observation) -> Observation:
         """Return the rows that the records' tags may feed."""
@@ -96,7 +101,8 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
 
     if all_from_composites(job.model):
         setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
-        return fit_composites_iv(setting, calm, job.late, job.start)
+        rules = Rules(job.robust is not None, job.bounds is not None, job.at_zero)
+        return fit_composites_iv(setting, calm, job.late, job.start, rules)
 
     def run(records: tuple[Record, ...], start: Fit | None) -> tuple[Observation, Fit]:
         observation = calm(records)

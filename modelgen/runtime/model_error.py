@@ -1,14 +1,14 @@
 """Does the estimate agree with itself at other cut-offs? Where it does not, the model lacks something.
 
-Instrumental variables are consistent at any cut-off as long as the model is right. A difference between two
-cut-offs is then noise, and its standard deviation follows from both fits' influence series (a test of the
-kind of Hausman 1978). What is more than noise is model error: it widens the intervals by what the estimate
-moves.
+Instrumental variables are consistent at any cut-off, of signals or of directions, as long as the model is
+right. A difference between two cut-offs is then noise, and its standard deviation follows from both fits'
+influence series (a test of the kind of Hausman 1978). What is more than noise is model error: it widens the
+intervals by what the estimate moves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.covariance import influence, long_run_covariance
+from modelgen.runtime.drift import FARTHER_FACTORS, other_cutoffs, other_direction
 from modelgen.runtime.wls import Fit
 
 FloatArray = npt.NDArray[np.float64]
@@ -31,12 +32,14 @@ class Disagreement:
     """How the estimate moves at one other cut-off, in the order of the fit's columns.
 
     `move` is X there minus X here, `std` the standard deviation that noise would give it, `value` X here.
+    `cutoff_hz` is that of the directions of motion where `directions` is true.
     """
 
     cutoff_hz: float
     move: FloatArray
     std: FloatArray
     value: FloatArray
+    directions: bool = False
 
     @property
     def significant(self) -> npt.NDArray[np.bool_]:
@@ -44,29 +47,77 @@ class Disagreement:
         least = np.maximum(SIGNIFICANT * self.std, SMALLEST_SHARE * np.abs(self.value))
         return np.asarray(np.abs(self.move) > least)
 
+    @property
+    def setting(self) -> str:
+        """What was changed, in words."""
+        return f"{'with directions below' if self.directions else 'at'} {self.cutoff_hz:.4g} Hz"
+
+
+def all_disagreements(
+    fit: Fit,
+    choice: FilterChoice,
+    lowest_fs: float,
+    again: Callable[[FilterChoice], Fit],
+    directions: bool,
+) -> tuple[Disagreement, ...]:
+    """Fit at other cut-offs and compare.
+
+    Parameters
+    ----------
+    fit : Fit
+    choice : FilterChoice
+        The settings it was made with.
+    lowest_fs : float
+        Lowest sampling frequency of the records in Hz.
+    again : callable
+        Observes and fits with other settings.
+    directions : bool
+        Whether the model has any: their cut-off is then changed as well.
+    """
+    others = other_cutoffs(choice, lowest_fs, again)
+    found = disagreements(fit, choice, others)
+    if any(np.any(one.significant) for one in found):
+        others += other_cutoffs(choice, lowest_fs, again, FARTHER_FACTORS)
+        found = disagreements(fit, choice, others)
+    if directions:
+        found += disagreements(fit, choice, other_direction(choice, lowest_fs, again))
+    return found
+
 
 def disagreements(
     fit: Fit, choice: FilterChoice, others: Sequence[tuple[FilterChoice, Fit]]
 ) -> tuple[Disagreement, ...]:
-    """Compare a fit with those at other cut-offs; fits to other columns are left out."""
+    """Compare a fit with those at other cut-offs, all of signals or all of directions.
+
+    Fits to other columns are left out.
+    """
     return tuple(
-        Disagreement(
-            setting.cutoff_hz,
-            other.solution.x - fit.solution.x,
-            np.sqrt(np.maximum(np.diag(_difference(fit, other, choice.decimation)), 0.0)),
-            fit.solution.x,
-        )
+        _disagreement(fit, choice, setting, other)
         for setting, other in others
         if other.columns == fit.columns
     )
 
 
+def _disagreement(fit: Fit, choice: FilterChoice, setting: FilterChoice, other: Fit) -> Disagreement:
+    directions = setting.direction_cutoff_hz != choice.direction_cutoff_hz
+    return Disagreement(
+        setting.direction_cutoff_hz if directions else setting.cutoff_hz,
+        other.solution.x - fit.solution.x,
+        np.sqrt(np.maximum(np.diag(_difference(fit, other, choice.decimation)), 0.0)),
+        fit.solution.x,
+        directions,
+    )
+
+
 def significant_drift(found: Sequence[Disagreement], size: int) -> FloatArray:
-    """Return the mean square of the moves that noise does not explain, shape (size, size)."""
+    """Return the mean square of the moves that noise does not explain, shape (size, size).
+
+    The mean over cut-offs of signals and that over cut-offs of directions add up.
+    """
     total = np.zeros((size, size))
     for one in found:
         move = np.where(one.significant, one.move, 0.0)
-        total += np.outer(move, move) / len(found)
+        total += np.outer(move, move) / sum(other.directions == one.directions for other in found)
     return total
 
 
@@ -74,19 +125,20 @@ def disagreement_notes(
     found: Sequence[Disagreement], columns: Sequence[str], identified: Sequence[str]
 ) -> tuple[str, ...]:
     """Return one sentence that names what moves, or nothing."""
-    largest: dict[str, tuple[float, float]] = {}
+    largest: dict[str, tuple[float, str]] = {}
     for one in found:
         for name, value, move, significant in zip(columns, one.value, one.move, one.significant, strict=True):
             if significant and name in identified and value:
                 share = 100.0 * abs(float(move / value))
-                if share > largest.get(name, (0.0, 0.0))[0]:
-                    largest[name] = share, one.cutoff_hz
+                if share > largest.get(name, (0.0, ""))[0]:
+                    largest[name] = share, one.setting
     if not largest:
         return ()
-    listed = ", ".join(f"{name} {share:.2g} % at {hz:.4g} Hz" for name, (share, hz) in largest.items())
+    listed = ", ".join(f"{name} {share:.2g} % {setting}" for name, (share, setting) in largest.items())
+    lacking = "dynamics or friction near reversals" if "directions" in listed else "dynamics"
     return (
         f"model error: other cut-offs move the estimate by more than noise explains ({listed}); the model "
-        "lacks dynamics, or a channel is late; the intervals include it",
+        f"lacks {lacking}, or a channel is late; the intervals include it",
     )
 
 

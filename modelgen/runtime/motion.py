@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.errors import DataError
 from modelgen.runtime.closed_loop import PositionVelocityController, closed_loop, open_loop
+from modelgen.runtime.data import missing_name
 from modelgen.runtime.drive import VELOCITIES, Drive, whole_steps
 from modelgen.runtime.excitation import Excitation
 from modelgen.runtime.flow import Event, Flow, refinement
 from modelgen.runtime.plant import Plant
 from modelgen.runtime.stepping import Sampling, follow_controller
 from modelgen.runtime.stick_slip import integrate
+from modelgen.runtime.tick_by_tick import follow_ticks
 
 FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """States, shape (N, 2 bodies), modes, shape (N, sticking), driving force and its command, shape (N,)."""
+    """States, shape (N, 2 bodies), modes, shape (N, sticking), and what drove them.
+
+    `forces` holds those of all actuators, shape (N, columns of B); `command` is what the controller asks for,
+    shape (N,).
+    """
 
     states: FloatArray
     modes: npt.NDArray[np.int8]
     events: tuple[Event, ...]
-    force: FloatArray
+    forces: FloatArray
     command: FloatArray
 
 
@@ -39,6 +47,7 @@ def move(
 ) -> Motion:
     """Return the motion at every `oversample`-th step of the excitation.
 
+    The controller drives the plant's own actuator; the forces of further ones are the excitation's.
     `initial` holds all positions, then all velocities, shape (2 bodies,); a current loop starts at no force.
     """
     run = _sampled if drive.sampled else _continuous
@@ -55,8 +64,10 @@ def _continuous(
 ) -> Motion:
     rate = controller.rate_gain * excitation.reference_rate
     inputs = controller.kp * excitation.reference + controller.kv * rate + excitation.feedforward
-    system = closed_loop(plant, controller, drive.bandwidth_hz)
-    path = integrate(system, initial, inputs[:, None], 1.0 / excitation.rate_hz, oversample)
+    further = _further(plant, excitation)
+    system = closed_loop(plant, controller, drive.bandwidth_hz, tuple(further))
+    inputs = np.column_stack((inputs, *further.values()))
+    path = integrate(system, initial, inputs, 1.0 / excitation.rate_hz, oversample)
     n = len(plant.bodies)
     x = path.states[:, : 2 * n]
     q, v = x[:, plant.driven], x[:, n + plant.driven]
@@ -65,7 +76,8 @@ def _continuous(
         array[::oversample] for array in (excitation.reference, rate, excitation.feedforward)
     )
     command = controller.kp * (r - q) + controller.kv * (r_rate - v) + feedforward
-    return Motion(x, path.modes, path.events, path.states[:, -1] if drive.lags else command, command)
+    forces = _forces(plant, path.states[:, -1] if drive.lags else command, further, oversample)
+    return Motion(x, path.modes, path.events, forces, command)
 
 
 def _sampled(
@@ -77,7 +89,8 @@ def _sampled(
     oversample: int,
 ) -> Motion:
     """The controller acts at its own rate, at a whole number of internal steps."""
-    system = open_loop(plant, drive.bandwidth_hz)
+    further = _further(plant, excitation)
+    system = open_loop(plant, drive.bandwidth_hz, tuple(further))
     internal_hz = excitation.rate_hz
     tick_hz = drive.rate_hz or internal_hz / oversample
     refine = refinement(system, 1.0 / internal_hz)
@@ -101,20 +114,48 @@ def _sampled(
     )[::per_tick]
     sampling = Sampling(law, reference, per_tick * refine, delay)
     steps = (excitation.reference.size - 1) * refine
-    path, commands = follow_controller(flow, initial, sampling, oversample * refine, steps)
+    stride = oversample * refine
+    if further:
+        fine, nodes = np.arange(steps + 1) / refine, np.arange(excitation.reference.size)
+        known = np.column_stack([np.interp(fine, nodes, samples) for samples in further.values()])
+        path, commands = follow_ticks(flow, initial, sampling, known, stride)
+    else:
+        path, commands = follow_controller(flow, initial, sampling, stride, steps)
     command = commands[k // sampling.per_tick]
     held = np.where(k >= delay, commands[(k - delay) // sampling.per_tick], 0.0)
-    return Motion(
-        path.states[:, : 2 * n], path.modes, path.events, path.states[:, -1] if drive.lags else held, command
-    )
+    forces = _forces(plant, path.states[:, -1] if drive.lags else held, further, oversample)
+    return Motion(path.states[:, : 2 * n], path.modes, path.events, forces, command)
+
+
+def _further(plant: Plant, excitation: Excitation) -> dict[int, FloatArray]:
+    """Return the forces of further actuators that do not rest, by column of B."""
+    where = f"excitation {excitation.name}: forces"
+    strange = [missing_name(where, "further actuator", key, plant.further) for key in excitation.forces
+               if key not in plant.further]  # fmt: skip
+    if strange:
+        raise DataError(*strange)
+    found = {plant.further[key]: samples for key, samples in excitation.forces.items() if samples.any()}
+    if found and plant.model.cubic_springs:
+        what = "has cubic springs, and forces of several actuators to follow"
+        raise DataError.at("simulation", what, "give the links no stiffness3, or one actuator a force")
+    return found
+
+
+def _forces(
+    plant: Plant, driving: FloatArray, further: Mapping[int, FloatArray], oversample: int
+) -> FloatArray:
+    """Return the forces of all actuators at the sample instants, shape (N, columns of B)."""
+    forces = np.zeros((len(driving), len(plant.model.actuators)))
+    forces[:, plant.actuator] = driving
+    for column, samples in further.items():
+        forces[:, column] = samples[::oversample]
+    return forces
 
 
 def true_signals(plant: Plant, motion: Motion) -> dict[str, FloatArray]:
     """Return the exact signals at the sample instants, channels of the record first."""
     model, n = plant.model, len(plant.bodies)
-    x, modes = motion.states, motion.modes
-    forces = np.zeros((len(x), len(model.actuators)))
-    forces[:, plant.actuator] = motion.force
+    x, modes, forces = motion.states, motion.modes, motion.forces
     acceleration, friction, sensed = _outputs(plant, x, modes, forces)
     true = {entry.key: forces[:, i] for i, entry in enumerate(model.actuators)}
     true |= {sensor.key: sensed[:, i] for i, sensor in enumerate(model.sensors)}

@@ -17,7 +17,7 @@ from modelgen.runtime.covariance import andrews_bandwidth, influence
 from modelgen.runtime.data import Record
 from modelgen.runtime.filters import DECIMATE_CUTOFF
 from modelgen.runtime.identifiability import columns_that_vanish
-from modelgen.runtime.noise_floor import reading_spectrum
+from modelgen.runtime.reading_spectrum import reading_spectrum
 from modelgen.runtime.wls import Fit
 
 # A filtered sign() that goes to the other side by less than this share of itself never saw a reversal.

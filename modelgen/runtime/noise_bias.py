@@ -17,7 +17,8 @@ from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.estimate import Parameter
-from modelgen.runtime.noise_floor import gain, reading_spectrum
+from modelgen.runtime.noise_floor import gain
+from modelgen.runtime.reading_spectrum import reading_spectrum
 from modelgen.runtime.residual_colour import channel_terms, response
 from modelgen.runtime.wls import Fit
 

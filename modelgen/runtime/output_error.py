@@ -1,29 +1,31 @@
 """Output error: parameters whose simulated response comes closest to the measured one; a yardstick.
 
-The chain is simulated under the measured force. Alone it would drift away from the record, as any free axis
-does, so a weak position and velocity controller ties it to the measured motion of the driven body; what that
-controller has to add to the force is an error like any other. Everything is compared unfiltered, each signal
-weighted by its own residual. Friction is true stick and slip.
+The chain is simulated under the measured forces. Alone it would drift away from the record, as any free axis
+does, so a weak position and velocity controller ties it to the measured motion of the first actuator's body;
+what that controller has to add to its force is an error like any other. Everything is compared unfiltered,
+each signal weighted by its own residual. Friction is true stick and slip.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, ModelgenError
-from modelgen.runtime.closed_loop import PositionVelocityController, default_controller
+from modelgen.runtime.closed_loop import PositionVelocityController, closed_loop, default_controller
 from modelgen.runtime.contract import Model
 from modelgen.runtime.covariance import long_run_covariance
 from modelgen.runtime.data import Record
 from modelgen.runtime.derivatives import differentiate
 from modelgen.runtime.excitation import Excitation
 from modelgen.runtime.filters import zero_phase
-from modelgen.runtime.plant import Plant, make_plant
+from modelgen.runtime.flow import refinement
+from modelgen.runtime.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulate import simulate
 from modelgen.runtime.validate import initial_state
 
@@ -38,6 +40,9 @@ ROUNDS = 2
 MOST_EVALUATIONS = 30
 RELATIVE_STEP = 1e-5
 FAR = 1e6
+# A trial so stiff that a step of the simulation has to be divided into more parts than this, and than twice
+# those of the start, is as good as far off: next to no inertia would cost a hundred times the time.
+FINEST = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +54,12 @@ class Response:
     covariance: FloatArray
 
 
-def fit_response(model: Model, records: Sequence[Record], start: Mapping[str, float]) -> Response:
+def fit_response(
+    model: Model, records: Sequence[Record], start: Mapping[str, float], tolerance: float = 1e-8
+) -> Response:
     """Fit all physical parameters by nonlinear least squares, from a start (SI).
+
+    The search ends when the squared error falls by less than the share `tolerance`.
 
     Raises
     ------
@@ -69,24 +78,36 @@ def fit_response(model: Model, records: Sequence[Record], start: Mapping[str, fl
     scale = np.array([abs(plant.parameters[name]) or 1.0 for name in names])
     loop = default_controller(plant)
     followed = [_follow(record, encoder, plant) for record in records]
+    finest = max(FINEST, 2 * max(_parts(plant, loop, one) for one in followed))
     weights = [1.0] * (len(model.sensors) + 1)
+    count = sum(record.n for record in records)
+    far = np.full(count * len(weights), FAR)
 
     def residual(x: FloatArray) -> FloatArray:
         values = {**plant.parameters, **dict(zip(names, (x * scale).tolist(), strict=True))}
         try:
-            parts = [_errors(model, values, r, f, loop) for r, f in zip(records, followed, strict=True)]
+            trial = make_plant(model, values)
+            if max(_parts(trial, loop, one) for one in followed) > finest:
+                return far
+            parts = [_errors(trial, r, f, loop) for r, f in zip(records, followed, strict=True)]
         except ModelgenError:
-            return np.full(sum(r.n for r in records) * len(weights), FAR)
+            return far
         joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
         return np.concatenate([w * e for w, e in zip(weights, joined, strict=True)])
 
     x = np.array([plant.parameters[name] for name in names]) / scale
-    count = sum(record.n for record in records)
     for _ in range(ROUNDS):
         weights = [1.0] * len(weights)
         each = residual(x).reshape(len(weights), count)
         weights = [1.0 / max(float(np.sqrt(np.mean(e**2))), 1e-300) for e in each]
-        found = least_squares(residual, x, diff_step=RELATIVE_STEP, max_nfev=MOST_EVALUATIONS, x_scale="jac")
+        found = least_squares(
+            residual,
+            x,
+            diff_step=RELATIVE_STEP,
+            max_nfev=MOST_EVALUATIONS,
+            x_scale="jac",
+            ftol=tolerance,
+        )
         x = np.asarray(found.x)
     return Response(names, x * scale, _covariance(found, len(weights), records) * np.outer(scale, scale))
 
@@ -104,30 +125,34 @@ def _covariance(found: Any, signals: int, records: Sequence[Record]) -> FloatArr
 
 
 def _follow(record: Record, encoder: str, plant: Plant) -> Excitation:
-    """Return the measured motion of the driven body as reference, with the measured force."""
+    """Return the measured motion of the driven body as reference, with the measured forces."""
     from scipy.interpolate import make_interp_spline
 
     position = record.signals[encoder]
     smooth = zero_phase(position, FILTER_ORDER, CUTOFF_SHARE * record.fs, record.fs)
-    force = record.signals[plant.model.actuators[plant.actuator].key]
+    force, further = measured_forces(plant, record)
     nodes = np.arange((record.n - 1) * BETWEEN + 1) / BETWEEN
-    r, rate, forward = (
+    r, rate, forward, *others = (
         np.asarray(make_interp_spline(np.arange(record.n), array)(nodes))
-        for array in (smooth, differentiate(smooth, record.dt), force)
+        for array in (smooth, differentiate(smooth, record.dt), force, *further.values())
     )
-    return Excitation(r, rate, forward, BETWEEN * record.fs, record.name)
+    forces = dict(zip(further, others, strict=True))
+    return Excitation(r, rate, forward, BETWEEN * record.fs, record.name, forces)
+
+
+def _parts(plant: Plant, loop: PositionVelocityController, followed: Excitation) -> int:
+    """Return into how many parts the simulation divides a step."""
+    return refinement(closed_loop(plant, loop, inf), 1.0 / followed.rate_hz)
 
 
 def _errors(
-    model: Model,
-    values: Mapping[str, float],
-    record: Record,
-    followed: Excitation,
-    loop: PositionVelocityController,
+    plant: Plant, record: Record, followed: Excitation, loop: PositionVelocityController
 ) -> list[FloatArray]:
     """Return measured minus simulated of every sensor, and of the force."""
-    plant = make_plant(model, values)
+    model = plant.model
     state = initial_state(plant, record, CUTOFF_SHARE * record.fs)
-    found = simulate(model, values, followed, fs=record.fs, controller=loop, initial_state=state).true
+    found = simulate(
+        model, plant.parameters, followed, fs=record.fs, controller=loop, initial_state=state
+    ).true
     keys = [sensor.key for sensor in model.sensors] + [model.actuators[plant.actuator].key]
     return [record.signals[key] - found[key] for key in keys]

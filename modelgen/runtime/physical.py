@@ -6,7 +6,7 @@ then the weighted nonlinear least-squares fit to the composites. Covariances are
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +71,7 @@ def physical_parameters(
     covariances: Covariances,
     refused: Mapping[str, str],
     nuisance: Mapping[str, float],
+    near: Mapping[str, float] | None = None,
 ) -> tuple[tuple[Parameter, ...], dict[str, str]]:
     """Return the physical parameters and, for those that cannot be had, the reason.
 
@@ -85,9 +86,14 @@ def physical_parameters(
         Base parameters that were refused, with the reason.
     nuisance : mapping of str to float
         Their values in the fit, where they have one: a start for the iteration, no more.
+    near : mapping of str to float, optional
+        Physical parameters that the fit was made in, if it was: a start where the model's own formula, which
+        works in logarithms, leads to none because one of them is below zero.
     """
     if all_from_composites(model):
         start = model.physical_from_base(_filled(model, base, nuisance))
+        if near is not None and not _is_start(start, near):
+            start = dict(near)
         if not np.isfinite(list(start.values())).all():
             return (), dict.fromkeys(model.identifiable, NO_CHAIN)
         solved = fit_composites(model, base, covariances, start)
@@ -103,8 +109,16 @@ def physical_parameters(
     return tuple(found), unanswered
 
 
+def _is_start(start: Mapping[str, float], near: Mapping[str, float]) -> bool:
+    return all(np.isfinite(value) and not near[name] < 0.0 <= value for name, value in start.items())
+
+
 def hanging_on(
-    model: Model, covariances: Covariances, values: Mapping[str, float], doubtful: Collection[str]
+    model: Model,
+    covariances: Covariances,
+    values: Mapping[str, float],
+    doubtful: Collection[str],
+    known: Sequence[str],
 ) -> tuple[str, ...]:
     """Return the physical parameters that are little known without knowing the doubtful ones.
 
@@ -113,14 +127,17 @@ def hanging_on(
     Parameters
     ----------
     covariances : Covariances
-        Of all base parameters.
+        Of the base parameters in `known`.
     values : mapping of str to float
         Of all physical parameters.
     doubtful : collection of str
         Those that are too uncertain.
+    known : sequence of str
+        Base parameters with a number, in the model's order; the others are zero.
     """
     size = np.array([abs(values[name]) or 1.0 for name in model.parameters])
-    weighted = _whitening(covariances.total) @ model.base_jacobian(values) * size
+    rows = [model.base_parameters.index(name) for name in known]
+    weighted = _whitening(covariances.total) @ model.base_jacobian(values)[rows] * size
     inverse = np.linalg.pinv(weighted, rcond=RANK_TOLERANCE)
     C = inverse @ inverse.T
     lost = [index for index, name in enumerate(model.parameters) if name in doubtful]

@@ -6,27 +6,26 @@ cannot be told apart; the fewer physical parameters can. Rows are linearised at 
     Y - W b(p) = W J (p' - p),    J = db/dp,
 
 made white (`whitening`), and solved with the instruments Z J of a simulation at p, until p stands still
-(Gauss-Newton steps). Delays of forces are further unknowns, see `delays`.
+(Gauss-Newton steps, `physical_step`). Delays of forces are further unknowns, see `delays`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.bounds import bounded_names
 from modelgen.runtime.contract import Model
-from modelgen.runtime.covariance import hac_covariance, influence
 from modelgen.runtime.data import Record
-from modelgen.runtime.delays import SMALLEST_STEP, advanced, delay_rates
-from modelgen.runtime.instruments import Setting, diverged, instruments_at, simulation_parameters
+from modelgen.runtime.delays import SMALLEST_STEP, advanced
+from modelgen.runtime.instruments import Setting, diverged, simulation_parameters
 from modelgen.runtime.observation import Observation
 from modelgen.runtime.physical_start import physical_starts
-from modelgen.runtime.two_stage import two_stage
-from modelgen.runtime.whitening import whitener
+from modelgen.runtime.physical_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.wls import Fit, fit_matched
 
 FloatArray = npt.NDArray[np.float64]
@@ -44,48 +43,80 @@ LARGEST_STEP = 0.5
 # Nor can a parameter be this many times smaller or larger than at the start.
 FARTHEST = 1e4
 SIGNED = ("offset", "viscous", "coulomb")
+PLAIN = Rules()
 
 
 @dataclass(frozen=True, eq=False)
-class Unknowns:
-    """Physical parameters p, shape (parameters,), and the delays of forces in s."""
+class Found:
+    """Rows, their fit in base columns, and the physical parameters p it was made at, shape (parameters,).
 
+    `following` is where the next step would go.
+    """
+
+    observation: Observation
+    fit: Fit
     p: FloatArray
-    delays: Mapping[str, float]
+    following: FloatArray
 
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """One Gauss-Newton step: rows in base columns at p, instruments, J, and the white linearised fit."""
-
-    rows: Fit
-    Z: tuple[FloatArray, ...]
-    slope: FloatArray
-    white: Fit
+    def leaves_bounds(self, model: Model) -> bool:
+        """Tell whether what is never negative is, at p or after the next step."""
+        places = [model.parameters.index(name) for name in bounded_names(model)]
+        return bool(np.any(np.minimum(self.p, self.following)[places] < 0.0))
 
 
 def fit_composites_iv(
-    setting: Setting, rows: Rows, late: tuple[str, ...], near: Fit | None = None
+    setting: Setting, rows: Rows, late: tuple[str, ...], near: Fit | None = None, rules: Rules = PLAIN
 ) -> tuple[Observation, Fit]:
     """Estimate physical parameters and delays together, from the first start that leads anywhere.
 
-    `near` is such a fit at other settings; else as `fit_physical_iv`.
+    Robust weights begin where the estimate without them is, and bounds are not looked at where it keeps to
+    them by itself; where it leads nowhere, both are tried from the start. `near` is such a fit at other
+    settings; else as `fit_physical_iv`.
     """
+    model = setting.model
     if near is not None and not near.absent:
-        return fit_physical_iv(setting, rows, late, simulation_parameters(setting.model, near))
+        found = fit_physical_iv(setting, rows, late, _start_near(model, near), rules)
+        return found.observation, found.fit
     first = fit_matched(rows(tuple(setting.records)))
+    plain = replace(rules, robust=False, bounded=False)
+    try:
+        found = _first_found(setting, rows, late, physical_starts(first, setting), plain)
+    except IdentifiabilityError:
+        if rules == plain:
+            raise
+        found = _first_found(setting, rows, late, physical_starts(first, setting), rules)
+        return found.observation, found.fit
+    if rules.robust:
+        there = dict(zip(model.parameters, found.p.tolist(), strict=True))
+        found = fit_physical_iv(setting, rows, late, there, replace(rules, bounded=False))
+    if rules.bounded and found.leaves_bounds(model):
+        there = dict(zip(model.parameters, found.p.tolist(), strict=True))
+        found = fit_physical_iv(setting, rows, late, there, rules)
+    return found.observation, found.fit
+
+
+def _start_near(model: Model, near: Fit) -> Mapping[str, float]:
+    start = simulation_parameters(model, near)
+    fitted = near.physical(model.parameters)
+    # there is no way back from composites to parameters below zero
+    return start if fitted is None or np.all(np.isfinite(list(start.values()))) else fitted
+
+
+def _first_found(
+    setting: Setting, rows: Rows, late: tuple[str, ...], starts: Iterable[Mapping[str, float]], rules: Rules
+) -> Found:
     failure = diverged("no physical parameters belong to its estimate")
-    for start in physical_starts(first, setting):
+    for start in starts:
         try:
-            return fit_physical_iv(setting, rows, late, start)
+            return fit_physical_iv(setting, rows, late, start, rules)
         except IdentifiabilityError as error:
             failure = error
     raise failure
 
 
-def fit_physical_iv(setting: Setting, rows: Rows, late: tuple[str, ...], start: Mapping[str, float]) -> tuple[
-    Observation, Fit
-]:  # fmt: skip
+def fit_physical_iv(
+    setting: Setting, rows: Rows, late: tuple[str, ...], start: Mapping[str, float], rules: Rules = PLAIN
+) -> Found:
     """Estimate physical parameters and delays together, from a start (SI).
 
     Parameters
@@ -98,10 +129,12 @@ def fit_physical_iv(setting: Setting, rows: Rows, late: tuple[str, ...], start: 
         Forces whose delay is estimated as well.
     start : mapping of str to float
         All of the model's parameters.
+    rules : Rules
+        Robust weights, bounds, and what is held at zero.
 
     Returns
     -------
-    Observation, Fit
+    Found
         In base columns; delays compensated.
 
     Raises
@@ -111,7 +144,7 @@ def fit_physical_iv(setting: Setting, rows: Rows, late: tuple[str, ...], start: 
     """
     model = setting.model
     sample = 1.0 / min(record.fs for record in setting.records)
-    first = np.array([start[name] for name in model.parameters])
+    first = _allowed(model, start, rules)
     now = Unknowns(first, dict.fromkeys(late, 0.0))
     c = len(model.parameters)
     observation = rows(tuple(setting.records))
@@ -122,9 +155,8 @@ def fit_physical_iv(setting: Setting, rows: Rows, late: tuple[str, ...], start: 
         if late and done > 1:
             observation = rows(tuple(advanced(record, now.delays) for record in setting.records))
             plain = replace(plain, blocks=tuple(block for block in observation.blocks if block.place.size))
-        step = _step(setting, plain, now)
-        x = step.white.solution.x
-        spread = np.sqrt(np.maximum(np.diag(hac_covariance(step.white)), 0.0))
+        step = step_from(setting, plain, now, rules)
+        x, spread = step.x, step.spread
         move = np.r_[x[:c] - now.p, x[c:]]
         if not np.all(np.isfinite(move)):
             raise diverged("its estimate is not finite")
@@ -132,50 +164,32 @@ def fit_physical_iv(setting: Setting, rows: Rows, late: tuple[str, ...], start: 
         small = np.maximum(SMALL_MOVE * spread, SMALL_CHANGE * size)
         hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(len(late), np.inf)]
         if done > 1 and np.all((np.abs(move) <= small) | hopeless):
-            return observation, _in_base_columns(step, now, spread[c:], done)
-        now = _moved(model, now, move, sample)
-        _check_distance(model, now.p, first)
+            return Found(observation, in_base_columns(step, now.delays, done), now.p, x[:c])
+        now = _moved(model, now, move, sample, rules)
+        _check_distance(model, now.p, first, rules)
     raise diverged(f"after {ROUNDS} rounds the physical parameters still move")
 
 
-def _step(setting: Setting, plain: Fit, now: Unknowns) -> Step:
-    """Linearise rows at p, make them white, and solve them with the instruments of a simulation at p."""
-    model = setting.model
-    moved = tuple(advanced(record, now.delays) for record in setting.records)
-    values = dict(zip(model.parameters, now.p.tolist(), strict=True))
-    base, slope = model.base_from_physical(values), model.base_jacobian(values)
-    fit = replace(
-        plain,
-        solution=replace(plain.solution, x=base),
-        residuals=tuple(block.Y - block.W @ base for block in plain.blocks),
-        weights=(1.0,) * len(plain.blocks),
-        notes=(),
-    )
-    there = replace(setting, records=moved)
-    whiteners = [whitener(e, block.place) for e, block in zip(fit.residuals, fit.blocks, strict=True)]
-    rates = [delay_rates(fit, model, moved, setting.choice, setting.drop, channel) for channel in now.delays]
-    late = [np.column_stack(columns) for columns in zip(*rates, strict=True)] or [
-        np.zeros((len(block.place), 0)) for block in fit.blocks
-    ]
-    Z = instruments_at(fit, there, values)
-    white, stacked = [], []
-    parts = zip(fit.blocks, fit.residuals, Z, late, whiteners, strict=True)
-    for block, residual, z, rate, white_of in parts:
-        W = white_of(np.column_stack([block.W @ slope, -rate]), block.place)
-        Y = white_of(residual, block.place) + W[:, : len(now.p)] @ now.p
-        white.append(replace(block, W=W, Y=Y))
-        stacked.append(white_of(np.column_stack([z @ slope, -rate]), block.place))
-    names = (*model.parameters, *(f"delay of {channel}" for channel in now.delays))
-    linear = replace(fit, columns=names, blocks=tuple(white))
-    return Step(fit, Z, slope, two_stage(linear, tuple(stacked)))
+def _allowed(model: Model, start: Mapping[str, float], rules: Rules) -> FloatArray:
+    """Return a start without what the rules do not allow, shape (parameters,)."""
+    first = np.array([start[name] for name in model.parameters])
+    held = [name in rules.at_zero for name in model.parameters]
+    negative = [rules.bounded and name in bounded_names(model) for name in model.parameters] & (first < 0.0)
+    return np.where(held | negative, 0.0, first)
 
 
-def _moved(model: Model, now: Unknowns, move: FloatArray, sample: float) -> Unknowns:
+def _keeps_sign(model: Model, name: str, rules: Rules) -> bool:
+    """Tell whether a parameter keeps its sign because no step goes far: a bound lets damping go to zero."""
+    if name not in model.roles or name in rules.at_zero:
+        return False
+    role = model.roles[name].role
+    return role not in SIGNED and not (rules.bounded and role == "damping")
+
+
+def _moved(model: Model, now: Unknowns, move: FloatArray, sample: float, rules: Rules) -> Unknowns:
     """Return the unknowns after a step, shortened where it would leave the range of the linear rows."""
     c = len(now.p)
-    bound = np.array(
-        [name in model.roles and model.roles[name].role not in SIGNED for name in model.parameters]
-    )
+    bound = np.array([_keeps_sign(model, name, rules) for name in model.parameters])
     share = np.abs(move[:c][bound]) / np.maximum(np.abs(now.p[bound]), np.finfo(float).tiny)
     length = min(1.0, LARGEST_STEP / max(float(share.max(initial=0.0)), LARGEST_STEP))
     late = np.clip(length * move[c:], -sample, sample)
@@ -185,36 +199,8 @@ def _moved(model: Model, now: Unknowns, move: FloatArray, sample: float) -> Unkn
     return Unknowns(now.p + length * move[:c], delays)
 
 
-def _check_distance(model: Model, p: FloatArray, first: FloatArray) -> None:
+def _check_distance(model: Model, p: FloatArray, first: FloatArray, rules: Rules) -> None:
     for name, value, start in zip(model.parameters, p, first, strict=True):
         far = not abs(start) / FARTHEST <= abs(value) <= abs(start) * FARTHEST
-        if far and start and model.roles[name].role not in SIGNED:
+        if far and start and _keeps_sign(model, name, rules):
             raise diverged(f"{name} runs away")
-
-
-def _in_base_columns(step: Step, now: Unknowns, late_std: FloatArray, rounds: int) -> Fit:
-    """Return the fit in base columns: their covariance is that of the physical parameters, carried over."""
-    white, slope = step.white, step.slope
-    c = slope.shape[1]
-    solution = replace(
-        white.solution,
-        x=step.rows.solution.x,
-        inverse=slope @ white.solution.inverse[:c, :c] @ slope.T,
-        undetermined=np.zeros(len(slope), dtype=bool),
-    )
-    rms = [float(np.sqrt(np.mean(residual**2))) for residual in step.rows.residuals]
-    weights = tuple(1.0 / max(size, float(np.finfo(float).tiny)) for size in rms)
-    # regressors for tests of further columns
-    projected = two_stage(replace(step.rows, weights=weights), step.Z).projected
-    return replace(
-        step.rows,
-        solution=solution,
-        weights=weights,
-        projected=projected,
-        series=tuple(psi[:, :c] @ slope.T for psi in influence(white)),
-        delays=tuple(
-            (channel, delay, float(std))
-            for (channel, delay), std in zip(now.delays.items(), late_std, strict=True)
-        ),
-        notes=(f"instruments and physical parameters agreed after {rounds} rounds",),
-    )

@@ -31,6 +31,9 @@ MOVING = ("inertia", "stiffness", "damping")
 TRIED_SHARES = (0.1, 1.0)
 TRIED_FREQUENCY = 0.6
 TRIED_DAMPING = 0.5
+# The search for a start ends when the squared error falls by less than this share: along what the records
+# hardly tell apart it would creep on.
+NEAR_ENOUGH = 1e-4
 # Samples at both ends where differences are poor.
 EDGE = 10
 
@@ -69,7 +72,7 @@ def _nearest(
         tried = _with_tried(setting, values, vanished, share)
         # a trial far off may leave the range of numbers; the search turns back there
         with np.errstate(over="ignore", invalid="ignore"):
-            response = fit_response(setting.model, setting.records, tried)
+            response = fit_response(setting.model, setting.records, tried, NEAR_ENOUGH)
     except ModelgenError:
         return None
     return dict(zip(response.names, response.values.tolist(), strict=True))
@@ -125,16 +128,21 @@ def _with_tried(
 
 
 def _felt_inertia(setting: Setting, plant: Plant) -> float:
-    """Return force over acceleration at the actuator, in the band of the filter, by their rms."""
+    """Return force over acceleration at the actuator, in the band of the filter, by their rms.
+
+    The forces of all actuators are felt there, by the ratios of their bodies' motion.
+    """
     model, choice = setting.model, setting.choice
-    key = model.actuators[plant.actuator].key
+    ratios = dict(zip(plant.bodies, vibration(plant).lowest.tolist(), strict=True))
+    actuators = [(entry.key, entry.body) for entry in model.actuators]
     force = motion = 0.0
     for record in setting.records:
         sensor, gear = nearest_sensor(plant, plant.bodies[plant.driven], record)
         order = 2 - ORDER_OF[sensor.measures]
         smooth = zero_phase(record.signals[sensor.key], choice.filter_order, choice.cutoff_hz, record.fs)
         acceleration = gear * differentiate(smooth, record.dt, order)[EDGE:-EDGE]
-        smooth = zero_phase(record.signals[key], choice.filter_order, choice.cutoff_hz, record.fs)
+        felt = sum(ratios[body] * record.signals[key] for key, body in actuators if key in record.signals)
+        smooth = zero_phase(felt, choice.filter_order, choice.cutoff_hz, record.fs)
         force += float(np.var(smooth))
         motion += float(np.var(acceleration))
     return float(np.sqrt(force / motion)) if motion > 0.0 else 1.0

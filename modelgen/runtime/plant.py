@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.contract import Friction, Model
+from modelgen.runtime.data import Record, missing_name
 from modelgen.runtime.friction_mode import CoulombBody, CubicForce, Mode
 
 FloatArray = npt.NDArray[np.float64]
@@ -29,7 +30,7 @@ class Plant:
         Every physical parameter, known ones included (SI).
     inertia : ndarray, shape (bodies,)
     actuator : int
-        Column of B of the actuator in use; the other actuators rest at 0.
+        Column of B of the actuator that the controller drives; the forces of the others are given, or 0.
     driven : int
         Index of its body.
     """
@@ -68,6 +69,16 @@ class Plant:
     def offsets(self) -> FloatArray:
         """Constant part of the friction f, shape (columns of E,)."""
         return np.array([self.value(friction.offset) for friction in self.model.friction])
+
+    @property
+    def force(self) -> str:
+        """Key of the actuator that the controller drives."""
+        return self.model.actuators[self.actuator].key
+
+    @property
+    def further(self) -> Mapping[str, int]:
+        """The other actuators: key to column of B."""
+        return {entry.key: i for i, entry in enumerate(self.model.actuators) if i != self.actuator}
 
     def cubic_forces(self, lags: int = 0) -> tuple[CubicForce, ...]:
         """Return what cubic springs add to x', with room for so many states behind the velocities."""
@@ -134,6 +145,22 @@ def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | No
     bodies, inertia = _bodies(model, values)
     driven = bodies.index(model.actuators[column].body)
     return Plant(model, MappingProxyType(values), bodies, inertia, column, driven)
+
+
+def measured_forces(plant: Plant, record: Record) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return the measured force of the actuator that the controller drives, and those of the others by key.
+
+    Raises
+    ------
+    DataError
+        With one problem per force that the record lacks.
+    """
+    keys = (plant.force, *plant.further)
+    lacking = [missing_name(record.name, "force", key, record.signals) for key in keys if key not in
+               record.signals]  # fmt: skip
+    if lacking:
+        raise DataError(*lacking)
+    return record.signals[plant.force], {key: record.signals[key] for key in plant.further}
 
 
 def body_order(model: Model) -> tuple[str, ...]:

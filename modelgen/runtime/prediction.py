@@ -8,12 +8,14 @@ estimate's covariance, which is taken from a few noisy records, and so is what t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, sqrt
 
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.contract import Model
 from modelgen.runtime.estimate import Estimate, Parameter
 from modelgen.runtime.experiment import Experiment
@@ -23,8 +25,12 @@ from modelgen.runtime.physical import Covariances, all_from_composites, physical
 
 FloatArray = npt.NDArray[np.float64]
 
-# Noisy copies of the experiment whose estimates say how composites are weighted, and no correction for that.
-WEIGHING = 16
+# Noisy copies of the experiment whose estimates say how composites are weighted: some at first, then twice as
+# many until the factor that they give is known well enough, or as many at most ...
+FIRST_COPIES = 16
+WEIGHING = 64
+FACTOR_ERROR = 0.05
+# ... and no correction for that.
 AS_IS = (1.0, 0.0)
 
 
@@ -75,8 +81,22 @@ def predict(planned: Experiment) -> Predicted:
         planned.weights,
         instruments=planned.method == "iv",
     )
-    copies = WEIGHING if all_from_composites(planned.model) else 1
-    return _physical(planned, found, [estimate_once(planned, seed) for seed in range(copies)])
+    return _physical(planned, found, _copies(planned))
+
+
+def _copies(planned: Experiment) -> list[Estimate]:
+    """Return the estimates from as many noisy copies as it takes."""
+    if not all_from_composites(planned.model):
+        return [estimate_once(planned, 0)]
+    estimates = [estimate_once(planned, seed) for seed in range(FIRST_COPIES)]
+    copies = FIRST_COPIES
+    while copies < WEIGHING and _factor_error(planned.model, estimates) > FACTOR_ERROR:
+        for seed in range(copies, 2 * copies):
+            # one that gives nothing at all says nothing about weights
+            with suppress(IdentifiabilityError):
+                estimates.append(estimate_once(planned, seed))
+        copies *= 2
+    return estimates
 
 
 def estimate_once(planned: Experiment, seed: int) -> Estimate:
@@ -101,8 +121,7 @@ def _physical(planned: Experiment, found: Information, estimates: Sequence[Estim
     model = planned.model
     true = {**model.known, **planned.parameters}
     first = estimates[0]
-    alike = [one for one in estimates if one.covariance.shape == first.covariance.shape]
-    weight = sum((one.covariance for one in alike), np.zeros_like(first.covariance)) / len(alike)
+    weight = _average_weight(estimates)
     given = np.isfinite(first.base)
     expected = found.values + found.bias
     spread = found.covariance[np.ix_(given, given)]
@@ -116,7 +135,7 @@ def _physical(planned: Experiment, found: Information, estimates: Sequence[Estim
         for name in model.parameters
         if 2 * sum(name in one.physical for one in estimates) <= len(estimates)
     }
-    own = _own_weights(model, alike, covariances) if len(alike) > 1 else {}
+    own = {name: _effect(*pairs) for name, pairs in _own_and_averaged(model, estimates).items()}
     precisions = tuple(
         Precision(
             entry.name, true[entry.name], *_percent(entry, true[entry.name], own.get(entry.name, AS_IS))
@@ -127,26 +146,57 @@ def _physical(planned: Experiment, found: Information, estimates: Sequence[Estim
     return Predicted(found, precisions, refused)
 
 
-def _own_weights(
-    model: Model, estimates: Sequence[Estimate], average: Covariances
-) -> dict[str, tuple[float, float]]:
-    """Return what each one's own weights do to a parameter: the factor of its deviation, and its shift.
+def _alike(estimates: Sequence[Estimate]) -> list[Estimate]:
+    """Return the estimates that hold the same base parameters as the first."""
+    return [one for one in estimates if one.covariance.shape == estimates[0].covariance.shape]
+
+
+def _average_weight(estimates: Sequence[Estimate]) -> FloatArray:
+    """Return the covariance that composites are weighted with on average."""
+    alike = _alike(estimates)
+    return sum((one.covariance for one in alike), np.zeros_like(alike[0].covariance)) / len(alike)
+
+
+def _own_and_averaged(
+    model: Model, estimates: Sequence[Estimate]
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Return every parameter as estimated, by each one's own weights, and by the average ones instead.
 
     An estimate is weighted by its own drift with the settings, which goes along with its own error. What that
-    changes, beside the same estimates weighted as on average, shows in a few: the two are nearly alike.
+    changes shows beside the same estimates weighted as on average: the two are nearly alike.
     """
+    alike = _alike(estimates)
+    if len(alike) < 2:
+        return {}
+    weight = _average_weight(estimates)
+    average = Covariances(weight, weight, weight, weight)
     pairs: dict[str, list[tuple[float, float]]] = {}
-    for one in estimates:
+    for one in alike:
         solved = physical_parameters(model, one.base, average, one.not_identifiable, one.nuisance)[0]
         for entry in solved:
             if entry.name in one.physical:
                 pairs.setdefault(entry.name, []).append((one.physical[entry.name], entry.value))
-    found = {}
-    for name, values in pairs.items():
-        own, averaged = np.array(values).T
-        if own.size > 1 and averaged.std() > 0.0:
-            found[name] = float(own.std() / averaged.std()), float((own - averaged).mean())
-    return found
+    return {name: (np.array(values)[:, 0], np.array(values)[:, 1]) for name, values in pairs.items()}
+
+
+def _effect(own: FloatArray, averaged: FloatArray) -> tuple[float, float]:
+    """Return what own weights do to a parameter: the factor of its deviation, and its shift."""
+    if own.size < 2 or averaged.std() == 0.0:
+        return AS_IS
+    return float(own.std() / averaged.std()), float((own - averaged).mean())
+
+
+def _factor_error(model: Model, estimates: Sequence[Estimate]) -> float:
+    """Return the largest relative standard error of such a factor, of parameters that most estimates give.
+
+    The ratio of deviations of n pairs that correlate by r is known to sqrt((1 - r^2) / n).
+    """
+    errors = [0.0]
+    for own, averaged in _own_and_averaged(model, estimates).values():
+        if 2 * own.size > len(estimates) and min(own.std(), averaged.std()) > 0.0:
+            r = float(np.corrcoef(own, averaged)[0, 1])
+            errors.append(sqrt(max(0.0, 1.0 - r * r) / own.size))
+    return max(errors)
 
 
 def _percent(entry: Parameter, true: float, own: tuple[float, float]) -> tuple[float, float]:

@@ -23,6 +23,7 @@ from modelgen.runtime.row_mask import RowMask, row_masks
 from modelgen.runtime.row_terms import RowTerms, row_terms
 from modelgen.runtime.signal_plan import SignalPlan, signal_plan
 from modelgen.runtime.survey import NOTHING, Survey, survey_record
+from modelgen.runtime.usable_threads import usable_threads
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -105,9 +106,9 @@ class RecordFactors:
         power = self.force_power.get(row.differentiated, 0.0) / self.grid
         return float(np.sqrt(power)) / row.lever
 
-    def joined(self, other: RecordFactors) -> RecordFactors:
-        """Return the factors of both stretches of the record."""
-        rows = tuple(a.joined(b) for a, b in zip(self.rows, other.rows, strict=True))
+    def joined(self, other: RecordFactors, fast: bool | None = None) -> RecordFactors:
+        """Return the factors of both stretches of the record; `fast` as for `RowFactor.with_rows`."""
+        rows = tuple(a.joined(b, fast) for a, b in zip(self.rows, other.rows, strict=True))
         power = {
             times: self.force_power.get(times, 0.0) + other.force_power.get(times, 0.0)
             for times in dict.fromkeys((*self.force_power, *other.force_power))
@@ -156,10 +157,11 @@ def full_rate(plan: SignalPlan) -> SignalPlan:
     return replace(plan, filtering=replace(plan.filtering, factor=1))
 
 
-def record_factors(task: Task, threads: int = 1) -> RecordFactors:
+def record_factors(task: Task, threads: int | None = None) -> RecordFactors:
     """Return the factors of a record, chunk after chunk; those of no samples for an empty grid.
 
-    Several threads work on a chunk each; the chunks' factors are joined in their order all the same.
+    Several threads (by default as many as `usable_threads` says) work on a chunk each. The chunks' factors
+    are joined in their order all the same, so that the result is the same to the last bit.
     """
     if not len(task.grid):
         rows = tuple(empty_factor(terms.row, terms.columns) for terms in task.rows)
@@ -168,10 +170,14 @@ def record_factors(task: Task, threads: int = 1) -> RecordFactors:
     def of(chunk: Chunk) -> RecordFactors:
         return chunk_factors(task, chunk)
 
-    if threads == 1:
-        return reduce(RecordFactors.joined, map(of, task.chunks()))
-    with ThreadPoolExecutor(threads) as pool:
-        return reduce(RecordFactors.joined, pool.map(of, task.chunks()))
+    def joined(a: RecordFactors, b: RecordFactors) -> RecordFactors:
+        return a.joined(b, task.plan.fast)
+
+    workers = min(threads or usable_threads(), sum(1 for _ in task.chunks()))
+    if workers == 1:
+        return reduce(joined, map(of, task.chunks()))
+    with ThreadPoolExecutor(workers) as pool:
+        return reduce(joined, pool.map(of, task.chunks()))
 
 
 def chunk_factors(task: Task, chunk: Chunk) -> RecordFactors:

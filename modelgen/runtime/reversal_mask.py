@@ -2,7 +2,9 @@
 
 A sampled sign() changes up to one sample early or late, and the low-passed velocity it is taken from crosses
 zero a little off the true one. Around every reversal this leaves an error that looks like friction; it is
-small against an ordinary residual, but not against the standard deviation of a consistent estimate.
+small against an ordinary residual, but not against the standard deviation of a consistent estimate. A moment
+of rest between two motions the same way is no reversal: whether a velocity falls below a threshold there is
+the filter's doing, and samples must not come and go with it (a long rest is masked in every method).
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from modelgen.runtime.data import Record
 from modelgen.runtime.filtered_record import FilteredRecord
 from modelgen.runtime.filters import support_samples
 from modelgen.runtime.observation import Observation, RowBlock, direction_keys
-from modelgen.runtime.reversals import reversals, widen
+from modelgen.runtime.reversals import turns, widen
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -56,7 +58,7 @@ def _near(signals: FilteredRecord, keys: tuple[str, ...]) -> BoolArray:
     reach += signals.direction_reach()
     near = np.zeros(signals.record.n, dtype=bool)
     for key in keys:
-        near |= widen(reversals(signals.direction(key)), reach)
+        near |= widen(turns(signals.direction(key)), reach)
     return np.asarray(near[signals.grid])
 
 

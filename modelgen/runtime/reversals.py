@@ -38,7 +38,24 @@ def standstills(velocity: FloatArray, min_samples: int, threshold: float | None 
 
 def reversals(velocity: FloatArray, threshold: float | None = None) -> BoolArray:
     """Mark both samples beside every change of sign, and every sample of standing still, shape (n,)."""
-    marked = standstills(velocity, 1, threshold)
+    return standstills(velocity, 1, threshold) | _sign_changes(velocity)
+
+
+def turns(velocity: FloatArray, threshold: float | None = None) -> BoolArray:
+    """Mark both samples beside every change of sign, with the standstill around it, shape (n,).
+
+    What slows down to nothing and goes on the same way has not turned: its sign is known throughout.
+    """
+    changed = _sign_changes(velocity)
+    marked = standstills(velocity, 1, threshold) | changed
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]])))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        marked[start:stop] = changed[start:stop].any()
+    return marked
+
+
+def _sign_changes(velocity: FloatArray) -> BoolArray:
+    marked = np.zeros(len(velocity), dtype=bool)
     changes = np.flatnonzero(velocity[1:] * velocity[:-1] <= 0.0)
     marked[changes] = True
     marked[changes + 1] = True

@@ -126,7 +126,8 @@ def simulate(
     drive : Drive, optional
         Sampling, delay, current loop, limit and encoder of the controller; by default none of them.
     actuator : str, optional
-        Key of the actuator that is driven, by default the first; the others rest at 0.
+        Key of the actuator that the controller drives, by default the first; the others follow the
+        `forces` of an Excitation, or rest at 0.
     initial_state : array_like, shape (2 bodies,), optional
         All positions, then all velocities, in the order of the spec; by default at rest at 0.
 

@@ -11,22 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from modelgen.runtime.calm_kernel import CALM, LANES, calm_steps, first_unbounded, is_finite, keep
 from modelgen.runtime.flow import MOST_EVENTS_A_STEP
-from modelgen.runtime.series_kernel import TERMS, dot, expand
+from modelgen.runtime.series_kernel import INPUTS, TERMS, dot, expand
 
 INTERVALS = 8
 # A step with springs may be divided into so many parts.
 MOST_PARTS = 100
 DONE, EVENTS_FULL, UNBOUNDED, TOO_MANY = 0, 1, 2, 3
 TRUE_VELOCITY, BACKWARD, CENTRAL = 0, 1, 2
-
-
-def row_dot(table: Any, m: int, row: int, z: Any) -> float:
-    """Return table[m, row] @ z, without the cost of a view."""
-    total = 0.0
-    for i in range(len(z)):
-        total += table[m, row, i] * z[i]
-    return total
 
 
 def horner(p: Any, u: float) -> float:
@@ -111,7 +104,7 @@ def cross(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple
 
     Return the mode at its end, and the number of events; -1 for too many of them.
     """
-    _, guards, M, _, owners, guard_count, bodies, deflections, pushes, pulls = tables
+    _, guards, M, _, owners, guard_count, bodies, deflections, pushes, pulls, _, _ = tables
     size, body_count, springs = len(z), len(bodies), len(deflections)
     series, cubes = np.empty((TERMS, size)), np.empty((springs, TERMS))
     polynomial = np.empty(TERMS)
@@ -199,80 +192,57 @@ def command(x: Any, seen: Any, law: Any, reference: Any, tick: int) -> float:
 def run(
     x: Any, m: int, tables: Any, inputs: Any, sampling: Any, stride: int, steps: int, outputs: Any
 ) -> tuple[int, int, int]:
-    """Take all steps; fill states, modes, commands and events.
+    """Take all steps; fill states (SI), modes, commands and events.
 
     `inputs` is the known input at every node (linear in between), or empty: then `sampling` is (law,
     reference at the ticks, steps per tick, delay in steps, what the controller has seen). Return a status,
-    the number of events, and the step reached. Indices are counted, not divided: that is most of the time.
+    the number of events, and the step reached.
     """
-    ahead, guards, guard_count, springs = tables[0], tables[1], tables[5], len(tables[7])
-    states, modes, commands, events = outputs
+    ahead, guard_count, springs, signs, scale = tables[0], tables[5], len(tables[7]), tables[10], tables[11]
+    commands, events = outputs[2], outputs[3]
     law, reference, per_tick, delay, seen = sampling
-    nx, known, count = len(x), len(inputs) > 0, 0
-    z, out = np.zeros(nx + 3), np.zeros(nx)
-    z[-1] = 1.0
-    row, tick, acting, until_row, until_tick, until_acting = 0, 0, -1, 0, 0, delay
-    w0, w1 = 0.0, 0.0
-    for k in range(steps + 1):
-        if not known:
-            if until_tick == 0:
-                commands[tick] = command(x, seen, law, reference, tick)
-                tick, until_tick = tick + 1, per_tick
-            if until_acting == 0:
-                acting, until_acting = acting + 1, per_tick
-                w0 = w1 = commands[acting]
-            until_tick -= 1
-            until_acting -= 1
-        elif k < steps:
-            w0, w1 = inputs[k], inputs[k + 1]
-        if until_row == 0:
-            until_row = stride
-            for i in range(nx):
-                states[row, i] = x[i]
-            modes[row] = m
-            row += 1
-        until_row -= 1
+    nx, known, k, count = len(x), len(inputs) > 0, 0, 0
+    z = np.ones(nx + INPUTS)
+    z[:nx] = x
+    path = np.zeros(((nx + LANES - 1) // LANES * LANES, CALM + 1))
+    path[:nx, 0] = x
+    foreseen, held = np.zeros((LANES, CALM)), np.zeros(0 if known else CALM + 1)
+    tick, acting, until_tick, until_acting = 0, -1, 0, delay
+    row, until_row = keep(path, 0, 1, signs[m], scale, stride, 0, 0, outputs)
+    while True:
+        if not known and until_tick == 0:
+            commands[tick] = command(z, seen, law, reference, tick)
+            tick, until_tick = tick + 1, per_tick
+        if not known and until_acting == 0:
+            acting, until_acting = acting + 1, per_tick
+            held[:] = commands[acting]
         if k == steps:
-            break
-        for i in range(nx):
-            z[i] = x[i]
-        z[nx], z[nx + 1] = w0, w1 - w0
+            return DONE, count, k
+        number = min(CALM, steps - k)
+        w = inputs[k:] if known else held
         if not known:
+            number = min(number, until_tick, until_acting)
+            z[nx], z[nx + 1] = held[0], 0.0
             m, count = release(z, m, tables, events, count, k)
             if count < 0:
                 return EVENTS_FULL, count, k
-        for i in range(nx):
-            out[i] = row_dot(ahead, m, i, z)
-        # beside springs, what `ahead` foresees does not hold
-        crossed = springs > 0 or ends_within(z, m, ahead, guards, guard_count[m])
-        if crossed:
-            m, count = cross(z, m, tables, events, count, k)
+        # beside springs, what the tables foresee does not hold
+        calm = 0 if springs > 0 else calm_steps(z, path, foreseen, ahead[m], guard_count[m], w, number)
+        if calm > 0:
+            bad = first_unbounded(path, calm, nx)
+            if bad > 0:
+                return UNBOUNDED, count, k + bad - 1
+            row, until_row = keep(path, 1, calm + 1, signs[m], scale, stride, row, until_row, outputs)
+            z[:nx] = path[:nx, calm]
+        taken = calm
+        if calm < number:
+            z[nx], z[nx + 1] = w[calm], w[calm + 1] - w[calm]
+            m, count = cross(z, m, tables, events, count, k + calm)
             if count < 0:
-                return (TOO_MANY if events[-1, 0] < 0.0 else EVENTS_FULL), count, k
-        total = 0.0
-        for i in range(nx):
-            x[i] = z[i] if crossed else out[i]
-            total += x[i]
-        if not np.isfinite(total):
-            return UNBOUNDED, count, k
-    return DONE, count, steps
-
-
-def ends_within(z: Any, m: int, ahead: Any, guards: Any, guard_count: int) -> bool:
-    """Return whether a guard may turn negative in the step that begins at z; see `ModeMotion`.
-
-    Behind the rows of the next state, `ahead` holds three of each guard: its value at the end of the step,
-    its rate at the start, its rate at the end.
-    """
-    first = ahead.shape[1] - 3 * guards.shape[1]
-    for g in range(guard_count):
-        place = first + 3 * g
-        after = row_dot(ahead, m, place, z)
-        if after < 0.0:
-            return True
-        falling = row_dot(ahead, m, place + 1, z)
-        if falling < 0.0:
-            rising = row_dot(ahead, m, place + 2, z)
-            if rising > 0.0 and min(row_dot(guards, m, g, z) + falling, after - rising) < 0.0:
-                return True
-    return False
+                return (TOO_MANY if events[-1, 0] < 0.0 else EVENTS_FULL), count, k + calm
+            if not is_finite(z[:nx]):
+                return UNBOUNDED, count, k + calm
+            path[:nx, 0] = z[:nx]
+            row, until_row = keep(path, 0, 1, signs[m], scale, stride, row, until_row, outputs)
+            taken += 1
+        k, until_tick, until_acting = k + taken, until_tick - taken, until_acting - taken

@@ -15,6 +15,17 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.runtime.calm_kernel import (
+    LANES,
+    add_multiple,
+    add_states,
+    calm_steps,
+    first_unbounded,
+    from_input,
+    is_finite,
+    keep,
+    steps_before_end,
+)
 from modelgen.runtime.compiled import kept_code
 from modelgen.runtime.flow import Event, Flow, Trajectory, too_many_events, unbounded
 from modelgen.runtime.friction_mode import FrictionSystem, ModeMotion
@@ -25,13 +36,11 @@ from modelgen.runtime.step_kernel import (
     UNBOUNDED,
     command,
     cross,
-    ends_within,
     first_root,
     horner,
     mode_at_rest,
     release,
     root_between,
-    row_dot,
     run,
     when_negative,
 )
@@ -49,7 +58,6 @@ PARTS = (
     reach,
     shrink,
     expand,
-    row_dot,
     horner,
     root_between,
     first_root,
@@ -58,7 +66,14 @@ PARTS = (
     cross,
     release,
     command,
-    ends_within,
+    from_input,
+    add_multiple,
+    add_states,
+    steps_before_end,
+    calm_steps,
+    is_finite,
+    first_unbounded,
+    keep,
     run,
 )
 
@@ -126,9 +141,10 @@ def _run(
     tables = _tables(flow)
     while True:
         states = np.empty((steps // stride + 1, x.size))
-        modes = np.empty(len(states), dtype=np.int16)
+        modes = np.empty((len(states), bodies), dtype=np.int8)
         commands = np.zeros(0 if w.size else steps // sampling.per_tick + 1)
-        events = np.full((capacity, 3), -1.0)
+        events = np.empty((capacity, 3))
+        events[-1] = -1.0
         with np.errstate(over="ignore", invalid="ignore"):
             status, count, k = _kernel()(
                 x.copy(), index, tables, w,
@@ -142,10 +158,8 @@ def _run(
         raise unbounded((k + 1) * flow.step_s)
     if status == TOO_MANY:
         raise too_many_events((k + 1) * flow.step_s)
-    found = tuple(Event(float(t) * flow.step_s, int(j), int(sign)) for t, j, sign in events[:count])
-    states /= flow.scale
-    signs = np.array(_modes(bodies), dtype=np.int8).reshape(3**bodies, bodies)
-    return Trajectory(states, signs[modes], found), commands
+    found = tuple(Event(t * flow.step_s, int(j), int(sign)) for t, j, sign in events[:count].tolist())
+    return Trajectory(states, modes, found), commands
 
 
 def _tables(flow: Flow) -> tuple[Any, ...]:
@@ -156,25 +170,24 @@ def _tables(flow: Flow) -> tuple[Any, ...]:
     size, nx = len(motions[0].M), flow.scale.size
     guards, rates = np.zeros((2, len(motions), most, size))
     owners = np.zeros((len(motions), most, 2), dtype=np.int64)
-    ahead = np.empty((len(motions), nx + 3 * most, size))
+    blocks = -(-nx // LANES)
+    # z at the end of a step: x moves, the input by its slope
+    ends = np.zeros((len(motions), size, size))
+    ends[:] = np.eye(size)
+    ends[:, nx, nx + 1] = 1.0
     for i, motion in enumerate(motions):
         here = len(motion.owners)
         guards[i, :here], rates[i, :here] = motion.guards, motion.rates
         owners[i, :here] = np.array(motion.owners, dtype=np.int64).reshape(here, 2)
-        # z at the end of a step: x moves, the input by its slope
-        end = np.eye(size)
-        end[:nx] = motion.step
-        end[nx, nx + 1] = 1.0
-        ahead[i, :nx] = motion.step
-        ahead[i, nx::3], ahead[i, nx + 1 :: 3], ahead[i, nx + 2 :: 3] = (
-            guards[i] @ end,
-            rates[i],
-            rates[i] @ end,
-        )
+        ends[i, :nx] = motion.step
+    ahead = np.zeros((len(motions), LANES * blocks + LANES * most, size))
+    ahead[:, :nx] = ends[:, :nx]
+    ahead[:, LANES * blocks :: LANES], ahead[:, LANES * blocks + 1 :: LANES] = guards @ ends, rates
+    ahead[:, LANES * blocks + 2 :: LANES], ahead[:, LANES * blocks + 3 :: LANES] = rates @ ends, guards
     deflections, pushes, pulls = _spring_tables(flow, size, motions)
     numbers = [[body.velocity, body.inertia, body.plus, body.minus] for body in bodies]
     return (
-        ahead,
+        np.ascontiguousarray(ahead.reshape(len(motions), -1, LANES, size).swapaxes(2, 3)),
         guards,
         np.array([motion.M for motion in motions]),
         np.array([motion.free for motion in motions]).reshape(len(motions), len(bodies), size),
@@ -184,6 +197,8 @@ def _tables(flow: Flow) -> tuple[Any, ...]:
         deflections,
         pushes,
         pulls,
+        np.array(_modes(len(bodies)), dtype=np.int8).reshape(len(motions), len(bodies)),
+        flow.scale,
     )
 
 

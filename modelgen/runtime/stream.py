@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.runtime.channels import Channels, RecordChannels
-from modelgen.runtime.choose import FilterChoice, decimation_for
+from modelgen.runtime.choose import FilterChoice, decimation_for, least_order
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.estimate import Estimate
@@ -79,7 +79,7 @@ def identify_stream(
     prune_percent: float = 10.0,
     drift_check: bool = True,
     chunk_samples: int | None = None,
-    threads: int = 1,
+    threads: int | None = None,
     progress: Progress | None = None,
 ) -> Estimate:
     """Identify the parameters of a model from records that are read in chunks.
@@ -98,8 +98,10 @@ def identify_stream(
         does; costs up to three more passes.
     chunk_samples : int, optional
         Samples read at a time; changes memory and speed, never the estimate.
-    threads : int
-        Threads that filter and solve, a chunk each; they change memory and speed, never the estimate.
+    threads : int, optional
+        Threads that filter and solve, a chunk each; by default one for every core that the process may use,
+        and 1 in a process started by multiprocessing or dask. They change memory and speed, never the
+        estimate.
     progress : callable, optional
         Called with a few words before each step.
 
@@ -118,7 +120,7 @@ def identify_stream(
     say = progress or (lambda _: None)
     if not records:
         raise DataError.at("records", "there are none", "give at least one record")
-    if threads < 1:
+    if threads is not None and threads < 1:
         raise DataError.at("threads", f"is {threads}", "give a number of threads, 1 or more")
     sources = [RecordChannels(record) if isinstance(record, Record) else record for record in records]
     say("choosing filters")
@@ -211,6 +213,6 @@ def stream_choice(
     ]
     if problems:
         raise DataError(*problems)
-    order = filter_order if filter_order is not None else max(row.order for row in model.rows) + 2
+    order = filter_order if filter_order is not None else least_order(model)
     factors = tuple(decimation or decimation_for(source.fs, cutoff_hz) for source in sources)
     return FilterChoice(order, float(cutoff_hz), float(direction), factors, None, None, (), (), ())

@@ -78,7 +78,8 @@ def stream_drift(
     As `modelgen.runtime.drift`; `again` fits with other settings, `lowest_fs` is in Hz.
     """
     at_cutoffs = [other for _, other in other_cutoffs(choice, lowest_fs, again)]
-    at_directions = other_direction(choice, lowest_fs, again) if model.direction_keys else []
+    other_directions = other_direction(choice, lowest_fs, again) if model.direction_keys else []
+    at_directions = [other for _, other in other_directions]
     at_weights = [
         fit_factors(model, factors, load_row_share=factor * LOAD_ROW_SHARE)
         for factor in (LOAD_ROW_FACTORS if fit.loads else ())

@@ -6,7 +6,6 @@ simulations run one after the other.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -20,6 +19,7 @@ from modelgen.runtime.excitation import Excitation
 from modelgen.runtime.readings import instrument_keys
 from modelgen.runtime.simulate import simulate
 from modelgen.runtime.stepping import has_numba
+from modelgen.runtime.usable_threads import usable_threads
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -68,6 +68,6 @@ def sweep(
         raise DataError.at("parameters", "hold no vector", "give at least one value each")
     # the first one alone: it compiles, and explains what is wrong with the options
     rows = [run(vectors[0])]
-    with ThreadPoolExecutor(os.cpu_count() if has_numba() else 1) as pool:
+    with ThreadPoolExecutor(usable_threads() if has_numba() else 1) as pool:
         rows += pool.map(run, vectors[1:])
     return {key: np.array([row[i] for row in rows]) for i, key in enumerate(wanted)}

@@ -1,14 +1,19 @@
-"""What is done to a method's fit before it is judged: columns left out at their bounds, robust weights."""
+"""What is done to a method's fit before it is judged: columns left out at their bounds, robust weights.
+
+A fit of physical parameters to rows of composites is treated while it is found (`physical_iv`): its rows are
+linear at the estimate only.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 from modelgen.errors import DataError, Problem
-from modelgen.runtime.bounds import PHYSICAL, BoundCost, bounded_fit
+from modelgen.runtime.bounds import PHYSICAL, BoundCost, bounded_fit, bounded_physical
 from modelgen.runtime.contract import Model
 from modelgen.runtime.covariance import hac_covariance
 from modelgen.runtime.huber import huber, huber_notes
+from modelgen.runtime.methods import Job
 from modelgen.runtime.wls import Fit, refit
 
 HUBER = "huber"
@@ -35,14 +40,18 @@ def check_treatment(method: str, robust: str | None, bounds: str | None) -> None
 class Treatment:
     """The same for the fit and for those at other settings, so that they can be compared.
 
-    `columns` are those left free by the bounds, None for all; `robust` is "huber" or None.
+    `columns` are those left free by the bounds, None for all; `robust` is "huber" or None. `at_zero` are
+    physical parameters that bounds hold at zero, of a fit that is treated while it is found.
     """
 
     robust: str | None = None
     columns: tuple[str, ...] | None = None
+    at_zero: tuple[str, ...] = ()
 
     def __call__(self, fit: Fit) -> Fit:
         """Return the fit so treated."""
+        if fit.linear is not None:
+            return fit
         found = fit
         if self.columns is not None and self.columns != fit.columns:
             there = [name for name in self.columns if name in fit.columns]
@@ -52,16 +61,18 @@ class Treatment:
         found, weights = huber(found)
         return replace(found, notes=found.notes + huber_notes(weights))
 
+    def job(self, job: Job) -> Job:
+        """Return the job whose fits hold at zero what lies at its bound, whatever they find themselves."""
+        return replace(job, bounds=None, at_zero=self.at_zero)
+
 
 def treat(
     fit: Fit, model: Model, robust: str | None, bounds: str | None
 ) -> tuple[Fit, Treatment, BoundCost | None]:
     """Return the treated fit, what was done to it, and what bounds cost (None without any)."""
-    if fit.series and (robust or bounds):
-        # its parameters were not found by linear least squares, which weights and bounds would start again
-        name = "robust" if robust else "bounds"
-        remedy = "use method wls for this sensor set"
-        raise DataError.at(name, "does not go with method iv where the rows hold composites", remedy)
+    if fit.linear is not None:
+        cost = bounded_physical(fit.linear, model, hac_covariance(fit.linear))[1] if bounds else None
+        return fit, Treatment(at_zero=tuple(name for name, _ in cost.active) if cost else ()), cost
     treatment = Treatment(robust)
     found = treatment(fit)
     if bounds is None:

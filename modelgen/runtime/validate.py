@@ -21,7 +21,7 @@ from modelgen.runtime.derivatives import differentiate
 from modelgen.runtime.drive import Drive
 from modelgen.runtime.excitation import Excitation
 from modelgen.runtime.filters import support_samples, zero_phase
-from modelgen.runtime.plant import Plant, make_plant
+from modelgen.runtime.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulate import simulate
 
 FloatArray = npt.NDArray[np.float64]
@@ -103,6 +103,8 @@ def validate(
 ) -> tuple[Validation, ...]:
     """Simulate every record's reference in closed loop and compare.
 
+    The forces of further actuators enter as measured.
+
     Parameters
     ----------
     model : Model
@@ -124,7 +126,7 @@ def validate(
     Raises
     ------
     DataError
-        When a channel is missing, or parameters or loop do not suit the model.
+        When a channel or a force is missing, or parameters or loop do not suit the model.
     """
     problems = [
         missing_name(record.name, "channel", key, record.signals)
@@ -162,7 +164,7 @@ def _validate(
     simulated = simulate(
         plant.model,
         plant.parameters,
-        _excitation(record, controller, oversample),
+        _excitation(plant, record, controller, oversample),
         fs=record.fs,
         controller=controller,
         drive=drive,
@@ -181,16 +183,20 @@ def _validate(
     return Validation(record.name, held_out, record.fs, cutoff, tuple(checks))
 
 
-def _excitation(record: Record, controller: PositionVelocityController, oversample: int) -> Excitation:
+def _excitation(
+    plant: Plant, record: Record, controller: PositionVelocityController, oversample: int
+) -> Excitation:
     given, nodes = record.signals, np.arange(record.n)
     times = np.arange((record.n - 1) * oversample + 1) / oversample
     zero = np.zeros(record.n)
     rate = given.get("reference_rate", zero)
     if "reference_rate" not in given and controller.rate_gain:
         rate = differentiate(given["reference"], record.dt)
-    arrays = (given["reference"], rate, given.get("feedforward", zero))
-    r, r_rate, feedforward = (np.interp(times, nodes, array) for array in arrays)
-    return Excitation(r, r_rate, feedforward, record.fs * oversample, record.name)
+    _, further = measured_forces(plant, record)
+    arrays = (given["reference"], rate, given.get("feedforward", zero), *further.values())
+    r, r_rate, feedforward, *others = (np.interp(times, nodes, array) for array in arrays)
+    forces = dict(zip(further, others, strict=True))
+    return Excitation(r, r_rate, feedforward, record.fs * oversample, record.name, forces)
 
 
 def initial_state(plant: Plant, record: Record, cutoff_hz: float) -> FloatArray:

@@ -78,6 +78,9 @@ class Fit:
     series : tuple of array
         What each instant of each record contributes to X's error, shape (grid, columns), where it does not
         follow from the residuals and regressors.
+    linear : Fit, optional
+        The fit, linear at the estimate and without bounds, that this one was carried over from (physical
+        parameters fitted in place of composites).
     """
 
     columns: tuple[str, ...]
@@ -90,6 +93,7 @@ class Fit:
     projected: tuple[FloatArray, ...] = ()
     delays: tuple[tuple[str, float, float], ...] = ()
     series: tuple[FloatArray, ...] = ()
+    linear: Fit | None = None
 
     @property
     def regressors(self) -> tuple[FloatArray, ...]:
@@ -105,6 +109,13 @@ class Fit:
     def weighted_measurement(self) -> FloatArray:
         """Weighted Y of all blocks, shape (r,)."""
         return np.concatenate([w * b.Y for w, b in zip(self.weights, self.blocks, strict=True)])
+
+    def physical(self, names: Sequence[str]) -> dict[str, float] | None:
+        """Return the physical parameters that the fit was made in, None if it was not."""
+        if self.linear is None:
+            return None
+        values = dict(zip(self.linear.columns, self.linear.solution.x.tolist(), strict=True))
+        return {name: values[name] for name in names}
 
     @property
     def relative_error(self) -> float:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gc
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,9 @@ def test_stretches_of_a_file_are_those_of_its_columns(tmp_path: Path, suffix: st
     for start, stop in ((0, 10), (160, 345), (170, 340), (999, 1000), (0, N)):
         np.testing.assert_array_equal(source.read("q_m", start, stop), -ANGLE[start:stop])
         np.testing.assert_array_equal(source.read("Gamma_m", start, stop), 0.5 * FORCE[start:stop])
+    with ThreadPoolExecutor(4) as pool:  # the file is open many times at once
+        parts = list(pool.map(lambda start: source.read("q_m", start, start + 10), range(0, N, 10)))
+    np.testing.assert_array_equal(np.concatenate(parts), -ANGLE)
     with pytest.raises(DataError, match="has no column run/speed"):
         open_channels(path, {"q_m": ("run/speed", 1.0)}, fs=1000.0)
     path.write_bytes(path.read_bytes()[:200])

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from generated import emps300_qm_qc
 from modelgen.errors import DataError
 from modelgen.runtime.contract import model_from_module
 from modelgen.runtime.fleet import FleetRecord, identify_fleet
-from modelgen.runtime.fleet_cluster import fleet_client
+from modelgen.runtime.fleet_cluster import GivenUpError, Watch, fleet_client
 from modelgen.runtime.mapped import NpyChannels, open_npy
 from modelgen.runtime.simulate import simulate
 from modelgen.runtime.stream import StreamEstimate, identify_stream
@@ -40,6 +42,15 @@ class Hungry(NpyChannels):
 
     def read(self, channel: str, start: int, stop: int) -> np.ndarray:
         return np.empty(1 << 50)
+
+
+@dataclass(frozen=True, eq=False)
+class Asleep(NpyChannels):
+    """A record on a disk that does not answer."""
+
+    def read(self, channel: str, start: int, stop: int) -> np.ndarray:
+        time.sleep(3600.0)
+        raise OSError
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +150,14 @@ def test_neither_tasks_nor_workers_change_an_estimate(client: Any, sources: list
                 same_to_rounding(found.records[name], estimate)
 
 
+def test_workers_use_one_thread_and_keep_their_memory(client: Any) -> None:
+    found = client.submit(_environment, pure=False).result(timeout=60.0)
+    assert found["OPENBLAS_NUM_THREADS"] == "1"
+    # dask's own setting gives memory back above 64 kB
+    wanted = {"MALLOC_TRIM_THRESHOLD_": "268435456", "MALLOC_MMAP_THRESHOLD_": "33554432"}
+    assert {name: found[name] for name in wanted} == {n: os.environ.get(n, v) for n, v in wanted.items()}
+
+
 def test_a_scheduler_that_runs_is_used(sources: list[NpyChannels]) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
@@ -220,6 +239,65 @@ def test_a_fleet_without_workers_gives_up(
         pytest.raises(DataError, match=r"scheduler: has had no worker for 0.6 s"),
     ):
         identify_fleet(client, TEXT, [FleetRecord("a", sources[0])], **SETTINGS)
+
+
+def test_workers_that_do_nothing_are_given_up_and_none_of_them_stays(
+    sources: list[NpyChannels], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("modelgen.runtime.fleet_cluster.PATIENCE_S", 3.0)
+    monkeypatch.setattr("modelgen.runtime.fleet_cluster.STALLED_S", 4.0)
+    monkeypatch.setattr("modelgen.runtime.fleet_cluster.CLOSING_S", 1.0)
+    asleep = Asleep(sources[0].columns, sources[0].fs, "asleep", sources[0].n)
+    before = active_children()
+    with (
+        fleet_client(workers=1) as client,
+        pytest.raises(DataError, match=r"scheduler: 1 worker\(s\) have finished nothing"),
+    ):
+        identify_fleet(client, TEXT, [FleetRecord("a", asleep)], **SETTINGS)
+    for process in active_children():
+        if process not in before:
+            process.join(10.0)
+            assert not process.is_alive()
+
+
+def test_workers_that_compute_are_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Client:
+        def __init__(self, *metrics: dict[str, Any]) -> None:
+            self.workers = {str(i): {"metrics": one} for i, one in enumerate(metrics)}
+
+        def scheduler_info(self) -> dict[str, Any]:
+            return {"workers": self.workers}
+
+    idle, busy = ({"cpu": cpu, "task_counts": {"executing": 1}} for cpu in (2.0, 97.0))
+    monkeypatch.setattr("modelgen.runtime.fleet_cluster.STALLED_S", 120.0)
+    watch = Watch([])
+    for _ in range(3):
+        for _ in range(12):
+            watch.look(Client(idle))
+        watch.look(Client(idle, busy))
+        watch.look(Client({**idle, "task_counts": {"executing": 1, "memory": 1}}))
+    with pytest.raises(GivenUpError, match="for 120 s"):
+        for _ in range(13):
+            watch.look(Client(idle))
+
+
+def test_workers_that_do_not_start_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed")
+
+    def broken(**_: Any) -> None:
+        raise RuntimeError("Cluster failed to start: no memory")
+
+    monkeypatch.setattr(distributed, "LocalCluster", broken)
+    with (
+        pytest.raises(DataError, match=r"workers: do not start \(RuntimeError: Cluster failed to start"),
+        fleet_client(workers=1),
+    ):
+        pass
+
+
+def _environment() -> dict[str, str]:
+    return dict(os.environ)
 
 
 def _no_moments(*_: Any) -> None:

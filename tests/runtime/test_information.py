@@ -10,13 +10,15 @@ from modelgen.arguments import load_chain
 from modelgen.candidates import Candidates, candidate_models
 from modelgen.chain import Sensor
 from modelgen.errors import DataError
+from modelgen.runtime import prediction as predictions
 from modelgen.runtime.contract import Model, model_from_module
 from modelgen.runtime.design import Prediction, cheapest, judge_set, rank
-from modelgen.runtime.experiment import experiment
+from modelgen.runtime.estimate import Estimate
+from modelgen.runtime.experiment import Experiment, experiment
 from modelgen.runtime.instrument import Instrument
 from modelgen.runtime.methods import METHODS, Job
 from modelgen.runtime.monte_carlo import Spread, misorders, monte_carlo, worst_spread
-from modelgen.runtime.prediction import Precision, predict
+from modelgen.runtime.prediction import Precision, estimate_once, predict
 
 QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
 TOOLS = {
@@ -76,6 +78,27 @@ def test_composites_are_predicted_through_the_estimators_own_nonlinear_step(ten:
     assert s.bias > 5.0
     assert s.predicted_bias == pytest.approx(s.bias, rel=0.1)
     assert s.predicted_std == pytest.approx(s.std, rel=0.4)
+
+
+def test_composites_weighted_by_their_own_drift_are_copied_until_that_is_known(
+    ten: dict[str, Model], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = []
+
+    def once(planned: Experiment, seed: int) -> Estimate:
+        taken.append(seed)
+        return estimate_once(planned, seed)
+
+    monkeypatch.setattr(predictions, "estimate_once", once)
+    # own weights take a fifth off the frictions' deviations, and 16 copies tell that to a tenth only
+    spreads = monte_carlo(experiment(ten["q_c+a_m"], TABLE_2, BENCH), 100)
+    assert taken == list(range(predictions.WEIGHING))
+    assert [s.name for s in spreads] == list(ten["q_c+a_m"].parameters)
+    for s in spreads:
+        assert s.predicted_std == pytest.approx(s.std, rel=0.15)
+    taken.clear()
+    predict(experiment(ten["v_m"], TABLE_2, BENCH))
+    assert taken == list(range(predictions.FIRST_COPIES))
 
 
 def test_parameters_that_the_estimator_refuses_are_missing(ten: dict[str, Model]) -> None:

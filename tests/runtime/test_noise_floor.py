@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from modelgen.runtime.choose import choose_filter
-from modelgen.runtime.noise_floor import reading_spectrum, signal_to_noise
+from modelgen.runtime.noise_floor import signal_to_noise
+from modelgen.runtime.reading_spectrum import reading_spectrum
 from tests.runtime.rigid_motion import FS, RIGID, rigid_record
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -122,11 +123,15 @@ def test_a_row_without_a_force_is_not_biased_by_noise() -> None:
         simulate(model, truth, kind, fs=5000.0, duration_s=2.0, noise=noise, seed=1, oversample=n).record
         for kind, n in (("chirp", 16), ("trapezoid", 8))
     ]
-    by = {method: identify(model, records, method, drift_check=False) for method in ("wls", "iv")}
+    # a cut-off that lets the noise in; the chosen one, 169 Hz, keeps the bias of least squares small as well
+    options: dict[str, Any] = {"drift_check": False, "cutoff_hz": 254.0}
+    by = {method: identify(model, records, method, **options) for method in ("wls", "iv")}
     for entry in by["iv"].physical_parameters:
         assert abs(entry.value - truth[entry.name]) < 4.0 * entry.std
     assert abs(by["wls"].physical["Kt"] / truth["Kt"] - 1.0) > 0.01
     assert abs(by["iv"].physical["Kt"] / truth["Kt"] - 1.0) < 0.005
+    quiet = identify(model, records, drift_check=False)
+    assert abs(quiet.physical["Kt"] / truth["Kt"] - 1.0) < 0.005
 
 
 def test_the_bench_from_its_motor_alone_is_the_bench_from_both_encoders(shared_data: Path) -> None:

@@ -9,11 +9,13 @@ import pytest
 
 from generated import emps300_qm_qc, two_mass_bench_qm_qc
 from modelgen.errors import DataError
-from modelgen.runtime import stepping
+from modelgen.runtime import step_kernel, stepping
 from modelgen.runtime.closed_loop import closed_loop, default_controller
 from modelgen.runtime.contract import model_from_module
+from modelgen.runtime.drive import Drive
 from modelgen.runtime.friction_mode import CoulombBody, CubicForce, FrictionSystem
 from modelgen.runtime.plant import make_plant
+from modelgen.runtime.simulate import simulate
 from modelgen.runtime.stick_slip import integrate
 
 EMPS = model_from_module(emps300_qm_qc)
@@ -77,6 +79,52 @@ def test_an_unstable_loop_is_explained(steps: int) -> None:
             closed_loop(plant, default_controller(plant)),
             np.ones(4), np.ones((1001, 1)), STEP, compiled=True,
         )  # fmt: skip
+
+
+def interpreted(monkeypatch: pytest.MonkeyPatch, calm: int) -> None:
+    monkeypatch.setattr(stepping, "has_numba", lambda: False)
+    monkeypatch.setattr(step_kernel, "CALM", calm)
+
+
+@pytest.mark.parametrize("calm", [1, 7, 1000])
+def test_it_does_not_matter_how_many_steps_are_taken_at_once(
+    calm: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    w = 0.05 * np.sin(0.2 * np.arange(801))[:, None]
+    drive = Drive(rate_hz=50.0, delay_s=1e-2, velocity="backward")
+    found = []
+    stepping._kernel.cache_clear()
+    for length in (64, calm):
+        interpreted(monkeypatch, length)
+        path = integrate(loop_of("table_2"), np.zeros(4), w, STEP, 3, compiled=True)
+        p = EMPS.parameter_sets["table_2"]
+        sampled = simulate(EMPS, p, "trapezoid", fs=500.0, duration_s=0.2, drive=drive)
+        found.append((path, sampled.true))
+    stepping._kernel.cache_clear()
+    (path, true), (other, other_true) = found
+    assert len(path.events) > 8
+    np.testing.assert_array_equal(other.states, path.states)
+    np.testing.assert_array_equal(other.modes, path.modes)
+    assert other.events == path.events
+    assert set(true["mode_m"]) == {-1.0, 0.0, 1.0}
+    for key, values in true.items():
+        np.testing.assert_array_equal(other_true[key], values)
+
+
+def test_a_motion_without_bounds_is_noticed_at_the_step_that_leaves_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plant = make_plant(EMPS, {**EMPS.parameter_sets["light"], "F_vm": -1.0})
+    system = closed_loop(plant, default_controller(plant))
+    said = []
+    stepping._kernel.cache_clear()
+    for length in (1, 64):
+        interpreted(monkeypatch, length)
+        with pytest.raises(DataError, match="grows without bound before") as caught:
+            integrate(system, np.ones(4), np.ones((1001, 1)), STEP, compiled=True)
+        said.append(str(caught.value))
+    stepping._kernel.cache_clear()
+    assert said[0] == said[1]
 
 
 def test_more_bodies_with_friction_than_can_be_tabulated_are_refused() -> None:

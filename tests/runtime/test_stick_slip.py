@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj
 
 from modelgen.errors import DataError
+from modelgen.runtime.flow import Flow
 from modelgen.runtime.friction_mode import CoulombBody, CubicForce, FrictionSystem, Mode
 from modelgen.runtime.stick_slip import integrate as integrate_by_any
 
@@ -286,6 +288,17 @@ def test_every_mode_keeps_its_promise_whatever_the_step(seed: int) -> None:
     np.testing.assert_allclose(again.states, path.states, atol=1e-10)
     np.testing.assert_array_equal(again.modes, path.modes)
     np.testing.assert_allclose([e.time_s for e in again.events], [e.time_s for e in path.events], atol=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_matrices_of_all_modes_follow_from_two(seed: int) -> None:
+    system = random_chain(np.random.default_rng(seed))
+    flow = Flow(system, STEP)
+    for mode in product((-1, 0, 1), repeat=len(system.bodies)):
+        expected = STEP * flow.scale[:, None] * system.matrix(mode) / flow.scale
+        held = [body.velocity for body, sign in zip(system.bodies, mode, strict=True) if sign == 0]
+        expected[held], expected[:, held] = 0.0, 0.0
+        np.testing.assert_array_equal(flow.motion(mode).M[: flow.scale.size, : flow.scale.size], expected)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -95,9 +95,18 @@ def test_chunks_change_nothing(case: tuple[Model, list[Record]]) -> None:
 
 def test_threads_change_nothing(case: tuple[Model, list[Record]]) -> None:
     model, given = case
-    alone = identify_stream(model, given, chunk_samples=1600, **SETTINGS)
-    several = identify_stream(model, given, chunk_samples=1600, threads=3, **SETTINGS)
-    assert several.to_json() == alone.to_json()
+    alone, *others = (
+        identify_stream(model, given, chunk_samples=1600, threads=threads, **SETTINGS).to_json()
+        for threads in (1, 2, 3, None)
+    )
+    assert others == [alone] * 3
+    choice = FilterChoice(4, 300.0, 100.0, (6,), None, None, (), (), ())
+    task = matched_task(model, RecordChannels(given[0]), choice, 6, samples=1600)
+    assert len(list(task.chunks())) > 3
+    triangles = [[row.R for row in record_factors(task, threads).rows] for threads in (1, 2, 3)]
+    for other in triangles[1:]:
+        for found, expected in zip(other, triangles[0], strict=True):
+            np.testing.assert_array_equal(found, expected)  # to the last bit
     with pytest.raises(DataError, match="threads: is 0"):
         identify_stream(model, given, threads=0, **SETTINGS)
 
