@@ -105,13 +105,14 @@ def _start_near(model: Model, near: Fit) -> Mapping[str, float]:
 def _first_found(
     setting: Setting, rows: Rows, late: tuple[str, ...], starts: Iterable[Mapping[str, float]], rules: Rules
 ) -> Found:
-    failure = diverged("no physical parameters belong to its estimate")
+    failures = []
     for start in starts:
         try:
             return fit_physical_iv(setting, rows, late, start, rules)
         except IdentifiabilityError as error:
-            failure = error
-    raise failure
+            failures.append(error)
+    # the first start is the most likely one, and so is what became of it
+    raise failures[0] if failures else diverged("no physical parameters belong to its estimate")
 
 
 def fit_physical_iv(
@@ -167,7 +168,21 @@ def fit_physical_iv(
             return Found(observation, in_base_columns(step, now.delays, done), now.p, x[:c])
         now = _moved(model, now, move, sample, rules)
         _check_distance(model, now.p, first, rules)
-    raise diverged(f"after {ROUNDS} rounds the physical parameters still move")
+    raise _restless(model, x[:c], spread[:c])
+
+
+def _restless(model: Model, values: FloatArray, spread: FloatArray) -> IdentifiabilityError:
+    """Return the error of steps that do not come to rest, with the parameters that nothing holds."""
+    loose = [name for name, one, std in zip(model.parameters, values, spread, strict=True) if std > abs(one)]
+    if not loose:
+        return diverged(f"after {ROUNDS} rounds the physical parameters still move")
+    return IdentifiabilityError.at(
+        "method iv",
+        f"the records do not hold {', '.join(loose)}: after {ROUNDS} rounds they still move, with standard "
+        "deviations above their values",
+        "sense more (modelgen show --sensors all), give one of them as known, excite more, or give the "
+        "delays of forces where they are known (--delay none)",
+    )
 
 
 def _allowed(model: Model, start: Mapping[str, float], rules: Rules) -> FloatArray:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from modelgen.errors import IdentifiabilityError
 from modelgen.render.writer import generate, module_name
 from modelgen.runtime.contract import Model, model_from_text
 from modelgen.runtime.data import Record
@@ -70,11 +71,11 @@ def clean(parameters: str) -> tuple[Record, ...]:
     )
 
 
-def estimate(parameters: str, seed: int, **options: object) -> Estimate:
+def estimate(parameters: str, seed: int, louder: float = 1.0, **options: object) -> Estimate:
     rng = np.random.default_rng(seed)
     records = [
         Record(
-            {key: s + NOISE[key] * rng.standard_normal(s.size) for key, s in record.signals.items()},
+            {key: s + louder * NOISE[key] * rng.standard_normal(s.size) for key, s in record.signals.items()},
             record.fs,
             record.name,
         )
@@ -113,6 +114,11 @@ def test_what_an_unknown_delay_hides_is_refused_with_all_that_hangs_on_it() -> N
     assert "cannot be told from" in found.not_identifiable["J_m"]
     for entry in found.physical_parameters:
         assert abs(entry.value - truth[entry.name]) < 3.5 * entry.std
+
+
+def test_what_no_record_holds_is_named_where_nothing_comes_to_rest() -> None:
+    with pytest.raises(IdentifiabilityError, match=r"do not hold J_m, J_c, F_vmc, K: .* above their values"):
+        estimate("table_1", 0, louder=10.0, drift_check=False)
 
 
 def test_a_row_without_a_force_is_not_biased_by_noise() -> None:
