@@ -131,8 +131,12 @@ def choose_filter(
         )
         sentences += explained
         notes += noted
-    sentences += [seen_sentence(one, cutoff, order) for one in highest if one.order and one.seen]
-    notes += [lost_note(one) for one in highest if one.order and one.snr_db(cutoff, order)[0] <= 0.0]
+    for one in highest:
+        if one.order and not one.still:
+            if one.snr_db(cutoff, order)[0] > 0.0:
+                sentences.append(seen_sentence(one, cutoff, order))
+            else:
+                notes.append(lost_note(one))
     direction = float(direction_cutoff_hz or min(dynamics or cutoff, cutoff))
     sentences.append(
         f"Directions of motion are the signs of velocities below {direction:.4g} Hz"

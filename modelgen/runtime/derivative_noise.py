@@ -54,6 +54,18 @@ class HighestDerivative:
         """The records in which the channel moves."""
         return tuple(index for index, spectrum in enumerate(self.spectra) if spectrum.moves)
 
+    @property
+    def still(self) -> bool:
+        """Whether the channel reads the same throughout all records: a force at rest has no noise either."""
+        return not any(spectrum.density.any() for spectrum in self.spectra)
+
+    def power(self, within_hz: float) -> float:
+        """Return the signal's power up to a frequency, of all records."""
+        return sum(
+            float(np.sum(spectrum.signal(self.order)[spectrum.frequency_hz <= within_hz]))
+            for spectrum in self.spectra
+        )
+
     def visible_to_hz(self) -> float | None:
         """Return up to which frequency any record shows it above its noise; None where none does."""
         found = [spectrum.visible_to_hz(self.order) for spectrum in self.spectra]
@@ -71,14 +83,13 @@ class HighestDerivative:
         return max(found, key=lambda one: one[0], default=(-inf, 0))
 
     def kept(self, cutoff_hz: float, order: int, within_hz: float) -> float:
-        """Return which share of the signal's power up to `within_hz`, of all records, a filter keeps."""
-        passed, whole = 0.0, 0.0
+        """Return which share of `power` a filter keeps."""
+        passed = 0.0
         for spectrum in self.spectra:
             inside = spectrum.frequency_hz <= within_hz
             signal = spectrum.signal(self.order)[inside]
             passed += float(np.sum(signal * low_pass(spectrum.frequency_hz[inside], cutoff_hz, order) ** 2))
-            whole += float(np.sum(signal))
-        return passed / whole if whole > 0.0 else 1.0
+        return passed / self.power(within_hz)
 
     def tones_db(self, cutoff_hz: float, order: int, excited_hz: Sequence[float]) -> float:
         """Return the tones beyond cut-off and excitation against the signal within, behind a filter.
@@ -163,7 +174,8 @@ def quiet_cutoff(
     that a derivative has up to `within_hz` is kept. Only derivatives of sensors count: noise of a reading
     itself is white, and noise of a force is in no column of W; for both a wider band tells more.
     """
-    asking = [one for one in highest if one.order > 0 and one.seen and not one.force]
+    # a derivative that no record shows is warned of: no cut-off brings it back
+    asking = [one for one in highest if one.order > 0 and not one.force and one.power(within_hz) > 0.0]
     loud = [one for one in asking if one.snr_db(ceiling_hz, order)[0] < LEAST_SNR_DB]
     if not loud:
         return ceiling_hz, None

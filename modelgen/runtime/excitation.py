@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import pi
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -57,6 +58,9 @@ class Excitation:
     def __post_init__(self) -> None:
         # a record makes the same demands: one-dimensional, finite, of equal length
         keys = ("reference", "reference_rate", "feedforward")
+        if not isinstance(self.forces, Mapping) or not all(isinstance(key, str) for key in self.forces):
+            remedy = "give a dict from the actuators' keys to their samples"
+            raise DataError.at(f"excitation {self.name}: forces", "is no mapping from names", remedy)
         own = {key: getattr(self, key) for key in keys}
         further = {f"forces[{key}]": samples for key, samples in self.forces.items()}
         checked = Record(own | further, self.rate_hz, self.name).signals
@@ -64,6 +68,11 @@ class Excitation:
             object.__setattr__(self, key, checked[key])
         forces = {key: checked[f"forces[{key}]"] for key in self.forces}
         object.__setattr__(self, "forces", MappingProxyType(forces))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # a mapping proxy cannot be sent to another process, a dict can
+        own = (self.reference, self.reference_rate, self.feedforward)
+        return Excitation, (*own, self.rate_hz, self.name, dict(self.forces))
 
     @property
     def t(self) -> FloatArray:

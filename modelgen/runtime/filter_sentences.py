@@ -56,7 +56,7 @@ def derivative(one: HighestDerivative) -> str:
 
 def percent(level_db: float) -> str:
     """Return a level in dB as a ratio of rms, in %."""
-    return f"{100.0 * 10.0 ** (level_db / 20.0):.2g} %"
+    return f"{float(f'{100.0 * 10.0 ** (level_db / 20.0):.2g}'):g} %"
 
 
 def ordinal(number: int) -> str:

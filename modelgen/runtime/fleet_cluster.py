@@ -159,7 +159,7 @@ class Watch:
         GivenUpError
             When there has been no worker for `PATIENCE_S`, or none has done anything for `STALLED_S`.
         """
-        metrics = [worker["metrics"] for worker in client.scheduler_info()["workers"].values()]
+        metrics = [worker["metrics"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()]
         self.without = 0 if metrics else self.without + 1
         if self.without >= LOOKS:
             what = f"has had no worker for {PATIENCE_S:g} s"

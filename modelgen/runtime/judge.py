@@ -71,7 +71,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     )
     base = np.full(len(model.base_parameters), np.nan)
     base[[model.base_parameters.index(name) for name in identified]] = values
-    nuisance = dict(solved.fixed) | {
+    nuisance = {name: value for name, value in solved.fixed.items() if name in model.base_parameters} | {
         name: float(value)
         for name, value in zip(fit.columns, fit.solution.x, strict=True)
         if name not in identified

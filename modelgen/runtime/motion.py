@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.errors import DataError
+from modelgen.errors import DataError, Problem
 from modelgen.runtime.closed_loop import PositionVelocityController, closed_loop, open_loop
 from modelgen.runtime.data import missing_name
 from modelgen.runtime.drive import VELOCITIES, Drive, whole_steps
@@ -122,7 +122,7 @@ def _sampled(
     else:
         path, commands = follow_controller(flow, initial, sampling, stride, steps)
     command = commands[k // sampling.per_tick]
-    held = np.where(k >= delay, commands[(k - delay) // sampling.per_tick], 0.0)
+    held = np.where(k >= delay, commands[np.maximum(k - delay, 0) // sampling.per_tick], 0.0)
     forces = _forces(plant, path.states[:, -1] if drive.lags else held, further, oversample)
     return Motion(path.states[:, : 2 * n], path.modes, path.events, forces, command)
 
@@ -130,8 +130,13 @@ def _sampled(
 def _further(plant: Plant, excitation: Excitation) -> dict[int, FloatArray]:
     """Return the forces of further actuators that do not rest, by column of B."""
     where = f"excitation {excitation.name}: forces"
-    strange = [missing_name(where, "further actuator", key, plant.further) for key in excitation.forces
-               if key not in plant.further]  # fmt: skip
+    strange = [
+        Problem(where, f"name {key}, which the controller drives", "give it as feedforward")
+        if key == plant.force
+        else missing_name(where, "further actuator", key, plant.further)
+        for key in excitation.forces
+        if key not in plant.further
+    ]
     if strange:
         raise DataError(*strange)
     found = {plant.further[key]: samples for key, samples in excitation.forces.items() if samples.any()}

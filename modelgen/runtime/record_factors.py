@@ -18,6 +18,7 @@ from modelgen.runtime.contract import Model, RowInfo
 from modelgen.runtime.filtered_record import SUPPORT_TOLERANCE
 from modelgen.runtime.filtering import matched_filtering
 from modelgen.runtime.filters import support_samples
+from modelgen.runtime.householder import compiled_take_in
 from modelgen.runtime.row_factor import RowFactor, empty_factor
 from modelgen.runtime.row_mask import RowMask, row_masks
 from modelgen.runtime.row_terms import RowTerms, row_terms
@@ -176,6 +177,8 @@ def record_factors(task: Task, threads: int | None = None) -> RecordFactors:
     workers = min(threads or usable_threads(), sum(1 for _ in task.chunks()))
     if workers == 1:
         return reduce(joined, map(of, task.chunks()))
+    if task.plan.fast is not False:
+        compiled_take_in()  # once, before threads ask for it side by side
     with ThreadPoolExecutor(workers) as pool:
         return reduce(joined, pool.map(of, task.chunks()))
 

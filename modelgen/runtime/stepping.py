@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.runtime import calm_kernel, series_kernel, step_kernel
 from modelgen.runtime.calm_kernel import (
     LANES,
     add_multiple,
@@ -239,7 +240,8 @@ def _kernel() -> Callable[..., tuple[int, int, int]]:
 
     for part in PARTS:
         register_jitable(part)
-    sources = "".join(getsource(part) for part in PARTS)
+    # whole modules: their constants are part of the code, too
+    sources = "".join(getsource(module) for module in (calm_kernel, series_kernel, step_kernel))
     return kept_code(numba.njit, _dated(crc32(sources.encode())), nogil=True)
 
 

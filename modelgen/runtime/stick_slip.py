@@ -73,14 +73,14 @@ def integrate(
         path, calm = flow.motion(mode).advance(x, w)
         if not np.isfinite(path).all():
             raise unbounded((k + count) * step_s)
-        _keep(states, modes, stride, k + 1, path[:calm], mode)
+        keep(states, modes, stride, k + 1, path[:calm], mode)
         k += calm
         x = path[calm - 1] if calm else x
         block = min(2 * block, LARGEST_BLOCK)
         if calm < count:
             x, mode, found = flow.cross(k, mode, x, w[calm], w[calm + 1])
             k += 1
-            _keep(states, modes, stride, k, x[None], mode)
+            keep(states, modes, stride, k, x[None], mode)
             events += found
             block = FIRST_BLOCK
     return Trajectory(states / flow.scale, modes, tuple(events))
@@ -93,7 +93,7 @@ def _between(inputs: FloatArray, k: FloatArray) -> FloatArray:
     return values
 
 
-def _keep(
+def keep(
     states: FloatArray, modes: npt.NDArray[np.int8], stride: int, first: int, path: FloatArray, mode: Mode
 ) -> None:
     """Store those rows of `path`, which begins at step `first`, that fall on the stride."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from types import MappingProxyType
 
 import numpy as np
@@ -120,8 +121,9 @@ def identify_stream(
     say = progress or (lambda _: None)
     if not records:
         raise DataError.at("records", "there are none", "give at least one record")
-    if threads is not None and threads < 1:
-        raise DataError.at("threads", f"is {threads}", "give a number of threads, 1 or more")
+    whole = isinstance(threads, Integral) and not isinstance(threads, bool)
+    if threads is not None and not (whole and threads >= 1):
+        raise DataError.at("threads", f"is {threads!r}", "give a whole number of threads, 1 or more")
     sources = [RecordChannels(record) if isinstance(record, Record) else record for record in records]
     say("choosing filters")
     pieces = [stretches(model, source) for source in sources]

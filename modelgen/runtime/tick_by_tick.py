@@ -15,10 +15,12 @@ from modelgen.runtime.flow import Event, Flow, Trajectory, unbounded
 from modelgen.runtime.friction_mode import Mode
 from modelgen.runtime.step_kernel import command
 from modelgen.runtime.stepping import Sampling
+from modelgen.runtime.stick_slip import keep
 
 FloatArray = npt.NDArray[np.float64]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a motion that grows without bound gets one clear error
 def follow_ticks(
     flow: Flow, initial: FloatArray, sampling: Sampling, further: FloatArray, stride: int
 ) -> tuple[Trajectory, FloatArray]:
@@ -45,7 +47,8 @@ def follow_ticks(
     # what the controller saw before the start: the axis coming along at its speed
     seen = x[int(law[5])] - np.array([1.0, 2.0]) * law[7] * initial[int(law[6])]
     mode = flow.start(x, np.r_[0.0, further[0]])
-    states, modes = np.empty((steps + 1, x.size)), np.empty((steps + 1, len(mode)), dtype=np.int8)
+    states = np.empty((steps // stride + 1, x.size))
+    modes = np.empty((len(states), len(mode)), dtype=np.int8)
     states[0], modes[0] = x, mode
     commands = np.zeros(steps // sampling.per_tick + 1)
     events: list[Event] = []
@@ -53,6 +56,8 @@ def follow_ticks(
         tick, late = k // sampling.per_tick, k - sampling.delay
         if k % sampling.per_tick == 0:
             commands[tick] = command(x, seen, law, sampling.reference, tick)
+        if k == steps:
+            break
         held = commands[late // sampling.per_tick] if late >= 0 else 0.0
         w = np.column_stack((np.full(end - k + 1, held), further[k : end + 1]))
         mode, released = _released(flow, mode, x, w[0], k)
@@ -62,14 +67,14 @@ def follow_ticks(
             path, calm = flow.motion(mode).advance(x, w[place - k :])
             if not np.isfinite(path).all():
                 raise unbounded(end * flow.step_s)
-            states[place + 1 : place + 1 + calm], modes[place + 1 : place + 1 + calm] = path[:calm], mode
+            keep(states, modes, stride, place + 1, path[:calm], mode)
             x, place = (path[calm - 1] if calm else x), place + calm
             if place < end:
                 x, mode, found = flow.cross(place, mode, x, w[place - k], w[place - k + 1])
                 place += 1
-                states[place], modes[place] = x, mode
+                keep(states, modes, stride, place, x[None], mode)
                 events += found
-    return Trajectory(states[::stride] / flow.scale, modes[::stride], tuple(events)), commands
+    return Trajectory(states / flow.scale, modes, tuple(events)), commands
 
 
 def _changes(sampling: Sampling, steps: int) -> list[int]:

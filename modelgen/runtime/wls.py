@@ -111,7 +111,10 @@ class Fit:
         return np.concatenate([w * b.Y for w, b in zip(self.weights, self.blocks, strict=True)])
 
     def physical(self, names: Sequence[str]) -> dict[str, float] | None:
-        """Return the physical parameters that the fit was made in, None if it was not."""
+        """Return the physical parameters of the linear fit, None if the fit was not made in them.
+
+        What bounds hold at zero may be negative here.
+        """
         if self.linear is None:
             return None
         values = dict(zip(self.linear.columns, self.linear.solution.x.tolist(), strict=True))

@@ -7,13 +7,14 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from generated import emps300_qm_ac, emps300_qm_qc
+from generated import emps300_qm_ac, emps300_qm_qc, tree_mixed
 from modelgen.runtime.channels import RecordChannels
 from modelgen.runtime.choose import FilterChoice, choose_filter, distortion_bound_hz
 from modelgen.runtime.contract import model_from_module
 from modelgen.runtime.data import Record
 from modelgen.runtime.derivative_noise import LEAST_KEPT, STEP, highest_derivatives
 from modelgen.runtime.derivatives import differentiate
+from modelgen.runtime.filter_sentences import percent
 from modelgen.runtime.filters import zero_phase
 from modelgen.runtime.identify import identify
 from modelgen.runtime.simulate import simulate
@@ -204,3 +205,31 @@ def test_least_squares_errs_less_where_the_noise_sets_the_cutoff() -> None:
     for name in ("J_m", "F_vm", "F_sm"):
         errors = [abs(estimate.params[name] / truth[name] - 1.0) for estimate in (chosen, before)]
         assert errors[0] < 0.4 * errors[1], name
+
+
+def test_a_steady_drift_in_noise_asks_for_no_cutoff() -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(4000) / 1000.0
+    drifting = {key: 5.0 * t + 1e-2 * rng.standard_normal(t.size) for key in ("q_m", "q_c")}
+    force = np.sin(2.0 * np.pi * 3.0 * t) + np.sin(2.0 * np.pi * 11.0 * t) + 1.0
+    record = Record({**drifting, "Gamma_m": force}, 1000.0, "drift")
+    choice = choose_filter(CHAIN, [record])
+    assert choice.cutoff_hz > 0.1
+    assert sum("does not stand out of its noise" in note for note in choice.notes) == 2
+    # what is warned of is not praised as well
+    assert not any("stands out" in sentence and "q_" in sentence for sentence in choice.sentences)
+
+
+def test_a_force_at_rest_is_no_lost_derivative() -> None:
+    chain = model_from_module(tree_mixed)
+    resting = simulate(chain, chain.parameter_sets["nominal"], "chirp").record
+    assert not resting.signals["Gamma_b"].any()
+    said = choose_filter(chain, [resting])
+    assert not any("Gamma_b" in line for line in (*said.notes, *said.sentences))
+
+
+@pytest.mark.parametrize(
+    ("level_db", "text"), [(-40.0, "1 %"), (0.0, "100 %"), (1.0, "110 %"), (30.0, "3200 %")]
+)
+def test_levels_are_written_out(level_db: float, text: str) -> None:
+    assert percent(level_db) == text

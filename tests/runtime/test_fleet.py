@@ -266,7 +266,8 @@ def test_workers_that_compute_are_waited_for(monkeypatch: pytest.MonkeyPatch) ->
         def __init__(self, *metrics: dict[str, Any]) -> None:
             self.workers = {str(i): {"metrics": one} for i, one in enumerate(metrics)}
 
-        def scheduler_info(self) -> dict[str, Any]:
+        def scheduler_info(self, n_workers: int) -> dict[str, Any]:
+            assert n_workers == -1  # all of them
             return {"workers": self.workers}
 
     idle, busy = ({"cpu": cpu, "task_counts": {"executing": 1}} for cpu in (2.0, 97.0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
@@ -173,8 +174,13 @@ def test_a_force_that_rests_is_as_good_as_none() -> None:
 def test_what_cannot_be_simulated_is_said() -> None:
     chirp = excitations()[0]
     strange = replace(chirp, forces={"Gamma_a": chirp.forces["Gamma_c"]})
-    with pytest.raises(DataError, match="excitation chirp: forces: has no further actuator Gamma_a"):
+    with pytest.raises(DataError, match=r"chirp: forces: name Gamma_a, which the controller .* feedforward"):
         simulate(ALL, TRUTH, strange, fs=FS)
+    with pytest.raises(DataError, match="chirp: forces: has no further actuator Gamma_b"):
+        simulate(ALL, TRUTH, replace(chirp, forces={"Gamma_b": chirp.forces["Gamma_c"]}), fs=FS)
+    for forces in ({3: chirp.t}, [chirp.t]):
+        with pytest.raises(DataError, match="chirp: forces: is no mapping from names"):
+            replace(chirp, forces=forces)
     with pytest.raises(DataError, match=r"chirp: channel forces\[Gamma_c\], sample 0: is nan"):
         replace(chirp, forces={"Gamma_c": np.full(chirp.t.size, np.nan)})
     hard = model_of(BOTH_ENDS.replace('"K_bc"\n', '"K_bc"\nstiffness3 = "H_bc"\n'), "qa_qb_qc")
@@ -227,6 +233,26 @@ def test_what_the_known_loop_did_is_simulated_under_the_other_force() -> None:
         for key in ("q_b", "q_c", "Gamma_a"):
             moving = record.signals[key] - np.mean(record.signals[key])
             assert np.std(run.signals[key] - record.signals[key]) < 0.01 * np.std(moving)
+
+
+def test_a_loop_that_grows_without_bound_gets_one_error() -> None:
+    away = PositionVelocityController(-1e6, -1e4)
+    with pytest.raises(DataError, match="grows without bound"):
+        simulate(ALL, TRUTH, excitations()[0], fs=FS, controller=away, drive=Drive(rate_hz=1000.0))
+
+
+def test_a_delay_longer_than_the_run_leaves_the_axis_alone() -> None:
+    chirp = replace(excitations()[1], forces={})
+    late = simulate(ALL, TRUTH, chirp, fs=FS, drive=Drive(rate_hz=1000.0, delay_s=10.0))
+    assert not late.true["Gamma_a"].any()
+
+
+def test_an_excitation_can_be_sent_to_another_process() -> None:
+    given = excitations()[0]
+    sent = deepcopy(given)
+    np.testing.assert_array_equal(sent.forces["Gamma_c"], given.forces["Gamma_c"])
+    np.testing.assert_array_equal(sent.reference, given.reference)
+    assert (sent.rate_hz, sent.name) == (given.rate_hz, given.name)
 
 
 def test_a_held_command_beside_another_force_is_as_exact_as_a_continuous_one() -> None:

@@ -107,8 +107,9 @@ def test_threads_change_nothing(case: tuple[Model, list[Record]]) -> None:
     for other in triangles[1:]:
         for found, expected in zip(other, triangles[0], strict=True):
             np.testing.assert_array_equal(found, expected)  # to the last bit
-    with pytest.raises(DataError, match="threads: is 0"):
-        identify_stream(model, given, threads=0, **SETTINGS)
+    for threads in (0, 1.5, True, "2"):
+        with pytest.raises(DataError, match=f"threads: is {threads!r}"):
+            identify_stream(model, given, threads=threads, **SETTINGS)
 
 
 def test_filters_of_a_long_record_come_from_stretches(
