@@ -36,7 +36,12 @@ from modelgen.runtime.friction_asymmetry import asymmetries, asymmetry_notes
 from modelgen.runtime.hold_out import split
 from modelgen.runtime.judge import Solved, judge
 from modelgen.runtime.methods import METHODS, Job
-from modelgen.runtime.model_error import all_disagreements, disagreement_notes, significant_drift
+from modelgen.runtime.model_error import (
+    all_disagreements,
+    coordinates_of,
+    disagreement_notes,
+    significant_drift,
+)
 from modelgen.runtime.pairing import PAPER, rows_for_tags
 from modelgen.runtime.periods import periods_of
 from modelgen.runtime.suspicions import suspicions, told_on_failure
@@ -188,10 +193,11 @@ def identify(
     if drift_check and chosen.matched:
         say("changing cut-off and weights")
         if chosen.consistent:
-            found = all_disagreements(fit, choice, lowest_fs, again, bool(model.direction_keys))
-            drift += significant_drift(found, len(fit.columns))
-            told = [name for name in fit.columns if name not in refused]
-            notes = disagreement_notes(found, fit.columns, told)
+            seen = coordinates_of(fit, model, treatment.at_zero)
+            found = all_disagreements(fit, choice, lowest_fs, again, bool(model.direction_keys), seen)
+            drift += seen.slope @ significant_drift(found, len(seen.names)) @ seen.slope.T
+            told = [name for name in seen.names if name not in refused]
+            notes = disagreement_notes(found, seen.names, told)
             fit = replace(fit, notes=fit.notes + notes)
         else:
             kept = np.ix_(*2 * ([plain.columns.index(name) for name in fit.columns],))

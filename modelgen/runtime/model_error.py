@@ -4,17 +4,21 @@ Instrumental variables are consistent at any cut-off, of signals or of direction
 right. A difference between two cut-offs is then noise, and its standard deviation follows from both fits'
 influence series (a test of the kind of Hausman 1978). What is more than noise is model error: it widens the
 intervals by what the estimate moves.
+
+What was fitted in physical parameters is compared in them: composites move together, and a covariance in
+which some of them rest while others move would let the step back to physical parameters see through the move.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.runtime.choose import FilterChoice
+from modelgen.runtime.contract import Model
 from modelgen.runtime.covariance import influence, long_run_covariance
 from modelgen.runtime.drift import FARTHER_FACTORS, other_cutoffs, other_direction
 from modelgen.runtime.wls import Fit
@@ -28,8 +32,38 @@ SMALLEST_SHARE = 2e-4
 
 
 @dataclass(frozen=True, eq=False)
+class Coordinates:
+    """What a fit is compared in: parameters p near which its columns are X + slope (p' - p).
+
+    `values` are p, shape (n,); `slope` has the shape (columns, n).
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    slope: FloatArray
+
+    @property
+    def inverse(self) -> FloatArray:
+        """From a small move of the columns to that of the parameters, shape (n, columns)."""
+        return np.asarray(np.linalg.pinv(self.slope))
+
+
+def coordinates_of(fit: Fit, model: Model, at_zero: Collection[str] = ()) -> Coordinates:
+    """Return the physical parameters of a fit that was made in them, else its columns.
+
+    `at_zero` are physical parameters that bounds hold at zero.
+    """
+    values = fit.physical(model.parameters)
+    if values is None:
+        return Coordinates(fit.columns, fit.solution.x, np.eye(len(fit.columns)))
+    values = {name: 0.0 if name in at_zero else value for name, value in values.items()}
+    slope = model.base_jacobian(values)[[model.base_parameters.index(name) for name in fit.columns]]
+    return Coordinates(model.parameters, np.array(list(values.values())), slope)
+
+
+@dataclass(frozen=True, eq=False)
 class Disagreement:
-    """How the estimate moves at one other cut-off, in the order of the fit's columns.
+    """How the estimate moves at one other cut-off, in the order of its coordinates.
 
     `move` is X there minus X here, `std` the standard deviation that noise would give it, `value` X here.
     `cutoff_hz` is that of the directions of motion where `directions` is true.
@@ -59,6 +93,7 @@ def all_disagreements(
     lowest_fs: float,
     again: Callable[[FilterChoice], Fit],
     directions: bool,
+    coordinates: Coordinates | None = None,
 ) -> tuple[Disagreement, ...]:
     """Fit at other cut-offs and compare.
 
@@ -73,38 +108,50 @@ def all_disagreements(
         Observes and fits with other settings.
     directions : bool
         Whether the model has any: their cut-off is then changed as well.
+    coordinates : Coordinates, optional
+        What to compare in, by default the fit's columns.
     """
     others = other_cutoffs(choice, lowest_fs, again)
-    found = disagreements(fit, choice, others)
+    found = disagreements(fit, choice, others, coordinates)
     if any(np.any(one.significant) for one in found):
         others += other_cutoffs(choice, lowest_fs, again, FARTHER_FACTORS)
-        found = disagreements(fit, choice, others)
+        found = disagreements(fit, choice, others, coordinates)
     if directions:
-        found += disagreements(fit, choice, other_direction(choice, lowest_fs, again))
+        found += disagreements(fit, choice, other_direction(choice, lowest_fs, again), coordinates)
     return found
 
 
 def disagreements(
-    fit: Fit, choice: FilterChoice, others: Sequence[tuple[FilterChoice, Fit]]
+    fit: Fit,
+    choice: FilterChoice,
+    others: Sequence[tuple[FilterChoice, Fit]],
+    coordinates: Coordinates | None = None,
 ) -> tuple[Disagreement, ...]:
     """Compare a fit with those at other cut-offs, all of signals or all of directions.
 
     Fits to other columns are left out.
     """
     return tuple(
-        _disagreement(fit, choice, setting, other)
+        _disagreement(fit, choice, setting, other, coordinates)
         for setting, other in others
         if other.columns == fit.columns
     )
 
 
-def _disagreement(fit: Fit, choice: FilterChoice, setting: FilterChoice, other: Fit) -> Disagreement:
+def _disagreement(
+    fit: Fit, choice: FilterChoice, setting: FilterChoice, other: Fit, coordinates: Coordinates | None
+) -> Disagreement:
     directions = setting.direction_cutoff_hz != choice.direction_cutoff_hz
+    move, value = other.solution.x - fit.solution.x, fit.solution.x
+    covariance = _difference(fit, other, choice.decimation)
+    if coordinates is not None:
+        back = coordinates.inverse
+        move, value, covariance = back @ move, coordinates.values, back @ covariance @ back.T
     return Disagreement(
         setting.direction_cutoff_hz if directions else setting.cutoff_hz,
-        other.solution.x - fit.solution.x,
-        np.sqrt(np.maximum(np.diag(_difference(fit, other, choice.decimation)), 0.0)),
-        fit.solution.x,
+        move,
+        np.sqrt(np.maximum(np.diag(covariance), 0.0)),
+        value,
         directions,
     )
 

@@ -87,10 +87,13 @@ def physical_parameters(
     nuisance : mapping of str to float
         Their values in the fit, where they have one: a start for the iteration, no more.
     near : mapping of str to float, optional
-        Physical parameters that the fit was made in, if it was: a start where the model's own formula, which
-        works in logarithms, leads to none because one of them is below zero.
+        Physical parameters that the fit was made in, if it was: with all base parameters identified they are
+        those that belong to them. Else a start where the model's own formula, which works in logarithms,
+        leads to none because one of them is below zero.
     """
-    if all_from_composites(model):
+    if all_from_composites(model) and near is not None and np.isfinite(base).all():
+        solved = _belonging(model, base, near)
+    elif all_from_composites(model):
         start = model.physical_from_base(_filled(model, base, nuisance))
         if near is not None and not _is_start(start, near):
             start = dict(near)
@@ -107,6 +110,30 @@ def physical_parameters(
         elif name not in refused:
             unanswered[name] = f"depends on {', '.join(refused)}, which the records cannot answer"
     return tuple(found), unanswered
+
+
+def _belonging(model: Model, base: FloatArray, near: Mapping[str, float]) -> Solved:
+    """Return the physical parameters whose base parameters these are, close to others; no weights needed.
+
+    Base parameters and their covariance came from physical ones; the same slope leads back.
+    """
+    names = model.parameters
+    p = np.array([near[name] for name in names])
+    size, rows = np.where(p == 0.0, 1.0, np.abs(p)), np.where(base == 0.0, 1.0, np.abs(base))
+    for _ in range(STEPS):
+        values = dict(zip(names, p.tolist(), strict=True))
+        back = np.linalg.pinv(model.base_jacobian(values) * size / rows[:, None], rcond=RANK_TOLERANCE)
+        step = back @ ((base - model.base_from_physical(values)) / rows)
+        p = p + step * size
+        if np.abs(step).max() <= CONVERGED:
+            break
+    gradients = size[:, None] * back / rows
+    return Solved(
+        dict(zip(names, p.tolist(), strict=True)),
+        dict(zip(names, gradients, strict=True)),
+        frozenset(names),
+        0.0,
+    )
 
 
 def _is_start(start: Mapping[str, float], near: Mapping[str, float]) -> bool:
@@ -137,7 +164,8 @@ def hanging_on(
     """
     size = np.array([abs(values[name]) or 1.0 for name in model.parameters])
     rows = [model.base_parameters.index(name) for name in known]
-    weighted = _whitening(covariances.total) @ model.base_jacobian(values)[rows] * size
+    # how noise couples them: drift moves all along one direction, coupled or not
+    weighted = _whitening(covariances.noise) @ model.base_jacobian(values)[rows] * size
     inverse = np.linalg.pinv(weighted, rcond=RANK_TOLERANCE)
     C = inverse @ inverse.T
     lost = [index for index, name in enumerate(model.parameters) if name in doubtful]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
-from inspect import getsource
+from inspect import getmodule, getsource
 from itertools import product
 from typing import Any
 from zlib import crc32
@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
-from modelgen.runtime import calm_kernel, series_kernel, step_kernel
 from modelgen.runtime.calm_kernel import (
     LANES,
     add_multiple,
@@ -241,7 +240,9 @@ def _kernel() -> Callable[..., tuple[int, int, int]]:
     for part in PARTS:
         register_jitable(part)
     # whole modules: their constants are part of the code, too
-    sources = "".join(getsource(module) for module in (calm_kernel, series_kernel, step_kernel))
+    sources = "".join(
+        getsource(module) for module in dict.fromkeys(getmodule(part) for part in PARTS) if module
+    )
     return kept_code(numba.njit, _dated(crc32(sources.encode())), nogil=True)
 
 

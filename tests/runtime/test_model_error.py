@@ -10,6 +10,7 @@ from modelgen.runtime.contract import model_from_module
 from modelgen.runtime.data import Record
 from modelgen.runtime.identify import identify
 from modelgen.runtime.model_error import (
+    Coordinates,
     Disagreement,
     disagreement_notes,
     disagreements,
@@ -92,3 +93,17 @@ def test_the_bench_agrees_over_periods_and_names_its_model_error(bench: Record) 
         # the intervals are not blown up
         assert 1.96 * first.relative_std[name] < 10.0
     assert any("model error" in note for note in first.notes)
+
+
+def test_a_drift_of_physical_parameters_is_not_seen_through() -> None:
+    # three composites of two parameters; only one of the composites moves noticeably
+    slope = np.array([[1.0, 0.0], [0.0, 1.0], [2.0, -1.0]])
+    seen = Coordinates(("p", "q"), np.array([3.0, 4.0]), slope)
+    np.testing.assert_allclose(seen.inverse @ slope, np.eye(2), atol=1e-12)
+    noise = slope @ np.diag([1e-6, 1e-6]) @ slope.T
+    moved = Disagreement(10.0, np.array([0.02, 0.0]), np.full(2, 1e-3), seen.values)
+    total = noise + slope @ significant_drift((moved,), 2) @ slope.T
+    # back to the parameters, weighted by that covariance
+    weights = np.linalg.pinv(total, rcond=1e-10)
+    back = np.linalg.inv(slope.T @ weights @ slope)
+    np.testing.assert_allclose(np.sqrt(np.diag(back)), [np.hypot(0.02, 1e-3), 1e-3], rtol=1e-6)

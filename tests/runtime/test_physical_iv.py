@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from re import search
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.render.writer import generate, module_name
 from modelgen.runtime.contract import Model, model_from_text
 from modelgen.runtime.data import Record
+from modelgen.runtime.delays import shifted
 from modelgen.runtime.estimate import Estimate
 from modelgen.runtime.identify import identify
 from modelgen.runtime.simulate import simulate
@@ -71,9 +73,9 @@ def clean(parameters: str) -> tuple[Record, ...]:
     )
 
 
-def estimate(parameters: str, seed: int, louder: float = 1.0, **options: object) -> Estimate:
+def noisy(parameters: str, seed: int, louder: float = 1.0) -> list[Record]:
     rng = np.random.default_rng(seed)
-    records = [
+    return [
         Record(
             {key: s + louder * NOISE[key] * rng.standard_normal(s.size) for key, s in record.signals.items()},
             record.fs,
@@ -81,6 +83,10 @@ def estimate(parameters: str, seed: int, louder: float = 1.0, **options: object)
         )
         for record in clean(parameters)
     ]
+
+
+def estimate(parameters: str, seed: int, louder: float = 1.0, **options: object) -> Estimate:
+    records = noisy(parameters, seed, louder)
     return identify(motor_only("emps300"), records, "iv", **options)  # type: ignore[arg-type]
 
 
@@ -157,3 +163,26 @@ def test_the_bench_from_its_motor_alone_is_the_bench_from_both_encoders(shared_d
     # the estimate from both encoders, on the same periods
     for name, value in {"Jm": 4.81e-3, "Jc": 4.79e-3, "K": 550.8}.items():
         assert found.physical[name] == pytest.approx(value, rel=0.05)
+
+
+def test_model_error_reaches_the_physical_parameters() -> None:
+    # a force that is late by a tenth of a sample, taken as it is: every cut-off sees another chain
+    late = [
+        Record(
+            {**record.signals, "Gamma_m": shifted(record.signals["Gamma_m"], -0.1)}, record.fs, record.name
+        )
+        for record in noisy("light", 0)
+    ]
+    model = motor_only("emps300")
+    found = identify(model, late, "iv", delays="none")
+    (note,) = (note for note in found.notes if note.startswith("model error"))
+    entries = {entry.name: entry for entry in found.physical_parameters}
+    for name in ("J_c", "K"):
+        said = search(rf"\b{name} ([0-9.]+) %", note)
+        assert said is not None
+        # the mean square over at most six settings, of which the note names the farthest
+        farthest = 0.01 * float(said[1]) * entries[name].value
+        assert 0.4 * farthest < entries[name].drift_std < farthest
+        assert entries[name].drift_std > 3.0 * entries[name].noise_std
+    assert "J_m" not in note
+    assert entries["J_m"].drift_std < 1e-3 * entries["J_m"].noise_std
