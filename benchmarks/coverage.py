@@ -28,9 +28,9 @@ from pathlib import Path
 
 import numpy as np
 
+from modelgen.candidates import spec_model
 from modelgen.errors import ModelgenError
-from modelgen.render.writer import generate, module_name
-from modelgen.runtime.contract import Model, model_from_text
+from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.default_excitation import default_excitation, default_force
 from modelgen.runtime.identify import identify
@@ -77,7 +77,7 @@ def model_of(sensors: str) -> Model:
     """Return the axis seen by a sensor set; the motor's encoder alone is added to the catalogue's sets."""
     text = files("modelgen").joinpath("catalog", "emps300.toml").read_text(encoding="utf-8")
     chain = parse_spec(text + MOTOR_ONLY, "emps300.toml")
-    return model_from_text(generate(chain, sensors), module_name(chain, sensors))
+    return spec_model(chain, sensors)
 
 
 @lru_cache(maxsize=4)

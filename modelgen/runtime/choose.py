@@ -17,7 +17,7 @@ spectra for 3 and 4, `filter_sentences` says what was seen.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 
@@ -40,7 +40,6 @@ from modelgen.runtime.filter_sentences import (
     quiet_sentence,
     seen_sentence,
 )
-from modelgen.runtime.reading_spectrum import reading_spectrum
 from modelgen.runtime.spectrum import band_limit_hz, power_spectrum
 
 FORCE_SHARE = 0.999
@@ -110,10 +109,13 @@ def choose_filter(
         When an option is out of its range, or nothing moves and no cut-off is given.
     """
     _check_options(records, cutoff_hz, filter_order, decimation, direction_cutoff_hz)
-    bands = tuple(record_band(model, record) for record in records)
+    highest = highest_derivatives(model, records)
+    bands = tuple(
+        record_band(model, record, [one.channel for one in highest if not one.spectra[index].lines])
+        for index, record in enumerate(records)
+    )
     dynamics = max((band.dynamics_hz for band in bands if band.dynamics_hz is not None), default=None)
     sentences = [_band_sentence(band) for band in bands]
-    highest = highest_derivatives(model, records)
     order = filter_order if filter_order is not None else least_order(model)
     notes: list[str] = []
     if cutoff_hz is not None:
@@ -169,8 +171,12 @@ def least_order(model: Model) -> int:
     return max(row.order for row in model.rows) + 2
 
 
-def record_band(model: Model, record: Record) -> Band:
-    """Return what one record excites: steps 1 and 2 of the rule."""
+def record_band(model: Model, record: Record, noise_only: Collection[str] = ()) -> Band:
+    """Return what one record excites: steps 1 and 2 of the rule.
+
+    A body of which nothing but noise is read (`noise_only` names such channels) sets no dynamics, unless
+    there is nothing else.
+    """
     half = 0.5 * record.fs
     used = [actuator.key for actuator in model.actuators if actuator.key in record.signals]
     limits = [
@@ -178,13 +184,8 @@ def record_band(model: Model, record: Record) -> Band:
     ]
     force_hz = max((limit for limit in limits if limit is not None), default=half)
     best = _best_sensors(model)
-    shown = {
-        name: sensor
-        for name, sensor in best.items()
-        if reading_spectrum(record.signals[sensor.key], record.fs).lines
-    }
+    shown = {name: sensor for name, sensor in best.items() if sensor.key not in noise_only}
     found: list[tuple[float, str]] = []
-    # a body of which nothing but noise is read sets no dynamics, unless there is nothing else
     for name, sensor in (shown or best).items():
         spectrum = power_spectrum(record.signals[sensor.key], record.fs, 2 - ORDER_OF[sensor.measures])
         limit = band_limit_hz(*spectrum, DYNAMICS_SHARE, force_hz)

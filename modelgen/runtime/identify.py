@@ -195,7 +195,7 @@ def identify(
         if chosen.consistent:
             seen = coordinates_of(fit, model, treatment.at_zero)
             found = all_disagreements(fit, choice, lowest_fs, again, bool(model.direction_keys), seen)
-            drift += seen.slope @ significant_drift(found, len(seen.names)) @ seen.slope.T
+            drift += seen.in_columns(significant_drift(found, len(seen.names)))
             told = [name for name in seen.names if name not in refused]
             notes = disagreement_notes(found, seen.names, told)
             fit = replace(fit, notes=fit.notes + notes)

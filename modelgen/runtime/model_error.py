@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -42,10 +43,19 @@ class Coordinates:
     values: FloatArray
     slope: FloatArray
 
-    @property
+    @cached_property
     def inverse(self) -> FloatArray:
         """From a small move of the columns to that of the parameters, shape (n, columns)."""
         return np.asarray(np.linalg.pinv(self.slope))
+
+    def in_columns(self, covariance: FloatArray) -> FloatArray:
+        """Return a covariance of the parameters as that of the columns, shape (columns, columns)."""
+        return np.asarray(self.slope @ covariance @ self.slope.T)
+
+
+def own_columns(fit: Fit) -> Coordinates:
+    """Return the columns of a fit as they are."""
+    return Coordinates(fit.columns, fit.solution.x, np.eye(len(fit.columns)))
 
 
 def coordinates_of(fit: Fit, model: Model, at_zero: Collection[str] = ()) -> Coordinates:
@@ -55,7 +65,7 @@ def coordinates_of(fit: Fit, model: Model, at_zero: Collection[str] = ()) -> Coo
     """
     values = fit.physical(model.parameters)
     if values is None:
-        return Coordinates(fit.columns, fit.solution.x, np.eye(len(fit.columns)))
+        return own_columns(fit)
     values = {name: 0.0 if name in at_zero else value for name, value in values.items()}
     slope = model.base_jacobian(values)[[model.base_parameters.index(name) for name in fit.columns]]
     return Coordinates(model.parameters, np.array(list(values.values())), slope)
@@ -132,26 +142,23 @@ def disagreements(
     Fits to other columns are left out.
     """
     return tuple(
-        _disagreement(fit, choice, setting, other, coordinates)
+        _disagreement(fit, choice, setting, other, coordinates or own_columns(fit))
         for setting, other in others
         if other.columns == fit.columns
     )
 
 
 def _disagreement(
-    fit: Fit, choice: FilterChoice, setting: FilterChoice, other: Fit, coordinates: Coordinates | None
+    fit: Fit, choice: FilterChoice, setting: FilterChoice, other: Fit, coordinates: Coordinates
 ) -> Disagreement:
     directions = setting.direction_cutoff_hz != choice.direction_cutoff_hz
-    move, value = other.solution.x - fit.solution.x, fit.solution.x
-    covariance = _difference(fit, other, choice.decimation)
-    if coordinates is not None:
-        back = coordinates.inverse
-        move, value, covariance = back @ move, coordinates.values, back @ covariance @ back.T
+    back = coordinates.inverse
+    covariance = back @ _difference(fit, other, choice.decimation) @ back.T
     return Disagreement(
         setting.direction_cutoff_hz if directions else setting.cutoff_hz,
-        move,
+        back @ (other.solution.x - fit.solution.x),
         np.sqrt(np.maximum(np.diag(covariance), 0.0)),
-        value,
+        coordinates.values,
         directions,
     )
 

@@ -114,6 +114,11 @@ def observe(model: Model, records: Sequence[Record], choice: FilterChoice, drop:
     return Observation(model.base_parameters, tuple(blocks), tuple(notes))
 
 
+def runs_of(place: IntArray) -> list[IntArray]:
+    """Return the indices of samples that are neighbours on the grid, gap by gap."""
+    return np.split(np.arange(len(place)), np.flatnonzero(np.diff(place) != 1) + 1)
+
+
 def rows_by_tag(
     observation: Observation, records: Sequence[Record], rows_for_tag: Mapping[str, Sequence[str]]
 ) -> Observation:

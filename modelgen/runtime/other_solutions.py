@@ -47,12 +47,12 @@ def other_solutions(
     reported = {entry.name: entry.value for entry in physical}
     if list(reported) != list(model.parameters):
         return ()
-    limit = fit_composites(model, base, covariances, reported).misfit + AS_GOOD
+    limit = fit_composites(model, base, covariances.total, reported).misfit + AS_GOOD
     rng = np.random.default_rng(SEED)
     found: list[Mapping[str, float]] = []
     for _ in range(STARTS):
         start, _ = model.fit_physical(base, _near(reported, rng))
-        solved = fit_composites(model, base, covariances, start)
+        solved = fit_composites(model, base, covariances.total, start)
         values = {name: solved.values[name] for name in reported}
         new = all(_differ(values, other) for other in [reported, *found])
         if new and solved.misfit <= limit and _possible(model, values):

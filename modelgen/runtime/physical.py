@@ -92,14 +92,15 @@ def physical_parameters(
         leads to none because one of them is below zero.
     """
     if all_from_composites(model) and near is not None and np.isfinite(base).all():
-        solved = _belonging(model, base, near)
+        # they and their covariance came from physical parameters: any weights lead back to the same
+        solved = fit_composites(model, base, np.diag(np.where(base == 0.0, 1.0, base**2)), near)
     elif all_from_composites(model):
         start = model.physical_from_base(_filled(model, base, nuisance))
         if near is not None and not _is_start(start, near):
             start = dict(near)
         if not np.isfinite(list(start.values())).all():
             return (), dict.fromkeys(model.identifiable, NO_CHAIN)
-        solved = fit_composites(model, base, covariances, start)
+        solved = fit_composites(model, base, covariances.total, start)
     else:
         solved = _direct(model, base)
     found, unanswered = [], {}
@@ -110,30 +111,6 @@ def physical_parameters(
         elif name not in refused:
             unanswered[name] = f"depends on {', '.join(refused)}, which the records cannot answer"
     return tuple(found), unanswered
-
-
-def _belonging(model: Model, base: FloatArray, near: Mapping[str, float]) -> Solved:
-    """Return the physical parameters whose base parameters these are, close to others; no weights needed.
-
-    Base parameters and their covariance came from physical ones; the same slope leads back.
-    """
-    names = model.parameters
-    p = np.array([near[name] for name in names])
-    size, rows = np.where(p == 0.0, 1.0, np.abs(p)), np.where(base == 0.0, 1.0, np.abs(base))
-    for _ in range(STEPS):
-        values = dict(zip(names, p.tolist(), strict=True))
-        back = np.linalg.pinv(model.base_jacobian(values) * size / rows[:, None], rcond=RANK_TOLERANCE)
-        step = back @ ((base - model.base_from_physical(values)) / rows)
-        p = p + step * size
-        if np.abs(step).max() <= CONVERGED:
-            break
-    gradients = size[:, None] * back / rows
-    return Solved(
-        dict(zip(names, p.tolist(), strict=True)),
-        dict(zip(names, gradients, strict=True)),
-        frozenset(names),
-        0.0,
-    )
 
 
 def _is_start(start: Mapping[str, float], near: Mapping[str, float]) -> bool:
@@ -221,13 +198,13 @@ def _filled(model: Model, base: FloatArray, nuisance: Mapping[str, float]) -> Fl
 
 
 def fit_composites(
-    model: Model, base: FloatArray, covariances: Covariances, start: Mapping[str, float]
+    model: Model, base: FloatArray, covariance: FloatArray, start: Mapping[str, float]
 ) -> Solved:
     """Fit all physical parameters to the identified base ones, weighted by their covariance, from a start."""
     identified = np.flatnonzero(np.isfinite(base))
     p = np.array([start[name] for name in model.parameters])
     size = np.where(p == 0.0, 1.0, np.abs(p))
-    whiten = _whitening(covariances.total)
+    whiten = _whitening(covariance)
 
     def mismatch(p: FloatArray) -> FloatArray:
         values = model.base_from_physical(dict(zip(model.parameters, p.tolist(), strict=True)))

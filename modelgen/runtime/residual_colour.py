@@ -17,7 +17,7 @@ import numpy.typing as npt
 from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.contract import Model
 from modelgen.runtime.noise_floor import gain
-from modelgen.runtime.observation import RowBlock
+from modelgen.runtime.observation import RowBlock, runs_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,7 +65,8 @@ def coloured(
     fs : float
         Sampling frequency of the record in Hz.
     """
-    samples = _longest_run(block.place)
+    longest = max(runs_of(block.place), key=len)
+    samples = slice(int(longest[0]), int(longest[-1]) + 1) if len(longest) else slice(0, 0)
     e = residual[samples] - residual[samples].mean()
     n = len(e)
     rate = fs / choice.decimation[block.record]
@@ -97,14 +98,6 @@ def whiteness(found: Coloured, tests: int = 1) -> tuple[float, float]:
     place = (np.arange(m) + 0.5) / m
     correlation = np.cos(np.pi * np.outer(np.arange(1, lags + 1), place)) @ lines / m
     return float(2.0 * m * np.sum(correlation**2)), float(chi2.isf((1.0 - CONFIDENCE) / tests, lags))
-
-
-def _longest_run(place: npt.NDArray[np.int64]) -> slice:
-    """Return the longest stretch of samples that follow each other on the grid."""
-    ends = np.flatnonzero(np.diff(place) != 1) + 1
-    edges = np.concatenate([[0], ends, [len(place)]])
-    longest = int(np.argmax(np.diff(edges)))
-    return slice(int(edges[longest]), int(edges[longest + 1]))
 
 
 def _shapes(

@@ -28,9 +28,8 @@ def standstills(velocity: FloatArray, min_samples: int, threshold: float | None 
     `threshold` is the speed below which it does; by default that of these samples.
     """
     still = np.abs(velocity) <= (standstill_threshold(velocity) if threshold is None else threshold)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
     marked = np.zeros(len(velocity), dtype=bool)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in _stretches(still):
         if stop - start >= min_samples:
             marked[start:stop] = True
     return marked
@@ -48,10 +47,15 @@ def turns(velocity: FloatArray, threshold: float | None = None) -> BoolArray:
     """
     changed = _sign_changes(velocity)
     marked = standstills(velocity, 1, threshold) | changed
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]])))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in _stretches(marked):
         marked[start:stop] = changed[start:stop].any()
     return marked
+
+
+def _stretches(marked: BoolArray) -> list[tuple[int, int]]:
+    """Return where stretches of marked samples start, and where the first unmarked one follows."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]]))).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def _sign_changes(velocity: FloatArray) -> BoolArray:

@@ -68,22 +68,44 @@ def integrate(
     events: list[Event] = []
     k, block = 0, FIRST_BLOCK
     while k < steps:
-        count = min(block, steps - k)
-        w = _between(inputs, np.arange(k, k + count + 1) / refine)
-        path, calm = flow.motion(mode).advance(x, w)
-        if not np.isfinite(path).all():
-            raise unbounded((k + count) * step_s)
-        keep(states, modes, stride, k + 1, path[:calm], mode)
-        k += calm
-        x = path[calm - 1] if calm else x
-        block = min(2 * block, LARGEST_BLOCK)
-        if calm < count:
-            x, mode, found = flow.cross(k, mode, x, w[calm], w[calm + 1])
-            k += 1
-            keep(states, modes, stride, k, x[None], mode)
-            events += found
-            block = FIRST_BLOCK
+        w = _between(inputs, np.arange(k, k + min(block, steps - k) + 1) / refine)
+        k, x, mode, found = to_next_event(flow, k, x, mode, w, stride, states, modes)
+        events += found
+        block = FIRST_BLOCK if found else min(2 * block, LARGEST_BLOCK)
     return Trajectory(states / flow.scale, modes, tuple(events))
+
+
+def to_next_event(
+    flow: Flow,
+    k: int,
+    x: FloatArray,
+    mode: Mode,
+    w: FloatArray,
+    stride: int,
+    states: FloatArray,
+    modes: npt.NDArray[np.int8],
+) -> tuple[int, FloatArray, Mode, list[Event]]:
+    """Go on from step k under the inputs w, shape (n + 1, m), through the step of the first event at most.
+
+    Every `stride`-th step is kept in `states` and `modes`. Returns the step reached, its state and mode, and
+    the events of its step.
+
+    Raises
+    ------
+    DataError
+        When the motion grows without bound.
+    """
+    count = len(w) - 1
+    path, calm = flow.motion(mode).advance(x, w)
+    if not np.isfinite(path).all():
+        raise unbounded((k + count) * flow.step_s)
+    _keep(states, modes, stride, k + 1, path[:calm], mode)
+    x = path[calm - 1] if calm else x
+    if calm == count:
+        return k + calm, x, mode, []
+    x, mode, found = flow.cross(k + calm, mode, x, w[calm], w[calm + 1])
+    _keep(states, modes, stride, k + calm + 1, x[None], mode)
+    return k + calm + 1, x, mode, found
 
 
 def _between(inputs: FloatArray, k: FloatArray) -> FloatArray:
@@ -93,7 +115,7 @@ def _between(inputs: FloatArray, k: FloatArray) -> FloatArray:
     return values
 
 
-def keep(
+def _keep(
     states: FloatArray, modes: npt.NDArray[np.int8], stride: int, first: int, path: FloatArray, mode: Mode
 ) -> None:
     """Store those rows of `path`, which begins at step `first`, that fall on the stride."""

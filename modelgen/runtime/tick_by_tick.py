@@ -11,11 +11,11 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.flow import Event, Flow, Trajectory, unbounded
+from modelgen.runtime.flow import Event, Flow, Trajectory
 from modelgen.runtime.friction_mode import Mode
 from modelgen.runtime.step_kernel import command
 from modelgen.runtime.stepping import Sampling
-from modelgen.runtime.stick_slip import keep
+from modelgen.runtime.stick_slip import to_next_event
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -64,16 +64,8 @@ def follow_ticks(
         events += released
         place = k
         while place < end:
-            path, calm = flow.motion(mode).advance(x, w[place - k :])
-            if not np.isfinite(path).all():
-                raise unbounded(end * flow.step_s)
-            keep(states, modes, stride, place + 1, path[:calm], mode)
-            x, place = (path[calm - 1] if calm else x), place + calm
-            if place < end:
-                x, mode, found = flow.cross(place, mode, x, w[place - k], w[place - k + 1])
-                place += 1
-                keep(states, modes, stride, place, x[None], mode)
-                events += found
+            place, x, mode, found = to_next_event(flow, place, x, mode, w[place - k :], stride, states, modes)
+            events += found
     return Trajectory(states / flow.scale, modes, tuple(events)), commands
 
 

@@ -7,11 +7,12 @@ by its own noise; as it goes over both sides of the rows, nothing is biased by i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+
+from modelgen.runtime.observation import runs_of
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -37,7 +38,7 @@ class Whitener:
         """
         order = len(self.predictors) - 1
         white = np.empty(samples.shape)
-        for run in _runs(place):
+        for run in runs_of(place):
             x = samples[run]
             y = x.copy()
             for known in range(1, min(order, len(x))):
@@ -53,7 +54,7 @@ class Whitener:
 
 def whitener(residual: FloatArray, place: IntArray) -> Whitener:
     """Return the whitener of a residual, shape (n,), at places of a grid (Levinson 1947, Durbin 1960)."""
-    runs = _runs(place)
+    runs = runs_of(place)
     longest = max(len(run) for run in runs)
     order = max(0, min(ORDER, len(residual) // SAMPLES_A_COEFFICIENT, longest - 1))
     power = np.zeros(order + 1)
@@ -71,8 +72,3 @@ def whitener(residual: FloatArray, place: IntArray) -> Whitener:
         predictors.append(predictor)
         variances.append(variance)
     return Whitener(tuple(predictors), tuple(v / len(residual) for v in variances))
-
-
-def _runs(place: IntArray) -> Sequence[IntArray]:
-    """Return the indices of neighbours on the grid, gap by gap."""
-    return np.split(np.arange(len(place)), np.flatnonzero(np.diff(place) != 1) + 1)

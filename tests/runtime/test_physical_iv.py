@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from modelgen.candidates import spec_model
 from modelgen.errors import IdentifiabilityError
-from modelgen.render.writer import generate, module_name
-from modelgen.runtime.contract import Model, model_from_text
+from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.delays import shifted
 from modelgen.runtime.estimate import Estimate
@@ -54,8 +54,7 @@ x = { body = "c", measures = "position" }
 
 
 def model_of(text: str, sensors: str) -> Model:
-    chain = parse_spec(text, "chain.toml")
-    return model_from_text(generate(chain, sensors), module_name(chain, sensors))
+    return spec_model(parse_spec(text, "chain.toml"), sensors)
 
 
 @cache

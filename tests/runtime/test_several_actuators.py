@@ -17,13 +17,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
+from modelgen.candidates import spec_model
 from modelgen.cli import app
 from modelgen.errors import DataError
-from modelgen.render.writer import generate, module_name
 from modelgen.runtime.beside import Loop, run_beside
 from modelgen.runtime.choose import choose_filter
 from modelgen.runtime.closed_loop import PositionVelocityController
-from modelgen.runtime.contract import Model, model_from_text
+from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.default_excitation import default_excitation
 from modelgen.runtime.delays import shifted
@@ -57,8 +57,7 @@ q_c = { body = "c", measures = "position" }
 
 
 def model_of(text: str, sensors: str) -> Model:
-    chain = parse_spec(text, "chain.toml")
-    return model_from_text(generate(chain, sensors), module_name(chain, sensors))
+    return spec_model(parse_spec(text, "chain.toml"), sensors)
 
 
 @cache

@@ -6,25 +6,12 @@ import pytest
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.observation import Observation, RowBlock
 from modelgen.runtime.wls import fit_matched, fit_paper, least_squares, refit, terms_norm
+from tests.runtime.row_blocks import block as row_block
 
 
 def block(W: np.ndarray, Y: np.ndarray, row: int = 0, record: int = 0, scale: float = 1.0) -> RowBlock:
-    """A block with every sample of its grid in use."""
-    return RowBlock(
-        record=record,
-        row=row,
-        record_name=f"record {record}",
-        row_name=f"row {row}",
-        unit="N",
-        place=np.arange(len(Y)),
-        grid=len(Y),
-        Y=Y,
-        W=W,
-        masked=0,
-        has_force=bool(np.any(Y)),
-        force_scale=scale,
-        differentiated=0,
-    )
+    """A block whose row holds a force where its left-hand side is not zero."""
+    return row_block(W, Y, row, record, scale, has_force=bool(np.any(Y)))
 
 
 def test_least_squares_agrees_with_the_textbook() -> None:

@@ -21,34 +21,9 @@ from modelgen.runtime.wls import (
     refit,
     terms_norm,
 )
+from tests.runtime.row_blocks import block
 
 FloatArray = npt.NDArray[np.float64]
-
-
-def block(
-    W: FloatArray,
-    Y: FloatArray,
-    row: int = 0,
-    record: int = 0,
-    scale: float = 1.0,
-    has_force: bool = True,
-    grid: int | None = None,
-) -> RowBlock:
-    return RowBlock(
-        record=record,
-        row=row,
-        record_name=f"record {record}",
-        row_name=f"row {row}",
-        unit="N",
-        place=np.arange(len(Y)),
-        grid=len(Y) if grid is None else grid,
-        Y=Y,
-        W=W,
-        masked=0,
-        has_force=has_force,
-        force_scale=scale,
-        differentiated=0,
-    )
 
 
 def two_rows(noise: tuple[float, float], n: int = 400) -> tuple[RowBlock, RowBlock]:
