@@ -7,6 +7,7 @@ by its own noise; as it goes over both sides of the rows, nothing is biased by i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ IntArray = npt.NDArray[np.int64]
 # Order of the autoregression, and the fewest samples a coefficient is estimated from.
 ORDER = 20
 SAMPLES_A_COEFFICIENT = 10
-# Power added to lag 0, as a share: keeps the recursion from meeting a residual of no power at some frequency.
+# Power added, as a share: keeps the recursion from meeting a residual of no power at some frequency.
 LEAST_POWER = 1e-9
 
 
@@ -53,22 +54,30 @@ class Whitener:
 
 
 def whitener(residual: FloatArray, place: IntArray) -> Whitener:
-    """Return the whitener of a residual, shape (n,), at places of a grid (Levinson 1947, Durbin 1960)."""
+    """Return the whitener of a residual, shape (n,), at places of a grid.
+
+    Burg's method over all stretches together (de Waele and Broersen 2000): sums of products would lose the
+    more at every lag, the shorter the stretches are, and leave colour where reversals cut a record to pieces.
+    """
     runs = runs_of(place)
     longest = max(len(run) for run in runs)
     order = max(0, min(ORDER, len(residual) // SAMPLES_A_COEFFICIENT, longest - 1))
-    power = np.zeros(order + 1)
-    for run in runs:
-        x = residual[run]
-        for lag in range(min(order + 1, len(x))):
-            power[lag] += x[lag:] @ x[: len(x) - lag]
-    power[0] = max((1.0 + LEAST_POWER) * power[0], float(np.finfo(float).tiny))
-    predictor, variance = np.zeros(0), float(power[0])
+    power = max((1.0 + LEAST_POWER) * float(residual @ residual), float(np.finfo(float).tiny))
+    predictor, variance = np.zeros(0), power
     predictors, variances = [predictor], [variance]
-    for lag in range(1, order + 1):
-        reflection = float(power[lag] - predictor @ power[1:lag][::-1]) / variance
+    # errors of prediction forward and of the sample before backward, a pair of series for every stretch
+    errors = [(residual[run][1:], residual[run][:-1]) for run in runs]
+    for _ in range(order):
+        reflection = _reflection(errors, LEAST_POWER * power)
+        errors = [((f - reflection * b)[1:], (b - reflection * f)[:-1]) for f, b in errors]
         predictor = np.append(predictor - reflection * predictor[::-1], reflection)
         variance *= 1.0 - reflection**2
         predictors.append(predictor)
         variances.append(variance)
     return Whitener(tuple(predictors), tuple(v / len(residual) for v in variances))
+
+
+def _reflection(errors: Sequence[tuple[FloatArray, FloatArray]], least: float) -> float:
+    """Return the coefficient that makes both errors of all stretches together smallest; less than 1."""
+    product = sum(float(f @ b) for f, b in errors)
+    return 2.0 * product / (sum(float(f @ f + b @ b) for f, b in errors) + least)

@@ -40,6 +40,18 @@ def test_nothing_is_predicted_across_a_gap() -> None:
         np.testing.assert_array_equal(white[start:stop], alone)
 
 
+def test_short_stretches_are_made_as_white_as_long_ones() -> None:
+    # noise that was differentiated twice has next to nothing at low frequencies
+    noise = np.diff(RNG.standard_normal(40_000), n=2)
+    place = np.flatnonzero(np.arange(len(noise)) % 40 < 25)
+    white = np.zeros(len(noise))
+    white[place] = whitener(noise[place], place)(noise[place], place)
+    power = np.mean(white[place] ** 2)
+    neighbours = [np.mean((white[lag:] * white[:-lag])[place[place % 40 < 25 - lag]]) for lag in range(1, 6)]
+    assert power == pytest.approx(1.0, rel=0.03)
+    assert np.max(np.abs(neighbours)) < 0.04
+
+
 def test_a_short_or_silent_residual_is_only_scaled() -> None:
     short = whitener(np.array([2.0, -2.0, 2.0]), np.arange(3))
     np.testing.assert_allclose(short(np.array([2.0, 4.0, 6.0]), np.arange(3)), [1.0, 2.0, 3.0])
