@@ -16,6 +16,7 @@ import numpy.typing as npt
 from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.channels import Channels
 from modelgen.runtime.chunk import CHUNK_SAMPLES
+from modelgen.runtime.covariance import KernelSums
 from modelgen.runtime.factor_fit import FactorFit
 from modelgen.runtime.fleet_cluster import gathered, joined_in_a_tree
 from modelgen.runtime.fleet_work import (
@@ -29,7 +30,7 @@ from modelgen.runtime.fleet_work import (
     prepare,
 )
 from modelgen.runtime.stream import StreamEstimate, stream_choice, stream_estimate
-from modelgen.runtime.stream_covariance import Moments, bandwidth_of, inflation
+from modelgen.runtime.stream_covariance import Moments, bandwidth_of, covariance_from_sums
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -204,7 +205,7 @@ def _covariances(
         own_fits, own_widths = list(uses[name].values()), [widths[group] for group in uses[name]]
         second[name] = client.submit(kernel_sums, tasks[name], own_fits, own_widths, pure=False)
     sums, also_lost = gathered(second, "covariances, second pass")
-    sums_of: dict[Group, list[FloatArray]] = {}
+    sums_of: dict[Group, list[KernelSums]] = {}
     for name, totals in sums.items():
         for group, total in zip(uses[name], totals, strict=True):
             sums_of.setdefault(group, []).append(total)
@@ -212,5 +213,5 @@ def _covariances(
     for group, (fit, members) in fits.items():
         same = chosen[tuple(members)]
         whole = len(sums_of.get(same, [])) == len(members)
-        result[group] = np.sum(sums_of[same], axis=0) * inflation(fit, own_moments[same]) if whole else None
+        result[group] = covariance_from_sums(fit, own_moments[same], sums_of[same]) if whole else None
     return result, lost | also_lost

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from modelgen.runtime.channels import Channels
 from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.contract import Model, model_from_text
+from modelgen.runtime.covariance import KernelSums
 from modelgen.runtime.factor_fit import FactorFit, fit_factors, with_inverse
 from modelgen.runtime.record_factors import RecordFactors, Task, matched_task, record_factors
 from modelgen.runtime.stream_covariance import Moments, MomentSums, ParzenSums, influence_chunks
@@ -104,7 +105,7 @@ def moments_of(prepared: Prepared, fits: Sequence[tuple[FactorFit, int]]) -> lis
 
 def kernel_sums(
     prepared: Prepared, fits: Sequence[tuple[FactorFit, int]], widths: Sequence[float]
-) -> list[FloatArray]:
+) -> list[KernelSums]:
     """Return the kernel sums of each fit's influence on a record, for its bandwidth."""
     sums = [ParzenSums(len(fit.columns), width) for (fit, _), width in zip(fits, widths, strict=True)]
     _feed(sums, prepared, fits)

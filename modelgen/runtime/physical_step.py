@@ -91,6 +91,7 @@ def step_from(setting: Setting, plain: Fit, now: Unknowns, rules: Rules) -> Step
     )
     there = replace(setting, records=moved)
     whiteners = [whitener(e, block.place) for e, block in zip(fit.residuals, fit.blocks, strict=True)]
+    fit = replace(fit, lost=sum(white_of.order for white_of in whiteners))
     rates = [delay_rates(fit, model, moved, setting.choice, setting.drop, channel) for channel in now.delays]
     late = [np.column_stack(columns) for columns in zip(*rates, strict=True)] or [
         np.zeros((len(block.place), 0)) for block in fit.blocks

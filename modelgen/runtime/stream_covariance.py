@@ -14,10 +14,11 @@ import numpy.typing as npt
 
 from modelgen.runtime.chunk import CHUNK_SAMPLES
 from modelgen.runtime.covariance import (
+    KernelSums,
     bandwidth_from_moments,
-    fixed_b_factor,
+    joined_covariance,
     moving_sum,
-    window_power,
+    squared_sums,
     window_width,
 )
 from modelgen.runtime.factor_fit import FactorFit
@@ -66,7 +67,7 @@ class ParzenSums:
         self._width = window_width(bandwidth)
         # before the record there is nothing
         self._tails = [np.zeros((self._width - 1, columns)) for _ in range(2)]
-        self._total = np.zeros((columns, columns))
+        self._total, self._fourth = np.zeros((columns, columns)), np.zeros(columns)
 
     def add(self, psi: FloatArray) -> None:
         """Take in the next instants, shape (count, c)."""
@@ -74,13 +75,15 @@ class ParzenSums:
             joined = np.vstack([tail, psi])
             self._tails[place] = joined[len(joined) - len(tail) :]
             psi = moving_sum(joined, self._width)
-        self._total += psi.T @ psi
+        sums = squared_sums(psi, self._width)
+        self._total += sums.total
+        self._fourth += sums.fourth
 
-    def result(self) -> FloatArray:
-        """Return the sum over what was taken in, shape (c, c)."""
+    def result(self) -> KernelSums:
+        """Return the sums over what was taken in."""
         # the moving sums that begin within the record and end behind it
         self.add(np.zeros((2 * (self._width - 1), len(self._total))))
-        return self._total / window_power(self._width)
+        return KernelSums(self._total, self._fourth)
 
 
 def stream_hac_covariance(fit: FactorFit, tasks: Sequence[Task]) -> FloatArray:
@@ -91,18 +94,18 @@ def stream_hac_covariance(fit: FactorFit, tasks: Sequence[Task]) -> FloatArray:
     series = [_kept(fit, index, task) for index, task in enumerate(tasks)]
     found = []
     for one in series:
-        sums = MomentSums(len(fit.columns))
+        moments = MomentSums(len(fit.columns))
         for psi in one():
-            sums.add(psi)
-        found.append(sums.result())
+            moments.add(psi)
+        found.append(moments.result())
     bandwidth = bandwidth_of(found)
-    total = np.zeros((len(fit.columns), len(fit.columns)))
+    sums = []
     for one in series:
         squares = ParzenSums(len(fit.columns), bandwidth)
         for psi in one():
             squares.add(psi)
-        total += squares.result()
-    return total * inflation(fit, found)
+        sums.append(squares.result())
+    return covariance_from_sums(fit, found, sums)
 
 
 def bandwidth_of(found: Sequence[Moments]) -> float:
@@ -112,10 +115,10 @@ def bandwidth_of(found: Sequence[Moments]) -> float:
     return bandwidth_from_moments(power, product, max(one.n for one in found))
 
 
-def inflation(fit: FactorFit, found: Sequence[Moments]) -> float:
-    """Return by how much the sums of all records grow for degrees of freedom and small samples."""
+def covariance_from_sums(fit: FactorFit, found: Sequence[Moments], sums: Sequence[KernelSums]) -> FloatArray:
+    """Return the covariance, shape (c, c), from what all records gave."""
     lost = fit.samples / (fit.samples - len(fit.columns))
-    return lost * fixed_b_factor(bandwidth_of(found), sum(one.n for one in found))
+    return lost * joined_covariance(sums, bandwidth_of(found), sum(one.n for one in found))
 
 
 def influence_chunks(fits: Sequence[tuple[FactorFit, int]], task: Task) -> Iterator[list[FloatArray]]:

@@ -32,12 +32,17 @@ class Whitener:
     predictors: tuple[FloatArray, ...]
     variances: tuple[float, ...]
 
+    @property
+    def order(self) -> int:
+        """The order of the autoregression."""
+        return len(self.predictors) - 1
+
     def __call__(self, samples: FloatArray, place: IntArray) -> FloatArray:
         """Return samples at places of a grid, shape (n,) or (n, c), with the residual's colour taken off.
 
         The first samples after a gap are predicted from the fewer that there are.
         """
-        order = len(self.predictors) - 1
+        order = self.order
         white = np.empty(samples.shape)
         for run in runs_of(place):
             x = samples[run]

@@ -78,6 +78,8 @@ class Fit:
     series : tuple of array
         What each instant of each record contributes to X's error, shape (grid, columns), where it does not
         follow from the residuals and regressors.
+    lost : int
+        Degrees of freedom that went into making the rows white, beside the columns.
     linear : Fit, optional
         The fit, linear at the estimate and without bounds, that this one was carried over from (physical
         parameters fitted in place of composites).
@@ -93,6 +95,7 @@ class Fit:
     projected: tuple[FloatArray, ...] = ()
     delays: tuple[tuple[str, float, float], ...] = ()
     series: tuple[FloatArray, ...] = ()
+    lost: int = 0
     linear: Fit | None = None
 
     @property

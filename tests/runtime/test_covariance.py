@@ -88,6 +88,18 @@ def test_intervals_hold_the_truth_as_often_as_they_say(rho: float, covered: tupl
     assert (np.mean(printed_hits, axis=0) < 0.75).all() == (rho > 0.0)
 
 
+def test_a_parameter_that_few_instants_tell_of_has_an_honest_interval() -> None:
+    rng = np.random.default_rng(6)
+    # twelve instants of six hundred say nearly everything about the second column
+    W = np.column_stack([np.ones(600), np.where(np.arange(600) % 50 == 0, 1.0, 0.01)])
+    hits = []
+    for _ in range(1500):
+        fit = fit_of(W, W @ np.array([1.0, 2.0]) + rng.standard_normal(600))
+        hits.append(abs(fit.solution.x[1] - 2.0) < 1.96 * np.sqrt(hac_covariance(fit)[1, 1]))
+    # counted as six hundred it would be 0.913
+    assert 0.925 < np.mean(hits) < 0.965
+
+
 def test_differentiated_noise_does_not_widen_the_interval_of_a_mean() -> None:
     rng = np.random.default_rng(5)
     found, errors = [], []

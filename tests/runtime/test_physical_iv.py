@@ -123,7 +123,7 @@ def test_what_an_unknown_delay_hides_is_refused_with_all_that_hangs_on_it() -> N
 
 def test_what_no_record_holds_is_named_where_nothing_comes_to_rest() -> None:
     with pytest.raises(IdentifiabilityError, match=r"do not hold J_m, J_c, F_vmc, K: .* above their values"):
-        estimate("table_1", 0, louder=10.0, drift_check=False)
+        estimate("table_1", 2, louder=5.0, drift_check=False)
 
 
 def test_a_row_without_a_force_is_not_biased_by_noise() -> None:

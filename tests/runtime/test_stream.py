@@ -13,7 +13,12 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.channels import RecordChannels, read_continued
 from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.contract import Model, model_from_module, model_from_text
-from modelgen.runtime.covariance import long_run_covariance, window_width
+from modelgen.runtime.covariance import (
+    fixed_b_factor,
+    joined_covariance,
+    long_run_covariance,
+    window_width,
+)
 from modelgen.runtime.data import Record
 from modelgen.runtime.estimate import Estimate
 from modelgen.runtime.factor_fit import fit_factors, with_inverse
@@ -197,7 +202,7 @@ def test_moving_sums_are_the_parzen_kernel(phi: float, pieces: int) -> None:
         psi = rng.standard_normal((n, 3))
         for t in range(1, n):
             psi[t] += phi * psi[t - 1]
-        series.append(psi)
+        series.append(psi * np.exp(-np.arange(n) / 40.0)[:, None])
     moments = []
     for psi in series:
         sums = MomentSums(3)
@@ -205,12 +210,13 @@ def test_moving_sums_are_the_parzen_kernel(phi: float, pieces: int) -> None:
             sums.add(part)
         moments.append(sums.result())
     bandwidth = bandwidth_of(moments)
-    total = np.zeros((3, 3))
+    sums = []
     for psi in series:
         squares = ParzenSums(3, bandwidth)
         for part in np.array_split(psi, pieces):
             squares.add(part)
-        total += squares.result()
+        sums.append(squares.result())
+    total = sums[0].total + sums[1].total
     box = np.ones(window_width(bandwidth))
     triangle = np.convolve(box, box)
     kernel = np.convolve(triangle, triangle)[len(triangle) - 1 :] / (triangle @ triangle)
@@ -221,7 +227,10 @@ def test_moving_sums_are_the_parzen_kernel(phi: float, pieces: int) -> None:
             expected += product if lag == 0 else product + product.T
     np.testing.assert_allclose(total, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
     whole = long_run_covariance(series)
-    np.testing.assert_allclose(whole / whole[0, 0], expected / expected[0, 0], rtol=1e-9, atol=1e-9)
+    joined = joined_covariance(sums, bandwidth, 1300)
+    np.testing.assert_allclose(joined, whole, rtol=1e-9, atol=1e-9 * whole[0, 0])
+    # less than all instants count, in each of the two
+    assert np.all(np.diag(whole) > 1.002 * fixed_b_factor(bandwidth, 1300) * np.diag(expected))
 
 
 def test_a_sample_that_is_not_finite_is_named() -> None:
