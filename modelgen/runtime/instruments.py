@@ -8,7 +8,7 @@ until they agree.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -150,8 +150,13 @@ def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
     return two_stage(replace(fit, weights=tuple(weights), notes=()), Z)
 
 
-def simulation_parameters(model: Model, fit: Fit) -> dict[str, float]:
-    """Return physical parameters for the simulation, nuisances of the fit included; 0 for what it lacks."""
+def simulation_parameters(
+    model: Model, fit: Fit, covariance_of: Callable[[Fit], FloatArray] = hac_covariance
+) -> dict[str, float]:
+    """Return physical parameters for the simulation, nuisances of the fit included; 0 for what it lacks.
+
+    Where there are more composites than physical parameters, `covariance_of` weighs them.
+    """
     base = np.zeros(len(model.base_parameters))
     for name, value in zip(fit.columns, fit.solution.x, strict=True):
         base[model.base_parameters.index(name)] = value
@@ -160,7 +165,7 @@ def simulation_parameters(model: Model, fit: Fit) -> dict[str, float]:
     except np.linalg.LinAlgError as error:
         raise diverged("no physical parameters belong to its estimate") from error
     if model.composites:
-        covariance = hac_covariance(fit)
+        covariance = covariance_of(fit)
         nothing = np.zeros_like(covariance)
         zero = dict.fromkeys(fit.absent, "absent")
         with_gaps = base.copy()

@@ -9,18 +9,27 @@ from re import search
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from modelgen.candidates import spec_model
 from modelgen.errors import IdentifiabilityError
+from modelgen.runtime import physical_start
+from modelgen.runtime.choose import choose_filter
 from modelgen.runtime.contract import Model
+from modelgen.runtime.covariance import printed_covariance
 from modelgen.runtime.data import Record
 from modelgen.runtime.delays import shifted
 from modelgen.runtime.estimate import Estimate
 from modelgen.runtime.identify import identify
+from modelgen.runtime.instruments import Setting, simulation_parameters
+from modelgen.runtime.observation import observe
+from modelgen.runtime.physical_start import physical_starts
 from modelgen.runtime.simulate import simulate
+from modelgen.runtime.wls import Fit, fit_matched
 from modelgen.spec import parse_spec
 
+FloatArray = npt.NDArray[np.float64]
 NOISE = {"q_m": 2e-5, "Gamma_m": 1e-4}
 RECORDS = 8
 SCREW = """
@@ -119,6 +128,25 @@ def test_what_an_unknown_delay_hides_is_refused_with_all_that_hangs_on_it() -> N
     assert "cannot be told from" in found.not_identifiable["J_m"]
     for entry in found.physical_parameters:
         assert abs(entry.value - truth[entry.name]) < 3.5 * entry.std
+
+
+def test_other_weights_give_a_start_where_the_first_lose_a_body(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, records = motor_only("emps300"), noisy("table_2", 0)
+    choice = choose_filter(model, records)
+    setting = Setting(model, records, choice)
+    first = fit_matched(observe(model, records, choice))
+    plain = next(physical_starts(first, setting))
+
+    def lost(fit: Fit) -> FloatArray:
+        raise IdentifiabilityError.at("composites", "belong to no chain under these weights", "take others")
+
+    monkeypatch.setattr(physical_start, "hac_covariance", lost)
+    found = next(physical_starts(first, setting))
+    assert found == simulation_parameters(model, first, lambda fit: printed_covariance(fit)[1])
+    assert found != plain
+    truth = model.parameter_sets["table_2"]
+    for start in (plain, found):
+        assert start == {name: pytest.approx(value, rel=0.3) for name, value in truth.items()}
 
 
 def test_what_no_record_holds_is_named_where_nothing_comes_to_rest() -> None:
