@@ -76,8 +76,8 @@ class KernelSums:
 
 def squared_sums(twice: FloatArray, width: int) -> KernelSums:
     """Return the sums over an influence after its moving sums, shape (n, c)."""
-    power = window_power(width)
-    return KernelSums(twice.T @ twice / power, np.sum(twice**4, axis=0) / power**2)
+    power, squares = window_power(width), twice**2
+    return KernelSums(twice.T @ twice / power, np.einsum("nc,nc->c", squares, squares) / power**2)
 
 
 def joined_covariance(sums: Sequence[KernelSums], bandwidth: float, n: int) -> FloatArray:
