@@ -208,7 +208,7 @@ def examine(
         *one_way_advice(model, one_way, refused),
         *short_records(records, choice, fit, slowest_hz),
         *(() if method.matched else band_above_filter(records, choice)),
-        *null_solution(fit),
+        *null_solution(fit, model, records, choice),
         *negative_values(model, estimate.parameters),
         *dependence_advice(
             dependences(fit, noise + drift), estimate.parameters, percent, dependent_columns(fit, (), drift)

@@ -17,16 +17,13 @@ from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.contract import Model
 from modelgen.runtime.data import Record
 from modelgen.runtime.estimate import Parameter
-from modelgen.runtime.noise_floor import gain
 from modelgen.runtime.reading_spectrum import reading_spectrum
 from modelgen.runtime.residual_colour import channel_terms, response
+from modelgen.runtime.row_noise import noise_band
 from modelgen.runtime.wls import Fit
 
 FloatArray = npt.NDArray[np.float64]
 
-# The noise behind filter and derivatives is integrated over so many frequencies up to this multiple of the
-# cut-off.
-LINES, HIGHEST = 2000, 6.0
 # A pull is worth a word from this share of the value and this many standard deviations of the noise.
 LEAST_SHARE, LEAST_DEVIATIONS = 0.01, 2.0
 # A parameter that is pulled by more than this share of what is left of it is lost.
@@ -43,9 +40,7 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
     densities: dict[tuple[int, str], float] = {}
     for block, weight in zip(fit.blocks, fit.weights, strict=True):
         record = records[block.record]
-        top_hz = min(0.5 * record.fs, HIGHEST * choice.cutoff_hz)
-        frequency_hz = top_hz * (np.arange(LINES) + 0.5) / LINES
-        power = gain(frequency_hz, choice, 0) ** 2 * top_hz / LINES
+        frequency_hz, power = noise_band(record, choice)
         for channel, ways in _ways(model, fit, block.row).items():
             if (block.record, channel) not in densities:
                 spectrum = reading_spectrum(record.signals[channel], record.fs)

@@ -5,23 +5,32 @@ from __future__ import annotations
 from collections.abc import Container, Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from modelgen.errors import DataError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.bounds import POSITIVE_ROLES
+from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.closed_loop import vibration
 from modelgen.runtime.contract import Model
+from modelgen.runtime.data import Record
 from modelgen.runtime.dependence import HIGHEST_INDEX, Dependence
 from modelgen.runtime.estimate import Parameter
 from modelgen.runtime.noise_floor import SignalToNoise
+from modelgen.runtime.observation import RowBlock
 from modelgen.runtime.plant import make_plant
+from modelgen.runtime.row_noise import row_noise
 from modelgen.runtime.wls import Fit, terms_norm
+
+FloatArray = npt.NDArray[np.float64]
 
 # A value this many standard deviations below zero is no chance.
 SIGNIFICANT = 3.0
 # A row without a force that leaves this share of its largest term, or a row that leaves this share of its
 # force, explains nothing.
 NULL_SHARE = 0.9
+# A residual below this multiple of what noise of the sensors gives its row is noise.
+LARGEST_NOISE = 1.5
 # Derivatives with less signal than this above their noise bias least squares visibly.
 LEAST_SNR_DB = 20.0
 
@@ -47,13 +56,21 @@ def slowest_mode_hz(model: Model, physical: Mapping[str, float]) -> float | None
     return float(elastic[0]) if elastic.size else None
 
 
-def null_solution(fit: Fit) -> tuple[Advice, ...]:
-    """Return the rows that the estimate leaves without meaning: run away to zero, or explaining nothing."""
+def null_solution(
+    fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice
+) -> tuple[Advice, ...]:
+    """Return the rows that the estimate leaves without meaning: run away to zero, or explaining nothing.
+
+    A row whose force is hardly more than noise of the sensors has nothing to explain: it weighs next to
+    nothing and does no harm.
+    """
     found = []
     for block, residual in zip(fit.blocks, fit.residuals, strict=True):
         size = float(np.linalg.norm(block.Y)) if block.has_force else terms_norm(block, fit.solution.x)
         left = float(np.linalg.norm(residual)) / size if size > 0.0 else 1.0
         if left < NULL_SHARE:
+            continue
+        if block.has_force and _drowned(fit, block, residual, model, records[block.record], choice):
             continue
         where = f"{block.record_name}, row {block.row_name}"
         if block.has_force:
@@ -64,6 +81,15 @@ def null_solution(fit: Fit) -> tuple[Advice, ...]:
             remedy = "use method iv, lower the noise, or sense a force in that row"
         found.append(Advice("null solution", where, what, remedy))
     return tuple(found)
+
+
+def _drowned(
+    fit: Fit, block: RowBlock, residual: FloatArray, model: Model, record: Record, choice: FilterChoice
+) -> bool:
+    x = np.zeros(len(model.base_parameters))
+    x[[model.base_parameters.index(name) for name in fit.columns]] = fit.solution.x
+    rms = float(np.sqrt(np.mean(residual**2)))
+    return rms < LARGEST_NOISE * row_noise(model, record, choice, block.row, x)
 
 
 def negative_values(model: Model, parameters: Sequence[Parameter]) -> tuple[Advice, ...]:

@@ -5,18 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from generated import emps300_qm_qc
+from generated import emps300_qm_ac, emps300_qm_qc
+from modelgen.runtime.choose import FilterChoice
 from modelgen.runtime.contract import model_from_module
 from modelgen.runtime.data import Record
 from modelgen.runtime.estimate import Parameter
 from modelgen.runtime.identify import identify
+from modelgen.runtime.observation import observe
 from modelgen.runtime.parameter_guards import (
     negative_values,
     null_solution,
     slowest_mode_hz,
     uncertain_parameters,
 )
-from tests.runtime.rigid_motion import FS, RIGID, SETTINGS, kinds, rigid_record, swings
+from modelgen.runtime.row_noise import row_noise
+from modelgen.runtime.simulate import simulate
+from tests.runtime.rigid_motion import CHOICE, FS, RIGID, SETTINGS, kinds, rigid_record, swings
 from tests.runtime.test_judge import observation
 
 TWO_MASS = model_from_module(emps300_qm_qc)
@@ -92,15 +96,43 @@ def test_a_row_that_is_explained_by_nothing_is_the_null_solution() -> None:
     assert "mixed, row m" in advice.where
 
 
+def test_a_row_that_noise_drowns_is_no_null_solution() -> None:
+    model = model_from_module(emps300_qm_ac)
+    noise, truth = {"q_m": 2e-5, "a_c": 20.0, "Gamma_m": 1e-3}, model.parameter_sets["light"]
+    records = [
+        simulate(model, truth, kind, fs=5000.0, duration_s=1.0, noise=noise, seed=seed).record
+        for seed, kind in enumerate(("chirp", "trapezoid"))
+    ]
+    estimate = identify(model, records, drift_check=False)
+    (row,) = [one for one in estimate.rows if (one.record, one.row) == ("trapezoid", "m")]
+    assert row.relative_error is not None
+    assert row.relative_error > 0.95
+    assert "null solution" not in kinds(estimate)
+
+
+def test_the_noise_of_a_row_is_that_of_a_record_of_noise_alone() -> None:
+    model, spread = model_from_module(emps300_qm_ac), {"q_m": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
+    truth = model.base_from_physical({**model.parameter_sets["light"], "F_sm": 0.0})
+    rng, samples = np.random.default_rng(2), 60_000
+    signals = {key: std * rng.standard_normal(samples) for key, std in spread.items()}
+    # at a steady speed: no sample is near a reversal, and only the mean of a row is not noise
+    signals["q_m"] += 10.0 * np.arange(samples) / 5000.0
+    record = Record(signals, 5000.0, "noise")
+    choice = FilterChoice(6, 200.0, 100.0, (1,), 100.0, 100.0, (), (), ())
+    for block in observe(model, [record], choice).blocks:
+        left = np.std(block.Y - block.W @ truth)
+        assert row_noise(model, record, choice, block.row, truth) == pytest.approx(left, rel=0.05)
+
+
 def test_a_load_row_that_noise_pulls_to_zero_is_named() -> None:
     from modelgen.runtime.wls import fit_paper
 
     rows = observation()
     fit = fit_paper(rows)
-    assert null_solution(fit) == ()
+    assert null_solution(fit, TWO_MASS, (), CHOICE) == ()
     noise = np.random.default_rng(3).standard_normal(rows.blocks[1].W.shape)
     drowned = replace(rows.blocks[1], W=rows.blocks[1].W * 1e-3 + noise * (rows.blocks[1].W != 0.0))
     lost = fit_paper(replace(rows, blocks=(rows.blocks[0], drowned)))
-    (advice,) = null_solution(lost)
+    (advice,) = null_solution(lost, TWO_MASS, (), CHOICE)
     assert advice.where == "run, row c"
     assert "noise pulls it to zero" in advice.what
