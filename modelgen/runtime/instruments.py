@@ -157,9 +157,7 @@ def simulation_parameters(
 
     Where there are more composites than physical parameters, `covariance_of` weighs them.
     """
-    base = np.zeros(len(model.base_parameters))
-    for name, value in zip(fit.columns, fit.solution.x, strict=True):
-        base[model.base_parameters.index(name)] = value
+    base = fit.all_parameters(model.base_parameters)
     try:
         found = dict(model.physical_from_base(base))
     except np.linalg.LinAlgError as error:

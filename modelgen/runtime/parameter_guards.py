@@ -86,8 +86,8 @@ def null_solution(
 def _drowned(
     fit: Fit, block: RowBlock, residual: FloatArray, model: Model, record: Record, choice: FilterChoice
 ) -> bool:
-    x = np.zeros(len(model.base_parameters))
-    x[[model.base_parameters.index(name) for name in fit.columns]] = fit.solution.x
+    """Tell whether what a row leaves is hardly more than noise of the sensors."""
+    x = fit.all_parameters(model.base_parameters)
     rms = float(np.sqrt(np.mean(residual**2)))
     return rms < LARGEST_NOISE * row_noise(model, record, choice, block.row, x)
 

@@ -93,9 +93,7 @@ def residual_tests(
     period_s: Mapping[str, float],
 ) -> tuple[ResidualTest, ...]:
     """Test the residual of every row on every record; `period_s` names the periodic records' periods in s."""
-    x = np.zeros(len(model.base_parameters))
-    for name, value in zip(fit.columns, fit.solution.x, strict=True):
-        x[model.base_parameters.index(name)] = value
+    x = fit.all_parameters(model.base_parameters)
     found = []
     parts = zip(fit.blocks, fit.residuals, fit.regressors, strict=True)
     for block, residual, regressor in parts:

@@ -123,6 +123,11 @@ class Fit:
         values = dict(zip(self.linear.columns, self.linear.solution.x.tolist(), strict=True))
         return {name: values[name] for name in names}
 
+    def all_parameters(self, names: Sequence[str]) -> FloatArray:
+        """Return the solution in the order of these names, zero for those that are no columns of the fit."""
+        values = dict(zip(self.columns, self.solution.x.tolist(), strict=True))
+        return np.array([values.get(name, 0.0) for name in names])
+
     @property
     def relative_error(self) -> float:
         """Norm of Y - W X relative to that of Y, both weighted."""

@@ -95,8 +95,8 @@ def test_spikes_of_an_encoder_weigh_less() -> None:
             ]
             assert any(note.startswith("robust (Huber") for note in estimate.notes) == bool(robust)
     plain, weighed = (np.sqrt(np.mean(np.square(found), axis=0)) for found in errors.values())
-    # J_m gains least: the rows' whitening has taken most of the spikes out of the band that it is seen in
-    assert np.all(weighed < 0.85 * plain)
+    # J_m gains least: without weights it is off by a tenth of what the others are
+    assert np.all(weighed < np.array([0.85, 0.6, 0.6, 0.6]) * plain)
     assert np.mean(weighed / plain) < 0.65
     assert np.mean(spreads["huber"]) < 0.7 * np.mean(spreads[None])
 
