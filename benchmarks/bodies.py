@@ -32,16 +32,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from throughput import CUTOFF_HZ, EDGE, FACTOR, FS, HAS_NUMBA, ORDER, compared, processor_seconds
 
-import modelgen.spec
+import modelgen.spec.load
 from modelgen.render.view import model_view
 from modelgen.render.writer import render
-from modelgen.runtime.contract import Model, model_from_text
-from modelgen.runtime.filtering import paper_filtering
-from modelgen.runtime.frontal import solve_banded
-from modelgen.runtime.record_factors import Task, record_factors
-from modelgen.runtime.signal_plan import signal_plan
+from modelgen.runtime.model.model import Model, model_from_text
+from modelgen.runtime.numerics.banded_least_squares import solve_banded
+from modelgen.runtime.rows.filter_sections import paper_filtering
+from modelgen.runtime.rows.record_factors import Task, record_factors
+from modelgen.runtime.rows.signal_plan import signal_plan
 from modelgen.symbolic.base_parameters import base_model
-from modelgen.symbolic.newton import motion_equations
+from modelgen.symbolic.equations.newton import motion_equations
 from modelgen.symbolic.rows import identification_rows
 
 FloatArray = npt.NDArray[np.float64]
@@ -65,7 +65,7 @@ class Signals:
 
 def chain_model(bodies: int) -> Model:
     """Return a chain of so many bodies, every position sensed, every body actuated."""
-    modelgen.spec.MAX_BYTES = 10**9
+    modelgen.spec.load.MAX_BYTES = 10**9
     lines = ["[chain]", 'name = "c"', 'motion = "rotation"']
     for i in range(bodies):
         lines += ["[[bodies]]", f'name = "b{i}"', f'inertia = "J{i}"', f'viscous = "F{i}"']
@@ -73,7 +73,7 @@ def chain_model(bodies: int) -> Model:
     for i in range(bodies - 1):
         lines += ["[[links]]", f'bodies = ["b{i}", "b{i + 1}"]', f'stiffness = "K{i}"', f'damping = "D{i}"']
     lines += ["[sensors.s]"] + [f'q{i} = {{ body = "b{i}", measures = "position" }}' for i in range(bodies)]
-    spec = modelgen.spec.parse_spec("\n".join(lines), "c.toml")
+    spec = modelgen.spec.load.parse_spec("\n".join(lines), "c.toml")
     rows = identification_rows(motion_equations(spec), "s")
     return model_from_text(render(model_view(base_model(rows))), "chain")
 

@@ -29,16 +29,16 @@ from pathlib import Path
 
 import numpy as np
 
-from modelgen.candidates import spec_model
+from modelgen.cli.candidates import spec_model
 from modelgen.errors import ModelgenError
-from modelgen.runtime.contract import Model
-from modelgen.runtime.data import Record
-from modelgen.runtime.default_excitation import default_excitation, default_force
-from modelgen.runtime.identify import identify
-from modelgen.runtime.plant import make_plant
-from modelgen.runtime.readings import encoder_step
-from modelgen.runtime.simulate import simulate
-from modelgen.spec import parse_spec
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.default_excitation import default_excitation, default_force
+from modelgen.runtime.simulation.plant import make_plant
+from modelgen.runtime.simulation.sensor_readings import encoder_step
+from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import parse_spec
 
 NOISE = {"q_m": 2e-5, "q_c": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
 POSITIONS = ("q_m", "q_c")

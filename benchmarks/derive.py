@@ -18,13 +18,13 @@ from collections.abc import Callable
 import sympy as sp
 from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 
-from modelgen.chain import ChainSpec
 from modelgen.render.view import model_view
 from modelgen.render.writer import render
-from modelgen.spec import parse_spec
+from modelgen.spec.chain import ChainSpec
+from modelgen.spec.load import parse_spec
 from modelgen.symbolic.base_parameters import base_model
-from modelgen.symbolic.newton import motion_equations
-from modelgen.symbolic.row import IdentificationRows
+from modelgen.symbolic.equations.newton import motion_equations
+from modelgen.symbolic.equations.row import IdentificationRows
 from modelgen.symbolic.rows import identification_rows
 
 
@@ -113,9 +113,9 @@ def main() -> None:
 
 def chain_of(bodies: int) -> ChainSpec:
     """Return a long chain; the reader's limit on the size of a file does not concern the derivation."""
-    import modelgen.spec
+    import modelgen.spec.load
 
-    modelgen.spec.MAX_BYTES = 10**9
+    modelgen.spec.load.MAX_BYTES = 10**9
     return chain(bodies)
 
 

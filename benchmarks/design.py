@@ -13,14 +13,14 @@ from __future__ import annotations
 
 import argparse
 
-from modelgen.arguments import load_chain
-from modelgen.candidates import Candidates, candidate_models, spec_model
-from modelgen.chain import Sensor
-from modelgen.runtime.design import judge_set, rank
-from modelgen.runtime.excitation_design import optimise
-from modelgen.runtime.experiment import experiment
-from modelgen.runtime.instrument import Instrument
-from modelgen.runtime.monte_carlo import Spread, misorders, monte_carlo, worst_spread
+from modelgen.cli.arguments import load_chain
+from modelgen.cli.candidates import Candidates, candidate_models, spec_model
+from modelgen.runtime.planning.monte_carlo import Spread, misorders, monte_carlo, worst_spread
+from modelgen.runtime.planning.optimal_excitation import optimise
+from modelgen.runtime.planning.planned_experiment import experiment
+from modelgen.runtime.planning.sensor_set_ranking import judge_set, rank
+from modelgen.runtime.simulation.instrument import Instrument
+from modelgen.spec.chain import Sensor
 
 NOISE = {"q": 2e-5, "v": 0.01, "a": 2.0, "G": 1e-4}
 MEASURES = {"q": "position", "v": "velocity", "a": "acceleration"}

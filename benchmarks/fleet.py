@@ -5,7 +5,7 @@
 Writes one record to .npy files (deleted afterwards) that 200 records of 20 machines share under different
 names, then identifies the fleet with one and with two workers, BLAS at one thread each; runs alternate,
 medians are compared. The estimates must not depend on the number of workers. Each run is told on stderr when
-it is over; workers that stand still end the program with a message (`modelgen.runtime.fleet_cluster.Watch`).
+it is over; workers that stand still end the program with a message (`Watch` in `runtime.fleet.dask_cluster`).
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from memory import CHANNELS, write_record
 from throughput import FS, GENERATED
 
-from modelgen.runtime.fleet import FleetEstimate, FleetRecord, identify_fleet
-from modelgen.runtime.fleet_cluster import fleet_client
-from modelgen.runtime.mapped import open_npy
+from modelgen.runtime.files.npy_channels import open_npy
+from modelgen.runtime.fleet.dask_cluster import fleet_client
+from modelgen.runtime.fleet.identify_fleet import FleetEstimate, FleetRecord, identify_fleet
 
 
 def identified(client: Any, records: list[FleetRecord]) -> FleetEstimate:

@@ -15,16 +15,16 @@ from pathlib import Path
 
 from PIL import Image, ImageChops
 
-from modelgen.figure import draw_forces
+from modelgen.cli.figure import draw_forces
+from modelgen.cli.write_report import force_panels, sensor_set_rows
 from modelgen.render.writer import generate
 from modelgen.report.page import report_page
-from modelgen.reporting import force_panels, sensor_set_rows
-from modelgen.runtime.closed_loop import PositionVelocityController
-from modelgen.runtime.contract import model_from_text
-from modelgen.runtime.identify import identify
-from modelgen.runtime.simulate import record_with_reference, simulate
-from modelgen.runtime.validate import validate
-from modelgen.spec import catalog_path, load_spec
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.model import model_from_text
+from modelgen.runtime.simulation.closed_loop import PositionVelocityController
+from modelgen.runtime.simulation.simulate import record_with_reference, simulate
+from modelgen.runtime.simulation.validate import validate
+from modelgen.spec.load import catalog_path, load_spec
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 NOISE = {"q_m": 2e-6, "a_c": 0.5, "Gamma_m": 1e-4}

@@ -34,14 +34,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from throughput import FS, by_hand, made_record, processor_seconds, two_bodies
 
-from modelgen.runtime.data import Record
-from modelgen.runtime.estimate import Estimate
-from modelgen.runtime.factor_fit import fit_factors
-from modelgen.runtime.identify import identify
-from modelgen.runtime.mapped import open_npy
-from modelgen.runtime.record_factors import matched_task, record_factors
-from modelgen.runtime.stream import identify_stream, stream_choice
-from modelgen.runtime.stream_covariance import stream_hac_covariance
+from modelgen.runtime.files.npy_channels import open_npy
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.identify_stream import identify_stream, stream_choice
+from modelgen.runtime.least_squares.hac_covariance_chunks import stream_hac_covariance
+from modelgen.runtime.least_squares.triangle_fit import fit_factors
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.rows.record_factors import matched_task, record_factors
 
 CHANNELS = ("q_m", "q_c", "Gamma_m")
 PIECE = 1_000_000

@@ -19,10 +19,10 @@ from pathlib import Path
 
 from modelgen.render.writer import generate
 from modelgen.report.page import report_page
-from modelgen.runtime.contract import model_from_text
-from modelgen.runtime.identify import identify
-from modelgen.runtime.simulate import simulate
-from modelgen.spec import catalog_path, load_spec
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.model import model_from_text
+from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import catalog_path, load_spec
 
 SAMPLES = 1_000_000
 RUNS = 5

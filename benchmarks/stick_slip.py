@@ -24,11 +24,15 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from generated import emps300_qm_qc
-from modelgen.runtime.closed_loop import PositionVelocityController, closed_loop, default_controller
-from modelgen.runtime.contract import model_from_module
-from modelgen.runtime.flow import Trajectory
-from modelgen.runtime.plant import Plant, make_plant
-from modelgen.runtime.stick_slip import integrate
+from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.simulation.closed_loop import (
+    PositionVelocityController,
+    closed_loop,
+    default_controller,
+)
+from modelgen.runtime.simulation.plant import Plant, make_plant
+from modelgen.runtime.stick_slip.exact_steps import integrate
+from modelgen.runtime.stick_slip.hybrid_system import Trajectory
 
 FS = 2000.0
 DURATION_S = 10.0

@@ -31,14 +31,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.channels import RecordChannels
-from modelgen.runtime.contract import Model, load_model
-from modelgen.runtime.data import Record
-from modelgen.runtime.filtering import paper_filtering
-from modelgen.runtime.frontal import solve_banded
-from modelgen.runtime.record_factors import Task, record_factors
-from modelgen.runtime.signal_plan import signal_plan
-from modelgen.runtime.usable_threads import usable_threads
+from modelgen.runtime.model.model import Model, load_model
+from modelgen.runtime.numerics.banded_least_squares import solve_banded
+from modelgen.runtime.numerics.threads import usable_threads
+from modelgen.runtime.records.channels import RecordChannels
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.filter_sections import paper_filtering
+from modelgen.runtime.rows.record_factors import Task, record_factors
+from modelgen.runtime.rows.signal_plan import signal_plan
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -13,12 +13,12 @@ import argparse
 from pathlib import Path
 
 from generated import emps_rigid_asymmetric_qm, emps_rigid_qm
-from modelgen.runtime.closed_loop import PositionVelocityController
-from modelgen.runtime.contract import model_from_module
-from modelgen.runtime.drive import Drive
-from modelgen.runtime.identify import identify
-from modelgen.runtime.read import read_record
-from modelgen.runtime.validate import split, validate
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.records.read_record import read_record
+from modelgen.runtime.simulation.closed_loop import PositionVelocityController
+from modelgen.runtime.simulation.drive import Drive
+from modelgen.runtime.simulation.validate import split, validate
 
 PUBLISHED = {"position": 0.01375, "velocity": 0.229, "acceleration": 8.60, "force": 5.85}
 COLUMNS = {"q_m": "qm", "F": "vir", "reference": "qg"}

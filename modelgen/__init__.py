@@ -25,16 +25,16 @@ if TYPE_CHECKING:
         SpecError,
     )
     from modelgen.render.writer import generate
-    from modelgen.runtime.contract import load_model
-    from modelgen.runtime.control_export import control_system
-    from modelgen.runtime.data import Record
-    from modelgen.runtime.estimate import Estimate
-    from modelgen.runtime.estimator import ChainEstimator
-    from modelgen.runtime.frame import record_from_frame
-    from modelgen.runtime.identify import identify
-    from modelgen.runtime.read import read_record
-    from modelgen.runtime.simulate import simulate
-    from modelgen.spec import load_spec
+    from modelgen.runtime.identification.identify import identify
+    from modelgen.runtime.identification.sklearn_estimator import ChainEstimator
+    from modelgen.runtime.model.control_export import control_system
+    from modelgen.runtime.model.model import load_model, model_from_module
+    from modelgen.runtime.records.dataframe import record_from_frame
+    from modelgen.runtime.records.read_record import read_record
+    from modelgen.runtime.records.record import Record
+    from modelgen.runtime.results.estimate import Estimate
+    from modelgen.runtime.simulation.simulate import simulate
+    from modelgen.spec.load import load_spec
     from modelgen.symbolic.pipeline import build
 
 __version__ = "0.1.0"
@@ -55,30 +55,32 @@ __all__ = [
     "identify",
     "load_model",
     "load_spec",
+    "model_from_module",
     "read_record",
     "record_from_frame",
     "simulate",
 ]
 
 _HOMES = {
-    "ChainEstimator": "modelgen.runtime.estimator",
+    "ChainEstimator": "modelgen.runtime.identification.sklearn_estimator",
     "DataError": "modelgen.errors",
-    "Estimate": "modelgen.runtime.estimate",
+    "Estimate": "modelgen.runtime.results.estimate",
     "IdentifiabilityError": "modelgen.errors",
     "ModelError": "modelgen.errors",
     "ModelgenError": "modelgen.errors",
-    "Record": "modelgen.runtime.data",
+    "Record": "modelgen.runtime.records.record",
     "RenderError": "modelgen.errors",
     "SpecError": "modelgen.errors",
     "build": "modelgen.symbolic.pipeline",
-    "control_system": "modelgen.runtime.control_export",
+    "control_system": "modelgen.runtime.model.control_export",
     "generate": "modelgen.render.writer",
-    "identify": "modelgen.runtime.identify",
-    "load_model": "modelgen.runtime.contract",
-    "load_spec": "modelgen.spec",
-    "read_record": "modelgen.runtime.read",
-    "record_from_frame": "modelgen.runtime.frame",
-    "simulate": "modelgen.runtime.simulate",
+    "identify": "modelgen.runtime.identification.identify",
+    "load_model": "modelgen.runtime.model.model",
+    "load_spec": "modelgen.spec.load",
+    "model_from_module": "modelgen.runtime.model.model",
+    "read_record": "modelgen.runtime.records.read_record",
+    "record_from_frame": "modelgen.runtime.records.dataframe",
+    "simulate": "modelgen.runtime.simulation.simulate",
 }
 
 

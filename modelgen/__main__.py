@@ -8,7 +8,7 @@ import sys
 def run() -> None:
     """Run the command line; Ctrl-C while it is still being imported ends it as it does later."""
     try:
-        from modelgen.cli import main
+        from modelgen.cli.main import main
 
         main()
     except KeyboardInterrupt:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from modelgen.runtime.data import Record
+from modelgen.runtime.records.record import Record
 from tests.runtime import measured_records
 
 

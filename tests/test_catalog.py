@@ -11,7 +11,7 @@ import pytest
 from jinja2 import Environment, StrictUndefined
 
 from modelgen.errors import SpecError
-from modelgen.spec import ChainSpec, catalog_names, catalog_path, load_spec, parse_spec
+from modelgen.spec.load import ChainSpec, catalog_names, catalog_path, load_spec, parse_spec
 
 NAMES = ("emps300", "emps_rigid", "emps_rigid_asymmetric", "three_mass", "tree", "two_mass_bench")
 

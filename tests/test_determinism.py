@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 
 from generated import emps300_qm_ac, emps300_qm_qc
-from modelgen.runtime.choose import choose_filter
-from modelgen.runtime.contract import Model, model_from_module
-from modelgen.runtime.covariance import hac_covariance
-from modelgen.runtime.data import Record
-from modelgen.runtime.estimate import Estimate
-from modelgen.runtime.identify import identify
-from modelgen.runtime.methods import METHODS, Job
-from modelgen.runtime.observation import Observation, RowBlock
-from modelgen.runtime.simulate import simulate
-from modelgen.runtime.stream import identify_stream
-from modelgen.runtime.wls import fit_matched
-from modelgen.runtime.write import write_record
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.identify_stream import identify_stream
+from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.write_record import write_record
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.simulation.simulate import simulate
 
 ROOT = Path(__file__).resolve().parents[1]
 SETTINGS: dict[str, Any] = {

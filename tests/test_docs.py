@@ -16,8 +16,8 @@ from typing import NamedTuple
 import pytest
 from typer.testing import CliRunner
 
-from modelgen.cli import app
-from modelgen.examples import EXAMPLES
+from modelgen.cli.examples import EXAMPLES
+from modelgen.cli.main import app
 
 # what dask's local clusters leave behind
 pytestmark = [

@@ -8,8 +8,8 @@ import re
 import pytest
 from rich.console import Console
 
+from modelgen.cli.output import explain
 from modelgen.errors import Problem
-from modelgen.output import explain
 from modelgen.progress import counted, shown
 
 

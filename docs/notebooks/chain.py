@@ -84,8 +84,8 @@ for name, true in spec.parameter_sets["bench"].items():
 # %%
 from IPython.display import Image
 
-from modelgen.figure import draw_forces
-from modelgen.reporting import force_panels
+from modelgen.cli.figure import draw_forces
+from modelgen.cli.write_report import force_panels
 
 draw_forces(force_panels(model, records, estimate), folder / "torque.png")
 Image(folder / "torque.png")

@@ -10,14 +10,14 @@ from dataclasses import replace
 import pandas
 
 import modelgen
-from modelgen.candidates import spec_model
-from modelgen.runtime.closed_loop import PositionVelocityController
-from modelgen.runtime.design import cheapest, judge_set, rank
-from modelgen.runtime.experiment import experiment
-from modelgen.runtime.instrument import Instrument
-from modelgen.runtime.monte_carlo import monte_carlo
-from modelgen.runtime.validate import validate
-from modelgen.spec import catalog_path
+from modelgen.cli.candidates import spec_model
+from modelgen.runtime.planning.monte_carlo import monte_carlo
+from modelgen.runtime.planning.planned_experiment import experiment
+from modelgen.runtime.planning.sensor_set_ranking import cheapest, judge_set, rank
+from modelgen.runtime.simulation.closed_loop import PositionVelocityController
+from modelgen.runtime.simulation.instrument import Instrument
+from modelgen.runtime.simulation.validate import validate
+from modelgen.spec.load import catalog_path
 
 spec = modelgen.load_spec(catalog_path("emps300"))
 true = spec.parameter_sets["light"]

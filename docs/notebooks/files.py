@@ -9,11 +9,11 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import modelgen
-from modelgen.importing import describe_file, import_lines
+from modelgen.cli.import_file import describe_file, import_lines
 from modelgen.report.page import report_page
-from modelgen.runtime.contract import model_from_text
-from modelgen.runtime.read import read
-from modelgen.spec import catalog_path
+from modelgen.runtime.model.model import model_from_text
+from modelgen.runtime.records.read_record import read
+from modelgen.spec.load import catalog_path
 
 spec = modelgen.load_spec(catalog_path("emps300"))
 model = model_from_text(modelgen.generate(spec, "qm_ac"), "emps300_qm_ac")

@@ -12,8 +12,8 @@ import numpy as np
 import pandas
 
 import modelgen
-from modelgen.runtime.contract import model_from_text
-from modelgen.spec import catalog_path
+from modelgen.runtime.model.model import model_from_text
+from modelgen.spec.load import catalog_path
 
 spec = modelgen.load_spec(catalog_path("emps300"))
 true = spec.parameter_sets["table_1"]

@@ -11,10 +11,10 @@ from tempfile import mkdtemp
 import numpy as np
 
 import modelgen
-from modelgen.runtime.contract import model_from_text
-from modelgen.runtime.mapped import open_npy
-from modelgen.runtime.stream import identify_stream
-from modelgen.spec import catalog_path
+from modelgen.runtime.files.npy_channels import open_npy
+from modelgen.runtime.identification.identify_stream import identify_stream
+from modelgen.runtime.model.model import model_from_text
+from modelgen.spec.load import catalog_path
 
 spec = modelgen.load_spec(catalog_path("emps300"))
 model = model_from_text(modelgen.generate(spec, "qm_ac"), "emps300_qm_ac")

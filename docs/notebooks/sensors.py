@@ -7,8 +7,8 @@
 import pandas
 
 import modelgen
-from modelgen.spec import catalog_path
-from modelgen.symbolic.overview import every_subset, overview
+from modelgen.spec.load import catalog_path
+from modelgen.symbolic.sensor_set_overview import every_subset, overview
 
 spec = modelgen.load_spec(catalog_path("three_mass"))
 print(spec.title)

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 from modelgen.render.view import column_units
 from modelgen.symbolic.base_parameters import BaseModel
-from modelgen.symbolic.newton import motion_equations
-from modelgen.symbolic.row import Feature, Row
-from modelgen.symbolic.state_space import Entry, StateSpace, state_space
+from modelgen.symbolic.equations.newton import motion_equations
+from modelgen.symbolic.equations.row import Feature, Row
+from modelgen.symbolic.equations.state_space import Entry, StateSpace, state_space
 
 Sum = tuple[tuple[float, str], ...]
 

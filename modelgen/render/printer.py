@@ -6,7 +6,7 @@ import pprint
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 
-from modelgen.symbolic.signals import Exact
+from modelgen.symbolic.equations.signals import Exact
 
 WIDTH = 100
 

@@ -10,14 +10,14 @@ from fractions import Fraction
 from sympy.polys.rings import PolyElement
 
 from modelgen.render.printer import literal, weighted_sum
-from modelgen.spec import ChainSpec, Sensor
+from modelgen.spec.load import ChainSpec, Sensor
+from modelgen.spec.units import Motion, force_unit, signal_unit
 from modelgen.symbolic.base_parameters import BaseModel, BaseParameter
-from modelgen.symbolic.newton import motion_equations
-from modelgen.symbolic.row import Feature, IdentificationRows, NeededSignal, Row
-from modelgen.symbolic.signals import Exact
-from modelgen.symbolic.state_space import Entry, Output, StateSpace, state_space
-from modelgen.symbolic.sums import levers
-from modelgen.units import Motion, force_unit, signal_unit
+from modelgen.symbolic.equations.equation_sums import levers
+from modelgen.symbolic.equations.newton import motion_equations
+from modelgen.symbolic.equations.row import Feature, IdentificationRows, NeededSignal, Row
+from modelgen.symbolic.equations.signals import Exact
+from modelgen.symbolic.equations.state_space import Entry, Output, StateSpace, state_space
 
 CONTRACT_VERSION = 1
 SAFE_FILE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}\Z")

@@ -9,10 +9,10 @@ from typing import Literal, NamedTuple
 
 from modelgen.atomic_write import check_place, make_folder, place_within, write_whole
 from modelgen.errors import Problem, RenderError
-from modelgen.module_check import has_header, module_text, seal, source_problems
+from modelgen.generated_module.module_check import has_header, module_text, seal, source_problems
 from modelgen.render.environment import environment
 from modelgen.render.view import ModelView, model_view
-from modelgen.spec import ChainSpec
+from modelgen.spec.load import ChainSpec
 from modelgen.symbolic.pipeline import build
 
 
@@ -29,7 +29,8 @@ def render(view: ModelView) -> str:
     Raises
     ------
     RenderError
-        If the text is not one that modelgen would execute (`modelgen.allow_list`): it is never written.
+        If the text is not one that modelgen would execute (`modelgen.generated_module.allow_list`): it is
+        never written.
     """
     fields = {field.name: getattr(view, field.name) for field in dataclasses.fields(view)}
     text = seal(environment().get_template("module.py.j2").render(fields))

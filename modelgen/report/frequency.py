@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.contract import Model, Sensor
-from modelgen.runtime.data import Record
-from modelgen.runtime.estimate import Estimate
+from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]

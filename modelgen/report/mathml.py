@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from markupsafe import Markup, escape
 
-from modelgen.runtime.contract import Feature, Model, Terms
+from modelgen.runtime.model.model import Feature, Model, Terms
 
 GREEK = {
     "alpha": "α",

@@ -33,13 +33,14 @@ from modelgen.report.plots import (
 )
 from modelgen.report.rebuilt import Rebuilt, autocorrelation, rebuild
 from modelgen.report.scan_plot import scan_plots
-from modelgen.runtime.check_lines import check_tables
-from modelgen.runtime.contract import Model
-from modelgen.runtime.data import Record
-from modelgen.runtime.estimate import Estimate, Parameter
-from modelgen.runtime.read import Reading
-from modelgen.runtime.summary import INTERVAL_KINDS
-from modelgen.runtime.validate import Validation
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.records.read_record import Reading
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.check_tables import check_tables
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.results.summary import INTERVAL_KINDS
+from modelgen.runtime.simulation.validate import Validation
 
 Description = dict[str, Any]
 

@@ -13,9 +13,9 @@ from modelgen.report.envelope import encoded_series
 from modelgen.report.frequency import Response
 from modelgen.report.rebuilt import Autocorrelation, Rebuilt
 from modelgen.report.svg import Axis, Line, axis_for, bar_plot, heat_map, line_plot, stem_plot
-from modelgen.runtime.estimate import Estimate
-from modelgen.runtime.filters import support_samples
-from modelgen.runtime.validate import Validation
+from modelgen.runtime.filters.zero_phase import support_samples
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.simulation.validate import Validation
 
 # 16-bit values the page may carry in all: 3.2 MB of base64
 BUDGET = 1_200_000

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.contract import Model
-from modelgen.runtime.data import Record
-from modelgen.runtime.estimate import Estimate
-from modelgen.runtime.filtered_record import FilteredRecord
-from modelgen.runtime.observation import RowBlock, observe
-from modelgen.runtime.pham2002 import observe_paper
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.rows.filtered_record import FilteredRecord
+from modelgen.runtime.rows.observation import RowBlock, observe
+from modelgen.runtime.rows.paper_rows import observe_paper
 
 FloatArray = npt.NDArray[np.float64]
 

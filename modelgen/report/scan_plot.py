@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from modelgen.report.svg import Axis, Line, axis_for, line_plot
-from modelgen.runtime.filter_scan import FilterScan
+from modelgen.runtime.diagnostics.filter_scan import FilterScan
 
 HEIGHT = 170
 

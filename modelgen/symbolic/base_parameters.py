@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import ModelError
-from modelgen.symbolic.identifiability import identifiable_parameters
-from modelgen.symbolic.row import IdentificationRows
-from modelgen.symbolic.signals import Exact, quotient
+from modelgen.symbolic.equations.identifiability import identifiable_parameters
+from modelgen.symbolic.equations.row import IdentificationRows
+from modelgen.symbolic.equations.signals import Exact, quotient
 
 SEED = 2002
 #: |R_ii| below this fraction of |R_11| counts as zero; the random columns have unit scale.

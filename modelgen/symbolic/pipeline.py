@@ -1,6 +1,6 @@
 """All passes of the derivation, on one page.
 
-ChainSpec           modelgen.spec.load_spec(path)          the user's TOML, validated
+ChainSpec           modelgen.spec.load.load_spec(path)          the user's TOML, validated
 MotionEquations     newton.motion_equations(spec)          one balance of forces a body
 IdentificationRows  rows.identification_rows(motion, set)  sums, differentiation, readings of sensors
 BaseModel           base_parameters.base_model(rows)       the columns that can be told apart
@@ -11,9 +11,9 @@ module text         modelgen.render.writer.render(view)    one NumPy file
 from __future__ import annotations
 
 from modelgen.errors import SpecError
-from modelgen.spec import ChainSpec
+from modelgen.spec.load import ChainSpec
 from modelgen.symbolic.base_parameters import BaseModel, base_model
-from modelgen.symbolic.newton import motion_equations
+from modelgen.symbolic.equations.newton import motion_equations
 from modelgen.symbolic.rows import identification_rows
 
 

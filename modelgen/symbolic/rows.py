@@ -11,19 +11,19 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from modelgen.errors import ModelError
-from modelgen.spec import ChainSpec
-from modelgen.symbolic.collector import paused_collector
-from modelgen.symbolic.composites import Composites
-from modelgen.symbolic.elimination import eliminated_rows
-from modelgen.symbolic.newton import MotionEquations, deflection
-from modelgen.symbolic.polynomials import choose_coordinates
-from modelgen.symbolic.reading import Candidate, Reader
-from modelgen.symbolic.row import IdentificationRows
-from modelgen.symbolic.scale import scaled
-from modelgen.symbolic.sensing import ORDER, Sensing
-from modelgen.symbolic.signals import DIRECTIONS, Exact, Term
-from modelgen.symbolic.sums import NEVER, groups, sum_terms
-from modelgen.symbolic.unique_rows import UniqueRows
+from modelgen.spec.load import ChainSpec
+from modelgen.symbolic.elimination.composites import Composites
+from modelgen.symbolic.elimination.elimination import eliminated_rows
+from modelgen.symbolic.elimination.force_free_rows import scaled
+from modelgen.symbolic.elimination.polynomials import choose_coordinates
+from modelgen.symbolic.elimination.unique_rows import UniqueRows
+from modelgen.symbolic.equations.equation_sums import NEVER, groups, sum_terms
+from modelgen.symbolic.equations.newton import MotionEquations, deflection
+from modelgen.symbolic.equations.row import IdentificationRows
+from modelgen.symbolic.equations.sensor_reading import Candidate, Reader
+from modelgen.symbolic.equations.sensor_span import ORDER, Sensing
+from modelgen.symbolic.equations.signals import DIRECTIONS, Exact, Term
+from modelgen.symbolic.equations.term_sum import paused_collector
 
 
 @paused_collector()

@@ -22,12 +22,12 @@ import numpy as np
 
 with atheris.instrument_imports(include=["modelgen"]):
     from modelgen.errors import ModelgenError
-    from modelgen.module_check import module_problems, seal
+    from modelgen.generated_module.module_check import module_problems, seal
     from modelgen.render.writer import generate
-    from modelgen.runtime.data import Record
-    from modelgen.runtime.read import read_record
-    from modelgen.runtime.write import write_record
-    from modelgen.spec import catalog_names, catalog_path, load_spec, parse_spec
+    from modelgen.runtime.records.read_record import read_record
+    from modelgen.runtime.records.record import Record
+    from modelgen.runtime.records.write_record import write_record
+    from modelgen.spec.load import catalog_names, catalog_path, load_spec, parse_spec
 
 FOLDER = Path(tempfile.mkdtemp(prefix="modelgen_fuzz_"))
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from generated import emps300_qm_ac
-from modelgen.runtime.contract import model_from_module
-from modelgen.runtime.data import Record
-from modelgen.runtime.suspicions import suspicions
+from modelgen.runtime.diagnostics.suspicious_samples import suspicions
+from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.records.record import Record
 from tests.fuzz.test_specs import FUZZ
 
 MODEL = model_from_module(emps300_qm_ac)

@@ -14,9 +14,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from modelgen.errors import ModelgenError, SpecError
-from modelgen.module_check import module_problems
+from modelgen.generated_module.module_check import module_problems
 from modelgen.render.writer import generate
-from modelgen.spec import parse_spec
+from modelgen.spec.load import parse_spec
 
 NIGHTLY = os.environ.get("MODELGEN_FUZZ") == "nightly"
 FUZZ = settings(

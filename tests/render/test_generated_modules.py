@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from modelgen.spec import catalog_names, catalog_path, load_spec
+from modelgen.spec.load import catalog_names, catalog_path, load_spec
 
 MODULES = [(n, f"{n}_{s}") for n in catalog_names() for s in load_spec(catalog_path(n)).sensor_sets]
 

@@ -12,7 +12,7 @@ import pytest
 
 from modelgen.errors import RenderError
 from modelgen.render.writer import check_modules, generate, write_modules
-from modelgen.spec import catalog_names, catalog_path, load_spec, parse_spec
+from modelgen.spec.load import catalog_names, catalog_path, load_spec, parse_spec
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -30,7 +30,7 @@ def test_the_golden_folder_holds_nothing_else() -> None:
 
 def test_same_bytes_under_five_hash_seeds() -> None:
     script = (
-        "from modelgen.spec import *; from modelgen.render.writer import generate\n"
+        "from modelgen.spec.load import *; from modelgen.render.writer import generate\n"
         "import sys\n"
         "for name in catalog_names():\n"
         "    spec = load_spec(catalog_path(name))\n"

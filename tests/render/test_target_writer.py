@@ -9,7 +9,7 @@ import pytest
 from modelgen.errors import ModelgenError, RenderError
 from modelgen.render.target import target_files
 from modelgen.render.target_writer import check_target, write_target
-from modelgen.spec import catalog_path, load_spec
+from modelgen.spec.load import catalog_path, load_spec
 
 SPEC = load_spec(catalog_path("emps300"))
 SETS = ["qm_qc", "qm_ac"]

@@ -16,8 +16,8 @@ from modelgen.errors import RenderError
 from modelgen.render.languages import C99, MATLAB
 from modelgen.render.target import target_files, user_files
 from modelgen.render.writer import generate
-from modelgen.runtime.contract import Model, model_from_text
-from modelgen.spec import ChainSpec, catalog_path, load_spec
+from modelgen.runtime.model.model import Model, model_from_text
+from modelgen.spec.load import ChainSpec, catalog_path, load_spec
 
 N = 7
 CASES = [

@@ -4,7 +4,7 @@ import re
 
 from modelgen.report.page import report_page
 from modelgen.report.scan_plot import scan_plots
-from modelgen.runtime.identify import identify
+from modelgen.runtime.identification.identify import identify
 from tests.runtime.rigid_motion import ONE_WAY, RIGID, SETTINGS, TRUTH, rigid_record
 
 

@@ -22,12 +22,12 @@ from modelgen.report.mathml import row_equations
 from modelgen.report.page import report_page
 from modelgen.report.plots import BUDGET
 from modelgen.report.rebuilt import autocorrelation, rebuild
-from modelgen.runtime.contract import Model, model_from_text
-from modelgen.runtime.data import Record
-from modelgen.runtime.estimate import Estimate
-from modelgen.runtime.identify import identify
-from modelgen.runtime.simulate import simulate
-from modelgen.spec import catalog_path, load_spec
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.model import Model, model_from_text
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import catalog_path, load_spec
 
 HOSTILE = '</script><script>document.title="owned"</script><img src=x onerror="document.title=\'owned\'">'
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from generated import emps_rigid_qm, two_mass_bench_qm_qc
-from modelgen.runtime.contract import Model, model_from_module
-from modelgen.runtime.data import Record
+from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.records.record import Record
 
 
 def emps(shared_data: Path) -> tuple[Model, Record]:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from generated import emps_rigid_qm
-from modelgen.runtime.choose import FilterChoice
-from modelgen.runtime.contract import model_from_module
-from modelgen.runtime.data import Record
-from modelgen.runtime.estimate import Estimate
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
 
 RIGID = model_from_module(emps_rigid_qm)
 TRUTH = {"M": 95.0, "Fv": 200.0, "Fc": 20.0, "offset": -3.0}

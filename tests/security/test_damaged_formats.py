@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError
-from modelgen.runtime.read import read, read_record
+from modelgen.runtime.records.read_record import read, read_record
 
 T = np.arange(200) / 1000.0
 SIGNALS = {"q_m": np.sin(20.0 * T), "F": np.cos(20.0 * T)}
@@ -127,7 +127,7 @@ def test_a_file_with_changed_bytes(
 
 
 def test_an_mdf_bomb(trap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("modelgen.runtime.expansion.ALWAYS_FINE", 1_000_000)
+    monkeypatch.setattr("modelgen.runtime.files.size_limits.ALWAYS_FINE", 1_000_000)
     path = trap / "a.mf4"
     write_mf4(path, {"q_m": np.zeros(400_000)}, np.zeros(400_000))
     assert path.stat().st_size < 100_000
@@ -137,7 +137,7 @@ def test_an_mdf_bomb(trap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_parquet_bomb(trap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    monkeypatch.setattr("modelgen.runtime.expansion.ALWAYS_FINE", 1_000_000)
+    monkeypatch.setattr("modelgen.runtime.files.size_limits.ALWAYS_FINE", 1_000_000)
     path = trap / "a.parquet"
     parquet.write_table(arrow.table({"q_m": np.zeros(1_000_000)}), path)
     with pytest.raises(DataError, match=r"a\.parquet: unpacks from \d+ bytes to 8 MB or more"):

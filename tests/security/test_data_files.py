@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError
-from modelgen.runtime.read import read_record
+from modelgen.runtime.records.read_record import read_record
 
 
 class Payload:
@@ -173,7 +173,7 @@ OTHERS = {
 @pytest.fixture
 def low_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Count from 1 MB as a bomb: the real limit takes seconds to reach."""
-    monkeypatch.setattr("modelgen.runtime.expansion.ALWAYS_FINE", 1_000_000)
+    monkeypatch.setattr("modelgen.runtime.files.size_limits.ALWAYS_FINE", 1_000_000)
 
 
 @pytest.mark.parametrize("name", ARCHIVES)

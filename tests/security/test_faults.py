@@ -17,22 +17,22 @@ import numpy as np
 import pytest
 
 from modelgen import __main__ as entry
-from modelgen.module_check import module_problems
-from modelgen.runtime.compiled import kept_code
-from modelgen.runtime.data import Record
-from modelgen.runtime.write import write_record
+from modelgen.generated_module.module_check import module_problems
+from modelgen.runtime.numerics.numba_support import kept_code
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.write_record import write_record
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = ROOT / "generated" / "emps_rigid_qm.py"
 LIMITED = (
     "import resource, sys\n"
-    "from modelgen.cli import main\n"
+    "from modelgen.cli.main import main\n"
     "resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), int(sys.argv[1])))\n"
     "main(sys.argv[2:])\n"
 )
 WRITING = (
-    "from modelgen.runtime.read import read_record\n"
-    "from modelgen.runtime.write import write_record\n"
+    "from modelgen.runtime.records.read_record import read_record\n"
+    "from modelgen.runtime.records.write_record import write_record\n"
     "one = read_record('a.csv')"
 )
 
@@ -63,7 +63,7 @@ def record(processes: Path) -> Path:
 
 def test_a_record_that_does_not_fit_is_not_left_in_part(record: Path) -> None:
     code = (
-        LIMITED.split("main(")[0].replace("from modelgen.cli import main", WRITING)
+        LIMITED.split("main(")[0].replace("from modelgen.cli.main import main", WRITING)
         + "write_record('b.csv', one)"
     )
     done = subprocess.run(
@@ -220,7 +220,7 @@ def test_an_interrupt_while_the_program_is_still_loading(
         def __getattr__(self, name: str) -> object:
             raise KeyboardInterrupt
 
-    monkeypatch.setitem(sys.modules, "modelgen.cli", Loading())  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "modelgen.cli.main", Loading())  # type: ignore[arg-type]
     with pytest.raises(SystemExit) as caught:
         entry.run()
     assert caught.value.code == 130

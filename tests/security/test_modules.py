@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from modelgen.errors import DataError, RenderError
-from modelgen.module_check import LISTED, module_problems, seal
+from modelgen.generated_module.module_check import LISTED, module_problems, seal
 from modelgen.render.environment import environment
 from modelgen.render.writer import generate
-from modelgen.runtime.contract import load_model, model_from_text
-from modelgen.spec import catalog_path, load_spec
+from modelgen.runtime.model.model import load_model, model_from_text
+from modelgen.spec.load import catalog_path, load_spec
 
 TEXT = generate(load_spec(catalog_path("emps_rigid")), "qm")
 PWN = "open('pwned', 'w').close()"

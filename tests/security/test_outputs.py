@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from modelgen.cli import app
+from modelgen.cli.main import app
 from modelgen.errors import DataError, RenderError
 from modelgen.render.target import user_files
-from modelgen.runtime.data import Record
-from modelgen.runtime.read import read_record
-from modelgen.runtime.write import write_record
-from modelgen.spec import catalog_path, load_spec
+from modelgen.runtime.records.read_record import read_record
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.write_record import write_record
+from modelgen.spec.load import catalog_path, load_spec
 
 SIGNAL = {"q_m": np.sin(np.arange(20.0))}
 FORMULAS = {

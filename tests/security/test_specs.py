@@ -8,10 +8,10 @@ import re
 import pytest
 
 from modelgen.errors import SpecError
-from modelgen.module_check import module_problems
+from modelgen.generated_module.module_check import module_problems
 from modelgen.render.writer import generate
-from modelgen.runtime.contract import model_from_text
-from modelgen.spec import load_spec, parse_spec
+from modelgen.runtime.model.model import model_from_text
+from modelgen.spec.load import load_spec, parse_spec
 from tests.security.hostile_texts import CODE, NAMES
 
 SPEC = """

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from modelgen.cli import app
+from modelgen.cli.main import app
+from modelgen.cli.output import explain, note, print_json, report
 from modelgen.errors import DataError, Problem
-from modelgen.output import explain, note, print_json, report
-from modelgen.runtime.data import Record
-from modelgen.runtime.read import read_record
+from modelgen.runtime.records.read_record import read_record
+from modelgen.runtime.records.record import Record
 
 STEERING = {
     "escape sequence": "a\x1b[2J",

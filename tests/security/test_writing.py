@@ -13,10 +13,10 @@ import pytest
 from typer.testing import CliRunner
 
 from modelgen.atomic_write import place_within, write_whole
-from modelgen.cli import app
+from modelgen.cli.main import app
 from modelgen.errors import ModelgenError, RenderError
 from modelgen.render.writer import write_modules
-from modelgen.spec import catalog_path, load_spec
+from modelgen.spec.load import catalog_path, load_spec
 
 ROOT = Path(__file__).resolve().parents[2]
 SPEC = load_spec(catalog_path("emps_rigid"))
@@ -209,8 +209,8 @@ def test_a_killed_run_leaves_the_old_file(processes: Path) -> None:
 
 def test_an_interrupted_command_ends_with_130_and_no_traceback(processes: Path) -> None:
     code = (
-        "import os, signal, sys; from modelgen.runtime import simulate as simulation\n"
-        "from modelgen.cli import main\n"
+        "import os, signal, sys; from modelgen.runtime.simulation import simulate as simulation\n"
+        "from modelgen.cli.main import main\n"
         "simulation.simulate = lambda *a, **o: os.kill(os.getpid(), signal.SIGINT)\n"
         "main(['simulate', 'emps300', '--sensors', 'qm_ac', '--parameters', 'light',\n"
         "      '--excitation', 'chirp', '-o', 'out.csv'])\n"
@@ -226,7 +226,7 @@ def test_out_of_memory_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
     def exhaust(*arguments: object, **options: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("modelgen.symbolic.newton.motion_equations", exhaust)
+    monkeypatch.setattr("modelgen.symbolic.equations.newton.motion_equations", exhaust)
     result = CliRunner().invoke(app, ["show", "emps300"])
     assert (result.exit_code, result.stderr) == (
         2,

@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from fractions import Fraction
 
 from modelgen.symbolic.base_parameters import BaseModel
-from modelgen.symbolic.identifiability import PRIME, add_modular, modular, reduce_modular
-from modelgen.symbolic.newton import MotionEquations, motion_equations
-from modelgen.symbolic.sensing import ORDER, Sensing
+from modelgen.symbolic.equations.identifiability import PRIME, add_modular, modular, reduce_modular
+from modelgen.symbolic.equations.newton import MotionEquations, motion_equations
+from modelgen.symbolic.equations.sensor_span import ORDER, Sensing
 
 
 def rank_along_motions(model: BaseModel, seed: int) -> int:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from modelgen.errors import ModelError
 from modelgen.render.view import model_view
 from modelgen.render.writer import render
-from modelgen.spec import parse_spec
+from modelgen.spec.load import parse_spec
 from modelgen.symbolic.pipeline import build
 from tests.symbolic.exact_rank import rank_along_motions
 from tests.symbolic.random_chains import ExactMotion, random_spec

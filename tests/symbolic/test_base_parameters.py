@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from modelgen.errors import ModelError
-from modelgen.spec import catalog_names, catalog_path, load_spec, parse_spec
+from modelgen.spec.load import catalog_names, catalog_path, load_spec, parse_spec
 from modelgen.symbolic import base_parameters
 from modelgen.symbolic.base_parameters import exact_dependencies, random_regressor, regroup
 from modelgen.symbolic.pipeline import build

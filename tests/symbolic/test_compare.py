@@ -7,11 +7,11 @@ from fractions import Fraction
 import pytest
 
 from generated import emps300_qm_ac, emps300_qm_qc, tree_mixed, tree_positions
+from modelgen.cli.formal_rows import exact, formal_regressor
 from modelgen.errors import ModelError
-from modelgen.formal_rows import exact, formal_regressor
 from modelgen.render.writer import generate
-from modelgen.runtime.contract import model_from_module, model_from_text
-from modelgen.spec import parse_spec
+from modelgen.runtime.model.model import model_from_module, model_from_text
+from modelgen.spec.load import parse_spec
 from modelgen.symbolic.compare import (
     COMBINATION,
     DIFFERENT,

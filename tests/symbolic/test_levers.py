@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from modelgen.spec import catalog_path, load_spec, parse_spec
+from modelgen.spec.load import catalog_path, load_spec, parse_spec
+from modelgen.symbolic.equations.equation_sums import levers
 from modelgen.symbolic.pipeline import build
-from modelgen.symbolic.sums import levers
 
 SCREW = """
 chain = { name = "screw", motion = "translation" }

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import pytest
 
 from modelgen.errors import ModelError, SpecError
-from modelgen.spec import catalog_path, load_spec, parse_spec
+from modelgen.spec.load import catalog_path, load_spec, parse_spec
 from modelgen.symbolic.base_parameters import BaseModel
+from modelgen.symbolic.equations.row import Row
 from modelgen.symbolic.pipeline import build
-from modelgen.symbolic.row import Row
 
 EMPS300 = """
 [chain]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from modelgen.errors import ModelError
-from modelgen.spec import ChainSpec, parse_spec
+from modelgen.spec.load import ChainSpec, parse_spec
+from modelgen.symbolic.equations.equation_sums import NEVER
+from modelgen.symbolic.equations.sensor_reading import Candidate
+from modelgen.symbolic.equations.sensor_span import Sensing
+from modelgen.symbolic.equations.signals import DIRECTIONS, Signal, Term
 from modelgen.symbolic.pipeline import build
-from modelgen.symbolic.reading import Candidate
 from modelgen.symbolic.rows import _constant, _named_apart, link_levels
-from modelgen.symbolic.sensing import Sensing
-from modelgen.symbolic.signals import DIRECTIONS, Signal, Term
-from modelgen.symbolic.sums import NEVER
 from tests.symbolic.test_rows import EMPS300, with_sensors
 
 

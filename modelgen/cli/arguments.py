@@ -1,0 +1,160 @@
+"""What a user typed on the command line -> the values the commands work with; every mistake is explained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from modelgen.errors import DataError, Problem, SpecError
+
+if TYPE_CHECKING:
+    from modelgen.runtime.simulation.excitation import Excitation
+    from modelgen.spec.load import ChainSpec
+    from modelgen.symbolic.equations.newton import MotionEquations
+    from modelgen.symbolic.sensor_set_overview import SetSummary
+
+Trust = Annotated[
+    bool, typer.Option("--trust", help="Execute the module even if modelgen did not write it like this.")
+]
+
+
+def given_options(context: typer.Context) -> dict[str, str]:
+    """Return what was typed after the command's name, by option, as text."""
+    given = {}
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if source is None or source.name != "COMMANDLINE":
+            continue
+        value = context.params[str(parameter.name)]
+        listed = value if isinstance(value, (list, tuple)) else (value,)
+        given[parameter.opts[0]] = ", ".join(str(item) for item in listed)
+    return given
+
+
+def load_chain(spec: str) -> ChainSpec:
+    """Read a spec from a path, or from the catalogue if it looks like no path."""
+    from modelgen.spec.load import catalog_path, load_spec
+
+    looks_like_path = Path(spec).is_file() or Path(spec).suffix or Path(spec).name != spec
+    return load_spec(spec if looks_like_path else catalog_path(spec))
+
+
+def sensor_sets(chain: ChainSpec, chosen: str | None) -> list[str]:
+    """Return the chosen sensor set, or all of the chain's; `build` refuses a name that is none of them."""
+    if chosen is None and not chain.sensor_sets:
+        raise SpecError.at(f"{chain.source}: sensors", "is missing", "write a table [sensors.NAME]")
+    return list(chain.sensor_sets) if chosen is None else [chosen]
+
+
+def compared_sensor_sets(chain: ChainSpec, chosen: str | None) -> tuple[SetSummary, ...]:
+    """Return the sensor sets to show: the chosen one, all of the spec's, or ("all") every subset."""
+    from modelgen.symbolic.sensor_set_overview import every_subset, overview, single
+
+    if chosen == "all" and "all" not in chain.sensor_sets:
+        chain, chosen = every_subset(chain), None
+    if chosen is not None:
+        return (single(chain, chosen),)
+    return overview(chain, sensor_sets(chain, None))
+
+
+def proof_of(motion: MotionEquations) -> bool:
+    """Return whether the Newton-Euler equations equal Lagrange's, by computer algebra."""
+    from modelgen.symbolic.equations.lagrange import newton_minus_lagrange
+
+    return not any(newton_minus_lagrange(motion))
+
+
+def parameter_values(chain: ChainSpec, chosen: str | None) -> Mapping[str, float]:
+    """Return the values of the chosen parameter set, or of the only one."""
+    names = list(chain.parameter_sets)
+    chosen = names[0] if chosen is None and len(names) == 1 else chosen
+    if chosen in names:
+        return chain.parameter_sets[str(chosen)]
+    what = "is not given" if chosen is None else f"{chosen!r} is no parameter set of {chain.source}"
+    remedy = f"choose one of {', '.join(names)}" if names else "write a table [parameters.NAME] into the spec"
+    raise SpecError.at("--parameters", what, remedy)
+
+
+def excitation_from(text: str, forces: Sequence[str] = ()) -> tuple[str | Excitation, float | None]:
+    """Return the kind of excitation, or that of a data file with the file's sampling frequency in Hz.
+
+    `forces` are columns of the file that drive further actuators.
+    """
+    if text in ("chirp", "trapezoid"):
+        return text, None
+    if not Path(text).suffix:
+        raise DataError.at("--excitation", f"{text!r} is unknown", "give chirp, trapezoid or a data file")
+    from modelgen.runtime.records.read_record import read_record
+    from modelgen.runtime.simulation.excitation import excitation_from_record
+
+    record = read_record(text)
+    return excitation_from_record(record, forces=forces), record.fs
+
+
+def delays_from(items: Sequence[str]) -> Mapping[str, float] | str | None:
+    """Return what --delay says: a word for all forces, or seconds for each; None if it was not given."""
+    if len(items) == 1 and "=" not in items[0]:
+        return items[0]
+    return amounts("--delay", items) if items else None
+
+
+def period_from(
+    items: Sequence[str], map_file: Path | None = None
+) -> Mapping[str, float] | float | str | None:
+    """Return what --period-s says: seconds for all records or for each, or the word none.
+
+    Without it, what the mapping file declares; None if that declares nothing.
+    """
+    if not items and map_file is not None:
+        from modelgen.runtime.records.mapping_file import load_mapping
+
+        return load_mapping(map_file).period_s
+    if len(items) == 1 and "=" not in items[0]:
+        return _number_or(items[0])
+    return amounts("--period-s", items) if items else None
+
+
+def hold_out_from(items: Sequence[str]) -> Sequence[str] | float | None:
+    """Return what --hold-out says: a share, or names of records; None if it was not given."""
+    share = _number_or(items[0]) if len(items) == 1 else items
+    return share if items and isinstance(share, float) else list(items) or None
+
+
+def cutoffs_from(text: str | None) -> Sequence[float] | str | None:
+    """Return what --scan-cutoffs says: frequencies in Hz, or the word auto; None if it was not given."""
+    if text is None or text == "auto":
+        return text
+    numbers = [_number_or(part) for part in text.split(",")]
+    found = [number for number in numbers if isinstance(number, float)]
+    if len(found) < len(numbers):
+        remedy = "write auto, or frequencies in Hz with commas, such as 100,200,300"
+        raise DataError.at(f"--scan-cutoffs {text}", "cannot be read", remedy)
+    return found
+
+
+def _number_or(text: str) -> float | str:
+    """Return a number if the text is one, else the text."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def amounts(option: str, items: Iterable[str]) -> dict[str, float]:
+    """Return what options such as q_m=2e-5 spell: a size in SI units for each channel."""
+    amounts: dict[str, float] = {}
+    problems = []
+    for item in items:
+        key, _, text = item.partition("=")
+        try:
+            amounts[key] = float(text)
+        except ValueError:
+            problems.append(
+                Problem(f"{option} {item}", "cannot be read", "write KEY=NUMBER, such as q_m=2e-5")
+            )
+    if problems:
+        raise DataError(*problems)
+    return amounts

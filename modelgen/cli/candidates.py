@@ -1,0 +1,144 @@
+"""Candidate instruments in TOML, or as options -> instruments, and sensor sets made of them.
+
+[sensors.q_m]
+body = "m"                   # or deflection = ["m", "c"]
+measures = "position"
+noise = 2e-5                 # standard deviation, SI
+resolution = 1.5e-3          # optional: step it is rounded to, SI
+price = 180.0                # optional
+
+[actuators.Gamma_m]          # how well the force is known
+noise = 1e-4
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from modelgen.errors import DataError, ModelgenError, Problem
+
+if TYPE_CHECKING:
+    from modelgen.runtime.model.model import Model
+    from modelgen.runtime.simulation.instrument import Instrument
+    from modelgen.spec.chain import ChainSpec, Sensor
+
+LEVELS = ("noise", "resolution", "price")
+MEASURES = ("position", "velocity", "acceleration")
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Sensors to choose from, and the instrument of every channel."""
+
+    sensors: tuple[Sensor, ...]
+    instruments: Mapping[str, Instrument]
+
+
+def load_candidates(path: Path, chain: ChainSpec) -> Candidates:
+    """Read a file of candidate instruments.
+
+    Raises
+    ------
+    DataError
+        With one problem per mistake of the file.
+    """
+    from modelgen.runtime.simulation.instrument import Instrument
+    from modelgen.spec.chain import Sensor
+
+    try:
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise DataError.at(str(path), f"is no TOML: {error}", "correct it") from error
+    problems = list(_problems(str(path), given, chain))
+    if problems:
+        raise DataError(*problems)
+    instruments = {
+        key: Instrument(**{level: float(table[level]) for level in LEVELS if level in table})
+        for kind in ("sensors", "actuators")
+        for key, table in given.get(kind, {}).items()
+    }
+    sensors = tuple(
+        Sensor(key, table.get("body"), _pair(table), table["measures"])
+        for key, table in given["sensors"].items()
+    )
+    return Candidates(sensors, instruments)
+
+
+def candidate_models(
+    chain: ChainSpec, candidates: Candidates, most_sensors: int
+) -> tuple[dict[str, Model], dict[str, str]]:
+    """Return a model per combination of at most so many sensors, and why others have none."""
+    sets = {
+        "+".join(sensor.key for sensor in chosen): chosen
+        for count in range(1, most_sensors + 1)
+        for chosen in combinations(candidates.sensors, count)
+    }
+    named = {f"set_{i}": chosen for i, chosen in enumerate(sets.values())}
+    spec = replace(chain, sensor_sets=named)
+    models, refused = {}, {}
+    for title, name in zip(sets, named, strict=True):
+        try:
+            models[title] = spec_model(spec, name)
+        except ModelgenError as error:
+            refused[title] = "; ".join(str(problem) for problem in error.problems)
+    return models, refused
+
+
+def spec_model(chain: ChainSpec, sensors: str) -> Model:
+    """Return the model of a sensor set without writing a file."""
+    from modelgen.render.writer import generate, module_name
+    from modelgen.runtime.model.model import model_from_text
+
+    return model_from_text(generate(chain, sensors), module_name(chain, sensors))
+
+
+def _pair(table: Mapping[str, Any]) -> tuple[str, str] | None:
+    pair = table.get("deflection")
+    return None if pair is None else (str(pair[0]), str(pair[1]))
+
+
+def _problems(where: str, given: Mapping[str, Any], chain: ChainSpec) -> Iterator[Problem]:
+    bodies = [body.name for body in chain.bodies]
+    actuators = [body.actuator for body in chain.bodies if body.actuator]
+    for key in given:
+        if key not in ("sensors", "actuators"):
+            yield Problem(f"{where}: {key}", "is unknown", "write tables [sensors.KEY] and [actuators.KEY]")
+    if not isinstance(given.get("sensors"), dict) or not given["sensors"]:
+        yield Problem(f"{where}: sensors", "is missing", "write one table [sensors.KEY] a candidate")
+        return
+    for kind in ("sensors", "actuators"):
+        for key, table in given.get(kind, {}).items():
+            place = f"{where}: {kind}.{key}"
+            if not isinstance(table, dict):
+                yield Problem(place, "is no table", f"write [{kind}.{key}] and its keys below it")
+                continue
+            if kind == "actuators" and key not in actuators:
+                yield Problem(place, "is no actuator of the chain", f"choose from {', '.join(actuators)}")
+            if kind == "sensors":
+                yield from _sensor_problems(place, key, table, bodies)
+            known = (*LEVELS, "body", "deflection", "measures") if kind == "sensors" else LEVELS
+            for name, value in table.items():
+                if name not in known:
+                    yield Problem(f"{place}.{name}", "is unknown", f"use {', '.join(known)}")
+                elif name in LEVELS and (isinstance(value, bool) or not isinstance(value, (int, float))):
+                    yield Problem(f"{place}.{name}", f"is {value!r}", "give zero or a positive number")
+
+
+def _sensor_problems(place: str, key: str, table: Mapping[str, Any], bodies: list[str]) -> Iterator[Problem]:
+    if not (key.isascii() and key.isidentifier()):
+        yield Problem(place, "is no name", "use letters, digits and _, beginning with a letter")
+    if table.get("measures") not in MEASURES:
+        yield Problem(
+            f"{place}.measures", f"is {table.get('measures')!r}", f"choose from {', '.join(MEASURES)}"
+        )
+    pair = table.get("deflection")
+    named = [table.get("body")] if pair is None else pair
+    fits = isinstance(named, list) and len(named) == (1 if pair is None else 2)
+    if not fits or any(name not in bodies for name in named):
+        remedy = f"give body = or deflection = [.., ..] out of {', '.join(bodies)}"
+        yield Problem(place, "does not say what it is on", remedy)

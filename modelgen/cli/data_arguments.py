@@ -1,0 +1,129 @@
+"""Data files as the command line names them -> readings: --map, --scale, --map-file, --mend and the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from modelgen.errors import DataError
+from modelgen.progress import counted
+
+if TYPE_CHECKING:
+    from modelgen.runtime.model.model import Model
+    from modelgen.runtime.records.mapping_file import MappingFile
+    from modelgen.runtime.records.read_record import Reading
+
+# what a closed loop was told: the first is needed wherever it is simulated, the others are used where mapped
+REFERENCE = ("reference",)
+BESIDE_REFERENCE = ("reference_rate", "feedforward")
+MEND_HELP = "What to mend: duplicates, gaps, fill, uneven, clocks or offset=KEY; repeatable."
+
+
+@dataclass(frozen=True)
+class DataOptions:
+    """The options that say how data files are read; None and () stand for what was not given."""
+
+    mapping: Sequence[str] = ()
+    scales: Sequence[str] = ()
+    fs_hz: float | None = None
+    time: str | None = None
+    time_unit: str | None = None
+    map_file: Path | None = None
+    mend: Sequence[str] = ()
+    directions: Sequence[str] = ()
+    tags: Sequence[str] = ()
+
+
+def read_files(
+    paths: Sequence[Path],
+    model: Model,
+    options: DataOptions,
+    extra: Sequence[str] = (),
+    optional: Sequence[str] = (),
+) -> list[Reading]:
+    """Read one record a file, and report the mistakes of all of them at once.
+
+    Options given on the command line go before those of the mapping file; `extra` names channels that the
+    records must bring besides the model's, `optional` those they may bring where they are mapped. A mapping
+    file may map the reference of the loop even where nobody needs it.
+    """
+    from modelgen.runtime.records.mapping_file import MappingFile, load_mapping
+    from modelgen.runtime.records.mapping_options import parse_mapping, parse_names, parse_scales
+    from modelgen.runtime.records.read_record import read
+    from modelgen.runtime.records.record import missing_name
+
+    given: MappingFile = load_mapping(options.map_file) if options.map_file else MappingFile()
+    columns = {**given.columns, **parse_mapping(options.mapping)}
+    factors = {**given.scales, **parse_scales(options.scales)}
+    # a misspelt key would leave the channel to a column that happens to have its name
+    known = [sensor.key for sensor in model.sensors] + [actuator.key for actuator in model.actuators]
+    sources = direction_sources(options)
+    measured = [key for key in model.channels if key not in sources]
+    mapped = [key for key in optional if key in columns]
+    wanted = tuple(dict.fromkeys((*measured, *sources.values(), *extra, *mapped)))
+    channels = dict.fromkeys((*known, *wanted, *REFERENCE, *BESIDE_REFERENCE))
+    where = str(options.map_file) if options.map_file else "--map"
+    problems = [missing_name(where, "channel", key, channels) for key in columns if key not in channels]
+    factors = {key: factor for key, factor in factors.items() if key in wanted or key not in channels}
+    units = channel_units(model)
+    readings = []
+    for path in counted(paths, "reading"):
+        try:
+            readings.append(
+                read(
+                    path,
+                    columns,
+                    factors,
+                    options.fs_hz if options.fs_hz is not None else given.fs_hz,
+                    options.time or given.time,
+                    needed=wanted,
+                    time_unit=options.time_unit or given.time_unit,
+                    mend=(*given.mend, *options.mend),
+                    units=units,
+                )
+            )
+        except DataError as error:
+            problems += error.problems
+    if problems:
+        raise DataError(*problems)
+    return _tagged(readings, parse_names("--tag", options.tags))
+
+
+def direction_sources(options: DataOptions) -> dict[str, str]:
+    """Return what --direction says: direction of a body -> channel that moves with it."""
+    from modelgen.runtime.records.mapping_options import parse_names
+
+    return parse_names("--direction", options.directions)
+
+
+def _tagged(readings: list[Reading], tags: dict[str, str]) -> list[Reading]:
+    from modelgen.runtime.records.record import missing_name
+
+    names = [reading.record.name for reading in readings]
+    problems = [missing_name("--tag", "record", name, names) for name in tags if name not in names]
+    if problems:
+        raise DataError(*problems)
+    return [
+        replace(
+            reading, record=replace(reading.record, tag=tags.get(reading.record.name, reading.record.tag))
+        )
+        for reading in readings
+    ]
+
+
+def channel_units(model: Model) -> dict[str, str]:
+    """Return the SI unit of every channel of a model."""
+    sensors = {sensor.key: sensor.unit for sensor in model.sensors}
+    return sensors | {actuator.key: actuator.unit for actuator in model.actuators}
+
+
+def reading_lines(paths: Sequence[Path], readings: Sequence[Reading]) -> list[str]:
+    """Return what the files were taken for, what was found wrong with them, and what was mended."""
+    lines = []
+    for path, reading in zip(paths, readings, strict=True):
+        lines += [f"{path}: took: {text}" for text in reading.took]
+        lines += [f"{path}: found: {finding.what} (--mend {finding.kind})" for finding in reading.findings]
+        lines += [f"{path}: mended: {text}" for text in reading.mended]
+    return lines

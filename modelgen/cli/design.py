@@ -1,0 +1,233 @@
+"""`modelgen design`: which sensors, and which excitation, before buying them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from modelgen.cli.output import print_json, say
+from modelgen.errors import DataError, IdentifiabilityError
+
+if TYPE_CHECKING:
+    from modelgen.runtime.model.model import Model
+    from modelgen.runtime.planning.sensor_set_ranking import Prediction
+    from modelgen.runtime.simulation.excitation import Excitation
+    from modelgen.runtime.simulation.instrument import Instrument
+    from modelgen.spec.chain import ChainSpec
+
+
+def design(
+    spec: Annotated[str, typer.Argument(metavar="SPEC", help="A chain's TOML file, or a catalogue name.")],
+    candidates: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.toml", help="Instruments to choose from, with noise and price."),
+    ] = None,
+    most_sensors: Annotated[int, typer.Option(min=1, max=4, help="Largest set made of candidates.")] = 2,
+    sensors: Annotated[
+        str | None, typer.Option("--sensors", metavar="S", help="One sensor set; all of them if left out.")
+    ] = None,
+    noise: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=STD", help="White noise on a channel, SI; repeatable.")
+    ] = None,
+    resolution: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=STEP", help="Resolution of a channel, SI; repeatable.")
+    ] = None,
+    price: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=AMOUNT", help="Price of an instrument; repeatable.")
+    ] = None,
+    parameters: Annotated[
+        str | None, typer.Option(metavar="SET", help="A parameter set of the spec; the only one if left out.")
+    ] = None,
+    wanted_percent: Annotated[
+        float, typer.Option(help="Wanted error of every parameter in %: the cheapest set is named.")
+    ] = 1.0,
+    excitation: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KIND", help="chirp, trapezoid or a reference file; repeatable; both."),
+    ] = None,
+    optimise: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Optimise the excitation of the best set; write references."),
+    ] = None,
+    criterion: Annotated[
+        Literal["worst", "d-optimal", "condition"], typer.Option(help="What --optimise looks at.")
+    ] = "worst",
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=PEAK",
+            help="Largest position (travel), velocity, force or deflection, SI; by default the pair's.",
+        ),
+    ] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="Trials of --optimise.")] = 200,
+    fs_hz: Annotated[float, typer.Option(help="Sampling frequency in Hz.")] = 5000.0,
+    duration_s: Annotated[float, typer.Option(help="Duration in s of every record.")] = 2.0,
+    method: Annotated[
+        str | None, typer.Option(help="The estimator: wls, or iv (no bias, far slower); wls.")
+    ] = None,
+    monte_carlo: Annotated[
+        int | None, typer.Option(metavar="N", help="Confirm every set by N simulated experiments.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace output files that exist.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
+    ] = False,
+) -> None:
+    """Predict the precision of every parameter for each sensor set, and rank the sets.
+
+    Prices, noise and resolution come from a file of candidates, or from the options for the spec's own sets.
+    """
+    from modelgen.cli.arguments import amounts, load_chain, parameter_values
+    from modelgen.cli.design_tables import describe, design_tables
+    from modelgen.cli.tables import console
+    from modelgen.runtime.identification.methods import METHODS
+    from modelgen.runtime.planning.planned_experiment import DEFAULT_METHOD
+    from modelgen.runtime.planning.sensor_set_ranking import cheapest, rank
+
+    if method is not None and method not in METHODS:
+        raise DataError.at("--method", f"{method!r} is unknown", f"choose one of {', '.join(METHODS)}")
+    chain = load_chain(spec)
+    values = parameter_values(chain, parameters)
+    models, instruments, refused = _sets(
+        chain, candidates, most_sensors, sensors, noise or (), resolution or (), price or ()
+    )
+    kinds = _excitations(excitation or ())
+    options: dict[str, Any] = {"fs": fs_hz, "duration_s": duration_s, "method": method}
+    ranked = rank(_predictions(models, values, instruments, kinds, options))
+    described: dict[str, Any] = {
+        "method": method or DEFAULT_METHOD,
+        "fs_hz": fs_hz,
+        "sets": [describe(prediction) for prediction in ranked],
+        "refused": refused,
+        "wanted_percent": wanted_percent,
+        "cheapest": getattr(cheapest(ranked, wanted_percent), "sensor_set", None),
+    }
+    if monte_carlo:
+        described["monte_carlo"] = _confirm(ranked, models, values, instruments, kinds, options, monte_carlo)
+    if optimise is not None:
+        if ranked[0].missing:
+            what = f"leaves {', '.join(ranked[0].missing)} open"
+            raise IdentifiabilityError.at(f"--optimise: {ranked[0].sensor_set}", what, "add a sensor")
+        best = models[ranked[0].sensor_set]
+        search = {"criterion": criterion, "rounds": rounds, "limits": amounts("--limit", limit or ())}
+        described["excitation"] = _optimise(best, values, instruments, options, search, optimise, overwrite)
+    if as_json:
+        print_json(described)
+    else:
+        console().print(design_tables(described))
+
+
+def _sets(
+    chain: ChainSpec,
+    candidates: Path | None,
+    most_sensors: int,
+    sensors: str | None,
+    noise: Sequence[str],
+    resolution: Sequence[str],
+    price: Sequence[str],
+) -> tuple[dict[str, Model], dict[str, Instrument], dict[str, str]]:
+    """Return the models to compare by title, the instruments by channel, and sets without a model."""
+    from modelgen.cli.arguments import amounts, sensor_sets
+    from modelgen.cli.candidates import candidate_models, load_candidates, spec_model
+    from modelgen.runtime.records.record import missing_name
+    from modelgen.runtime.simulation.instrument import Instrument
+    from modelgen.runtime.simulation.sensor_readings import instrument_keys
+
+    if candidates is not None:
+        given = load_candidates(candidates, chain)
+        models, refused = candidate_models(chain, given, most_sensors)
+        return models, dict(given.instruments), refused
+    models = {name: spec_model(chain, name) for name in sensor_sets(chain, sensors)}
+    known = list(dict.fromkeys(key for model in models.values() for key in instrument_keys(model)))
+    levels = {
+        "noise": amounts("--noise", noise),
+        "resolution": amounts("--resolution", resolution),
+        "price": amounts("--price", price),
+    }
+    problems = [
+        missing_name(f"--{level}", "channel", key, known)
+        for level, table in levels.items()
+        for key in table
+        if key not in known
+    ]
+    if not any(levels["noise"].values()) and not any(levels["resolution"].values()):
+        remedy = "give --candidates FILE.toml, or --noise KEY=STD for every channel"
+        problems += DataError.at("instruments", "are all perfect", remedy).problems
+    if problems:
+        raise DataError(*problems)
+    instruments = {
+        key: Instrument(**{level: table.get(key, 0.0) for level, table in levels.items()}) for key in known
+    }
+    return models, instruments, {}
+
+
+def _excitations(given: Sequence[str]) -> list[str | Excitation]:
+    from modelgen.cli.arguments import excitation_from
+
+    return [excitation_from(text)[0] for text in given or ("chirp", "trapezoid")]
+
+
+def _predictions(
+    models: Mapping[str, Model],
+    values: Mapping[str, float],
+    instruments: Mapping[str, Instrument],
+    kinds: Sequence[str | Excitation],
+    options: Mapping[str, Any],
+) -> list[Prediction]:
+    from modelgen.runtime.planning.sensor_set_ranking import judge_set
+
+    found = []
+    for title, model in models.items():
+        say(f"predicting {title}")
+        found.append(judge_set(title, model, values, instruments, kinds, **options))
+    return found
+
+
+def _confirm(
+    ranked: Sequence[Prediction],
+    models: Mapping[str, Model],
+    values: Mapping[str, float],
+    instruments: Mapping[str, Instrument],
+    kinds: Sequence[str | Excitation],
+    options: Mapping[str, Any],
+    draws: int,
+) -> dict[str, Any]:
+    from modelgen.cli.design_tables import describe_monte_carlo
+    from modelgen.runtime.planning.monte_carlo import monte_carlo
+    from modelgen.runtime.planning.planned_experiment import experiment
+
+    found = {}
+    for prediction in ranked:
+        if prediction.precisions:
+            planned = experiment(models[prediction.sensor_set], values, instruments, kinds, **options)
+            found[prediction.sensor_set] = monte_carlo(planned, draws, say)
+    return describe_monte_carlo(found, list(found), draws)
+
+
+def _optimise(
+    model: Model,
+    values: Mapping[str, float],
+    instruments: Mapping[str, Instrument],
+    options: Mapping[str, Any],
+    search: Mapping[str, Any],
+    path: Path,
+    overwrite: bool,
+) -> dict[str, Any]:
+    from modelgen.runtime.planning.optimal_excitation import optimise
+    from modelgen.runtime.simulation.fourier_excitation import write_references
+
+    found = optimise(model, values, instruments, progress=say, **search, **options)
+    written = write_references(path, found.excitations, options["fs"], overwrite=overwrite)
+    return {
+        "written": [str(p) for p in written],
+        "criterion": search["criterion"],
+        "limits": {key: float(value) for key, value in found.limits.items()},
+        "reached": {key: float(value) for key, value in found.reached.items()},
+        "pair_worst_percent": found.pair_worst,
+        "worst_percent": found.worst,
+        "gain": found.pair_worst / found.worst,
+        "parameters": {name: {"pair_percent": a, "optimised_percent": b} for name, a, b in found.parameters},
+    }

@@ -1,0 +1,270 @@
+"""What the commands show, as plain values for --json and as rich tables for the eye.
+
+Each pair of functions belongs together: `describe_...` turns a result into dicts and lists, and `..._tables`
+lays those out. Nothing is computed here.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+from rich.console import Console, Group
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from modelgen.symbolic.base_parameters import BaseModel
+    from modelgen.symbolic.equations.newton import Equation, MotionEquations
+    from modelgen.symbolic.equations.signals import Exact, Signal
+    from modelgen.symbolic.sensor_set_overview import SetSummary
+
+#: Coefficients with a larger denominator are shown as decimals.
+LARGEST_DENOMINATOR = 1000
+PRIMES = ("", "'", "''")
+Justify = Literal["left", "right"]
+Description = dict[str, Any]
+
+
+def console() -> Console:
+    """Return the console on stdout; what is piped into a file is wider than the 80 columns rich assumes."""
+    narrow = not sys.stdout.isatty() and "COLUMNS" not in os.environ
+    return Console(width=120 if narrow else None, highlight=False)
+
+
+def table(title: str, columns: Iterable[tuple[str, Justify]], rows: Iterable[Sequence[str]]) -> Table:
+    """Return a plain table with these headings."""
+    result = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    for heading, justify in columns:
+        result.add_column(heading, justify=justify)
+    for row in rows:
+        result.add_row(*(Text(cell) for cell in row))
+    return result
+
+
+def describe_chain(
+    motion: MotionEquations, found: Sequence[SetSummary], proved: bool | None = None
+) -> Description:
+    """Return a chain's equations and what each sensor set makes of them, as plain values."""
+    return {
+        "chain": motion.spec.name,
+        "title": motion.spec.title,
+        "equations": [{"body": e.body, "equation": _equation_text(e)} for e in motion.equations],
+        "newton_equals_lagrange": proved,
+        "known": dict(motion.spec.known),
+        "sensor_sets": [_describe_set(summary) for summary in found],
+    }
+
+
+def chain_tables(described: Description) -> Group:
+    """Lay out what `describe_chain` says: a single sensor set in detail, several side by side."""
+    known = [f"known: {name} = {value!r}" for name, value in described["known"].items()]
+    equations = [f"  {entry['equation']}" for entry in described["equations"]]
+    head = [f"{described['chain']}: {described['title']}", "", "Equations of motion", *equations, *known]
+    if described["newton_equals_lagrange"] is not None:
+        word = "equal" if described["newton_equals_lagrange"] else "DO NOT equal"
+        head.append(f"proved: the Newton-Euler equations {word} those of Lagrange with Rayleigh dissipation")
+    sets = described["sensor_sets"]
+    parts = _model_tables(sets[0]) if len(sets) == 1 else _overview(sets)
+    return Group(*(Text(line) for line in head), *parts)
+
+
+def _overview(sets: Sequence[Description]) -> list[Table | Text]:
+    columns: list[tuple[str, Justify]] = [("sensors", "left"), ("rows", "left"), ("order", "right")]
+    columns += [("columns", "right"), ("identifiable", "left"), ("lost", "left")]
+    lines = []
+    for entry in sets:
+        if "reason" in entry:
+            lines.append((entry["sensor_set"], "none", "", "", entry["reason"], ", ".join(entry["lost"])))
+            continue
+        rows, identifiable = entry["rows"], entry["identifiable"]
+        lines.append(
+            (
+                entry["sensor_set"],
+                ", ".join(row["name"] + "'" * row["differentiated"] for row in rows),
+                str(max(row["order"] for row in rows)),
+                str(len(entry["base_parameters"])),
+                ", ".join(identifiable) or "none",
+                ", ".join(entry["lost"]) or "-",
+            )
+        )
+    legend = [
+        "rows: bodies whose equations a row holds; a prime for each time it is differentiated",
+        "order: highest derivative of a coordinate; columns: base parameters",
+        "lost: identifiable with a position sensor on every body, but not with this set",
+        "modelgen show SPEC --sensors S shows one set in detail",
+    ]
+    return [Text(""), table("Sensor sets", columns, lines), Text(""), *(Text(line) for line in legend)]
+
+
+def demo_tables(found: Description) -> Group:
+    """Lay out what the demo found: true values and estimates, with their errors."""
+    low, high = found["chirp_band_hz"]
+    noise = ", ".join(f"{key} {std:g}" for key, std in found["noise"].items())
+    paper = found["pham2002"]
+    head = [
+        "The sets have the natural frequency and damping ratio of Tables 1 and 2 of Pham, Poignet, Gautier",
+        "(ICRA 2002); their other values are chosen to suit, not copied from the paper.",
+        f"Bench: closed loop at {found['fs_hz']:g} Hz, a chirp of {low:g} to {high:g} Hz and trapezoids, "
+        f"{found['duration_s']:g} s each.",
+        f"Noise (rms, SI): {noise}.",
+        "wls: matched filters, chosen from the records.",
+        f"pham2002: the paper to the letter, low-pass at {paper['cutoff_hz']:.0f} Hz, every "
+        f"{paper['decimation']}th sample.",
+        "Errors are in % of the true value, and in standard deviations (sd) as each method states them.",
+    ]
+    parts: list[Table | Text] = [Text(line) for line in head]
+    for entry in found["tables"]:
+        parts += [Text(""), _comparison(entry)]
+    tail = [f"wrote {path}" for path in (*found["modules"], *found["records"])]
+    missing = "no picture: matplotlib is missing; get it with: pip install matplotlib"
+    tail.append(f"wrote {found['picture']}" if found["picture"] else missing)
+    tail.append(f"\nTry: modelgen identify {' '.join(found['records'])} --model {found['modules'][-1]}")
+    return Group(*parts, Text(""), *(Text(line) for line in tail))
+
+
+def _comparison(entry: Description) -> Table:
+    methods = list(entry["filters"])
+    columns: list[tuple[str, Justify]] = [("parameter", "left"), ("unit", "left"), ("true", "right")]
+    for method in methods:
+        columns += [(method, "right"), ("error %", "right"), ("in sd", "right")]
+    rows = []
+    for row in entry["rows"]:
+        cells = [row["parameter"], row["unit"], f"{row['true']:.4g}"]
+        for method in methods:
+            found = row["methods"][method]
+            cells += [
+                f"{found['estimate']:.4g}",
+                f"{found['error_percent']:z.2f}",
+                f"{found['error_in_std']:z.1f}",
+            ]
+        rows.append(cells)
+    return table(f"{entry['parameter_set']}, sensors {entry['sensor_set']}", columns, rows)
+
+
+def _describe_set(summary: SetSummary) -> Description:
+    if summary.model is None:
+        return {"sensor_set": summary.name, "reason": summary.reason, "lost": list(summary.lost)}
+    return {**_describe_model(summary.model), "lost": list(summary.lost)}
+
+
+def _describe_model(model: BaseModel) -> Description:
+    from modelgen.render.view import column_units
+
+    units = column_units(model.rows)
+    return {
+        "sensor_set": model.rows.sensor_set,
+        "sensors": [
+            {
+                "key": sensor.key,
+                "body": sensor.body,
+                "deflection": list(sensor.deflection) if sensor.deflection else None,
+                "measures": sensor.measures,
+            }
+            for sensor in model.rows.sensors
+        ],
+        "signals": [signal.key for signal in model.rows.signals],
+        "rows": [
+            {
+                "name": row.name,
+                "origin": row.origin,
+                "order": row.order,
+                "differentiated": row.differentiated,
+                "unit": row.unit,
+                "columns": _columns_of(model, [term.parameter for term in row.terms]),
+            }
+            for row in model.rows.rows
+        ],
+        "base_parameters": [
+            {"name": base.name, "unit": units[base.combination[0][0]]} for base in model.base
+        ],
+        "composites": {name: composite.formula for name, composite in model.rows.composites.items()},
+        "identifiable": list(model.identifiable),
+        "absent": dict(model.absent),
+    }
+
+
+def _columns_of(model: BaseModel, parameters: Sequence[str | None]) -> list[str]:
+    """Return the base parameters whose column is not zero in a row with these parameters."""
+    return [base.name for base in model.base if base.combination[0][0] in parameters]
+
+
+def _model_tables(described: Description) -> list[Table | Text]:
+    sensors = ", ".join(
+        f"{sensor['key']} ({sensor['measures']} of {sensor['body'] or ' - '.join(sensor['deflection'])})"
+        for sensor in described["sensors"]
+    )
+    rows = table(
+        "Rows",
+        [
+            ("row", "left"),
+            ("origin", "left"),
+            ("order", "right"),
+            ("differentiated", "right"),
+            ("columns", "left"),
+        ],
+        [
+            (r["name"], r["origin"], str(r["order"]), str(r["differentiated"]), ", ".join(r["columns"]))
+            for r in described["rows"]
+        ],
+    )
+    base = table(
+        "Base parameters",
+        [("column", "right"), ("base parameter", "left"), ("unit", "left")],
+        [(str(i), b["name"], b["unit"]) for i, b in enumerate(described["base_parameters"])],
+    )
+    answered = Text(f"\nidentifiable: {', '.join(described['identifiable']) or 'none'}")
+    absent = [Text(f"not identifiable: {name}: {why}") for name, why in described["absent"].items()]
+    given = [signal for signal in described["signals"] if signal.startswith("sign_")]
+    asked = f"directions that the records must bring, or identify --direction name: {', '.join(given)}"
+    formulas = [Text(f"{n} = {f}") for n, f in described["composites"].items() if n != f]
+    head = Text(f"\nSensors {described['sensor_set']}: {sensors}\n", style="bold")
+    return [head, rows, Text(""), base, *formulas, answered, *absent, *([Text(asked)] if given else [])]
+
+
+def _equation_text(equation: Equation) -> str:
+    """Return "Gamma_m = J_m q_m'' + K (q_m - q_c)": a parameter once, with all it multiplies of one order."""
+    grouped: dict[tuple[str | None, str, int], list[tuple[Exact, str]]] = {}
+    for term in equation.terms:
+        key = (term.parameter, term.signal.kind, term.signal.order)
+        grouped.setdefault(key, []).append((term.coefficient, _signal_text(term.signal)))
+    left = [_sum_text(parts) for (parameter, _, _), parts in grouped.items() if parameter is None]
+    right = [_product_text(parameter, parts) for (parameter, _, _), parts in grouped.items() if parameter]
+    return f"{' + '.join(left) or '0'} = {' + '.join(right).replace('+ -', '- ')}"
+
+
+def _product_text(parameter: str, parts: Sequence[tuple[Exact, str]]) -> str:
+    if len(parts) > 1:
+        return f"{parameter} ({_sum_text(parts)})"
+    coefficient, signal = parts[0]
+    size = "" if abs(coefficient) == 1 else f"{_size_text(coefficient)} "
+    return f"{'-' if coefficient < 0 else ''}{size}{parameter}{f' {signal}' if signal else ''}"
+
+
+def _size_text(coefficient: Exact) -> str:
+    """Return a magnitude as a short fraction, or rounded where the fraction is no help to the eye."""
+    size = coefficient if coefficient > 0 else -coefficient
+    return str(size) if size.denominator <= LARGEST_DENOMINATOR else f"{float(size):.6g}"
+
+
+def _sum_text(parts: Sequence[tuple[Exact, str]]) -> str:
+    parts = sorted(parts, key=lambda part: part[0] < 0)  # q_c - q_m reads better than -q_m + q_c
+    texts = [f"{'' if abs(c) == 1 else f'{_size_text(c)} '}{signal}" for c, signal in parts]
+    signs = ["-" if c < 0 else "+" for c, _ in parts]
+    first = f"{'-' if signs[0] == '-' else ''}{texts[0]}"
+    return first + "".join(f" {sign} {text}" for sign, text in zip(signs[1:], texts[1:], strict=True))
+
+
+def _signal_text(signal: Signal) -> str:
+    if signal.kind == "one":
+        return ""
+    if signal.kind == "force":
+        return signal.name
+    if signal.kind == "cube":
+        return f"(deflection of link {int(signal.name) + 1})^3"
+    if signal.kind == "coordinate":
+        return f"q_{signal.name}{PRIMES[signal.order]}"
+    motion = f" q_{signal.name}{PRIMES[signal.order]}" if signal.order else ""
+    return f"{signal.kind}(q_{signal.name}'){motion}"

@@ -1,0 +1,172 @@
+"""`modelgen validate`: simulated against measured signals, on records used and held out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from modelgen.cli.arguments import Trust
+from modelgen.cli.data_arguments import (
+    BESIDE_REFERENCE,
+    MEND_HELP,
+    REFERENCE,
+    DataOptions,
+    read_files,
+    reading_lines,
+)
+from modelgen.cli.output import note, print_json, say
+from modelgen.errors import DataError
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+    from modelgen.runtime.simulation.validate import Validation
+
+
+def validate(
+    data: Annotated[list[Path], typer.Argument(metavar="DATA", help="One data file a record.")],
+    module: Annotated[Path, typer.Option("--model", metavar="MODULE.py", help="A generated module.")],
+    estimate: Annotated[
+        Path, typer.Option("--estimate", metavar="FILE.json", help="What identify -o wrote.")
+    ],
+    controller: Annotated[
+        Path, typer.Option(metavar="FILE.toml", help="The loop: tables [controller] and [drive].")
+    ],
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="KEY=COLUMN", help="Column of a channel, or of reference; repeatable."),
+    ] = None,
+    scale: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=FACTOR", help="Factor (or scalar of the file) to SI units; repeatable."),
+    ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option(metavar="MAP.toml", help="What modelgen import wrote; --map goes before it."),
+    ] = None,
+    fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of times.")] = None,
+    time_unit: Annotated[str | None, typer.Option(metavar="UNIT", help="s, ms, us or ns; as stated.")] = None,
+    mend: Annotated[list[str] | None, typer.Option(metavar="WHAT", help=MEND_HELP)] = None,
+    value: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="A parameter the estimate lacks, SI; repeatable."),
+    ] = None,
+    cutoff_hz: Annotated[
+        float | None, typer.Option(help="Cut-off in Hz before a reading is differentiated; 0.1 fs.")
+    ] = None,
+    oversample: Annotated[int | None, typer.Option(help="Internal steps per sample; 8, sampled 1.")] = None,
+    hold_out: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SHARE", help="Also identify from this first share alone, validate on the rest."
+        ),
+    ] = None,
+    trust: Trust = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
+    ] = False,
+) -> None:
+    """Validate an estimate in closed loop: simulate the records' reference, compare all signals.
+
+    A record is held out if its name is none of those that the estimate was identified from.
+    """
+    from modelgen.cli.arguments import amounts
+    from modelgen.cli.tables import console
+    from modelgen.runtime.identification.identify import identify
+    from modelgen.runtime.model.model import load_model
+    from modelgen.runtime.simulation.controller_file import load_controller
+    from modelgen.runtime.simulation.validate import parameters_of, split
+    from modelgen.runtime.simulation.validate import validate as run
+
+    model = load_model(module, trust)
+    loop, drive = load_controller(controller)
+    saved = _load_json(estimate)
+    parameters = {**parameters_of(saved, model), **amounts("--set", value or ())}
+    given = DataOptions(mapping or (), scale or (), fs, time, time_unit, map_file, mend or ())
+    readings = read_files(data, model, given, REFERENCE, BESIDE_REFERENCE)
+    note(reading_lines(data, readings))
+    records = [reading.record for reading in readings]
+    options: dict[str, Any] = {"drive": drive, "cutoff_hz": cutoff_hz, "oversample": oversample}
+    say("simulating")
+    found = run(model, parameters, records, loop, used=tuple(saved.get("records", ())), **options)
+    if hold_out is not None:
+        first, rest = zip(*(split(record, hold_out) for record in records), strict=True)
+        again = identify(model, first, method=saved["method"], progress=say)
+        found += run(model, {**parameters, **again.physical}, rest, loop, **options)
+    described = describe(found)
+    if as_json:
+        print_json(described)
+    else:
+        console().print(validation_tables(described))
+
+
+def describe(validations: Sequence[Validation]) -> dict[str, Any]:
+    """Return validations as plain values."""
+    return {
+        "records": [
+            {
+                "record": v.record,
+                "held_out": v.held_out,
+                "fs_hz": v.fs,
+                "cutoff_hz": v.cutoff_hz,
+                "signals": [
+                    {
+                        "channel": c.channel,
+                        "signal": c.kind,
+                        "unit": c.unit,
+                        "derived": c.derived,
+                        "relative_error_percent": c.relative_error,
+                        "fit_percent": c.fit,
+                        "rms_error": c.rms_error,
+                    }
+                    for c in v.checks
+                ],
+            }
+            for v in validations
+        ]
+    }
+
+
+def validation_tables(described: Mapping[str, Any]) -> Group:
+    """Lay out what `describe` says, one table a record."""
+    from rich.console import Group
+
+    from modelgen.cli.tables import table
+
+    parts = []
+    for entry in described["records"]:
+        kind = "held out" if entry["held_out"] else "used"
+        rows = [
+            (
+                f"{s['channel']}: {s['signal']}" + (" (derived)" if s["derived"] else ""),
+                f"{s['relative_error_percent']:.5g}",
+                f"{s['fit_percent']:.5g}",
+                f"{s['rms_error']:.3g} {s['unit']}",
+            )
+            for s in entry["signals"]
+        ]
+        heading = f"{entry['record']}, {kind}; derivatives below {entry['cutoff_hz']:.4g} Hz"
+        columns: list[tuple[str, Literal["left", "right"]]] = [
+            ("signal", "left"),
+            ("error %", "right"),
+            ("fit %", "right"),
+            ("rms error", "right"),
+        ]
+        parts.append(table(heading, columns, rows))
+    return Group(*parts)
+
+
+def _load_json(path: Path) -> dict[str, Any]:
+    remedy = "give a file that modelgen identify -o wrote"
+    try:
+        saved = json.loads(path.read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise DataError.at(str(path), f"is no JSON: {error}", remedy) from error
+    if not isinstance(saved, dict):
+        raise DataError.at(str(path), "is no saved estimate", remedy)
+    return saved

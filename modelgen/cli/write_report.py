@@ -1,0 +1,137 @@
+"""identify --report: one HTML page from an estimate, with the chain's sensor sets beside the one used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from modelgen.atomic_write import write_whole
+from modelgen.cli.arguments import compared_sensor_sets, load_chain
+from modelgen.errors import DataError, ModelgenError
+from modelgen.report.page import report_page
+from modelgen.spec.chain import ChainSpec
+from modelgen.spec.load import catalog_path, load_spec
+
+if TYPE_CHECKING:
+    from modelgen.cli.figure import Panel
+    from modelgen.runtime.model.model import Model
+    from modelgen.runtime.records.read_record import Reading
+    from modelgen.runtime.records.record import Record
+    from modelgen.runtime.results.estimate import Estimate
+    from modelgen.runtime.simulation.validate import Validation
+
+
+FIGURES = (".png", ".svg", ".pdf")
+REPORTS = (".html", ".htm")
+
+
+def check_output(path: Path, suffixes: Sequence[str], overwrite: bool) -> None:
+    """Refuse the path of a result before any work is done for it; any suffix will do if there are none."""
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise DataError.at(str(path), f"has the suffix {path.suffix!r}", f"give it {' or '.join(suffixes)}")
+    if path.exists() and not overwrite:
+        raise DataError.at(str(path), "exists already", "choose another name, or give --overwrite")
+
+
+def write_report(
+    path: Path,
+    model: Model,
+    module: Path,
+    readings: Sequence[Reading],
+    estimate: Estimate,
+    options: Mapping[str, Any],
+    spec: str | None,
+    controller: Path | None,
+    overwrite: bool,
+) -> None:
+    """Write the report.
+
+    `spec` names the chain, which is otherwise looked for by its name and hash; with a `controller` the
+    records' closed loop is simulated and laid over what was measured.
+    """
+    chain = load_chain(spec) if spec else _spec_of(model, module)
+    sets = sensor_set_rows(chain) if chain is not None else []
+    given = {name: str(value) for name, value in options.items() if value not in (None, (), [])}
+    loops = closed_loops(model, readings, estimate, controller) if controller else ()
+    page = report_page(model, readings, estimate, given, sets, loops)
+    write_whole(path, page.encode(), overwrite=overwrite)
+
+
+def write_figure(
+    path: Path, model: Model, readings: Sequence[Reading], estimate: Estimate, overwrite: bool
+) -> None:
+    """Write measured and rebuilt rows that hold a force as PNG, SVG or PDF, one panel a record and row."""
+    from modelgen.cli.figure import draw_forces
+
+    check_output(path, FIGURES, overwrite)
+    panels = force_panels(model, [reading.record for reading in readings], estimate)
+    try:
+        draw_forces(panels, path, columns=min(len(panels), 2))
+    except ImportError as error:
+        remedy = "get it with: pip install 'modelgen[plot]'"
+        raise DataError.at(str(path), "needs matplotlib, which is not installed", remedy) from error
+
+
+def force_panels(model: Model, records: Sequence[Record], estimate: Estimate) -> list[Panel]:
+    """Return measured and rebuilt rows that hold a force, for `modelgen.cli.figure.draw_forces`."""
+    from modelgen.cli.figure import Panel
+    from modelgen.report.rebuilt import rebuild
+
+    rows, _ = rebuild(model, records, estimate)
+    return [
+        Panel(
+            f"{row.record}, row {row.row}",
+            row.unit,
+            row.start_s + row.step_s * np.arange(row.measured.size, dtype=float),
+            row.measured,
+            row.rebuilt,
+        )
+        for row in rows
+        if row.has_force
+    ]
+
+
+def closed_loops(
+    model: Model, readings: Sequence[Reading], estimate: Estimate, controller: Path
+) -> tuple[Validation, ...]:
+    """Return the records' closed loops, measured and simulated with the estimate's parameters."""
+    from modelgen.runtime.simulation.controller_file import load_controller
+    from modelgen.runtime.simulation.validate import parameters_of, validate
+
+    loop, drive = load_controller(controller)
+    records = [reading.record for reading in readings]
+    parameters = parameters_of(estimate.to_dict(), model)
+    return validate(model, parameters, records, loop, drive=drive, used=estimate.records)
+
+
+def sensor_set_rows(chain: ChainSpec) -> list[dict[str, str]]:
+    """Return one row of texts a sensor set: name, rows, order, identifiable, lost."""
+    rows = []
+    for summary in compared_sensor_sets(chain, None):
+        row = {"name": summary.name, "rows": "none", "order": "", "identifiable": summary.reason}
+        if summary.model is not None:
+            derived = summary.model.rows.rows
+            row["rows"] = ", ".join(entry.name + "'" * entry.differentiated for entry in derived)
+            row["order"] = str(max(entry.order for entry in derived))
+            row["identifiable"] = ", ".join(summary.model.identifiable) or "none"
+        rows.append({**row, "lost": ", ".join(summary.lost) or "–"})
+    return rows
+
+
+def _spec_of(model: Model, module: Path) -> ChainSpec | None:
+    """Return the chain a module was generated from, if its file is near or in the catalogue, unchanged."""
+    candidates = [folder / f"{model.chain}.toml" for folder in (module.parent, module.parent.parent, Path())]
+    with suppress(ModelgenError):
+        candidates.append(catalog_path(model.chain))
+    for path in candidates:
+        try:
+            chain = load_spec(path)
+        except (ModelgenError, OSError):
+            continue
+        if chain.sha256 == model.spec_sha256:
+            return chain
+    return None

@@ -1,0 +1,1 @@
+"""Sensor sets and other estimators side by side."""

@@ -1,0 +1,157 @@
+"""A chain from sample to sample, and its slopes by motion and parameters: what the Kalman filter works on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import factorial
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.simulation.plant import Plant
+
+FloatArray = npt.NDArray[np.float64]
+Directions = tuple[int, ...]
+# values and slopes by the state, by the force, by the friction
+Linearised = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+RELATIVE_STEP = 1e-5
+# Value and derivatives at 0 of the cubic through values at -1, 0, 1 and 2.
+CUBIC = np.linalg.inv([[t**k / factorial(k) for k in range(4)] for t in (-1.0, 0.0, 1.0, 2.0)])
+# A velocity within so many of its standard deviations of zero may have either sign.
+UNCERTAIN = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """x+ = motion (x, forces, f) and z = reading (x, u, f), with their derivatives by every parameter.
+
+    The derivatives have the parameters as first axis. u is the force at a sample; `forces` are those at the
+    sample before, this one, and the next two, with a cubic through them in between: a straight line would
+    take (pi f / fs)^2 / 3 off a sine of f Hz, and make the inertias wrong by as much.
+    """
+
+    motion: FloatArray
+    reading: FloatArray
+    motion_slopes: FloatArray
+    reading_slopes: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """The chain linearised at one sample.
+
+    `friction`, its slopes by the parameters, shape (columns of E, parameters), and the covariance of what of
+    it is unknown, `friction_noise`. `around` are the parameters of the matrices, shape (parameters,).
+    """
+
+    matrices: Matrices
+    around: FloatArray
+    friction: FloatArray
+    friction_slopes: FloatArray
+    friction_noise: FloatArray
+
+    def motion(self, s: FloatArray, forces: FloatArray) -> Linearised:
+        """Return the motion at the next sample; `forces` has shape (4, forces)."""
+        n, count = len(self.matrices.motion), forces.size
+        found, slope = self._linearise(self.matrices.motion, self.matrices.motion_slopes, s, forces.ravel())
+        each = self.matrices.motion[:, n : n + count].reshape(n, *forces.shape)
+        # noise of one sample acts through all steps that it enters, which is all of these
+        return found, slope, each.sum(axis=1), self.matrices.motion[:, n + count :]
+
+    def reading(self, s: FloatArray, u: FloatArray) -> Linearised:
+        """Return what the sensors read."""
+        n, m = len(self.matrices.motion), u.size
+        found, slope = self._linearise(self.matrices.reading, self.matrices.reading_slopes, s, u)
+        return found, slope, self.matrices.reading[:, n : n + m], self.matrices.reading[:, n + m :]
+
+    def _linearise(
+        self, matrix: FloatArray, slopes: FloatArray, s: FloatArray, u: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        n = len(self.matrices.motion)
+        given = np.concatenate([s[:n], u, self.friction])
+        by_parameters = (slopes @ given).T + matrix[
+            :, given.size - self.friction.size :
+        ] @ self.friction_slopes
+        # the friction is taken at the present parameters, the matrices at those of the pass before
+        found = matrix @ given + (slopes @ given).T @ (s[n:] - self.around)
+        return found, np.hstack((matrix[:, :n], by_parameters))
+
+
+class KalmanModel:
+    """A plant with a measured force and unknown parameters, at sampling period dt (s).
+
+    Parameters
+    ----------
+    plant : Plant
+    around : ndarray, shape (parameters,)
+        Parameters around which products with the motion are linearised (SI).
+    scale : ndarray, shape (parameters,)
+        Their sizes.
+    dt : float
+    """
+
+    def __init__(self, plant: Plant, around: FloatArray, scale: FloatArray, dt: float) -> None:
+        self.plant, self.states = plant, 2 * len(plant.bodies)
+        self._around, self._scale, self._dt = around, scale, dt
+        self._made: dict[Directions, Matrices] = {}
+        self._names = {name: i for i, name in enumerate(plant.model.parameters)}
+
+    def sample(self, x: FloatArray, std: FloatArray, theta: FloatArray) -> Sample:
+        """Return the chain linearised at a motion with these deviations, shape (states,), and parameters."""
+        friction = self.plant.model.friction
+        f, noise = np.zeros(len(friction)), np.zeros(len(friction))
+        slopes = np.zeros((len(friction), theta.size))
+        directions = []
+        for j, entry in enumerate(friction):
+            v, sign = x[entry.state], 1 if x[entry.state] >= 0.0 else -1
+            directions.append(sign)
+            name = entry.coulomb_plus if sign > 0 else entry.coulomb_minus
+            level = self._value(name, theta)
+            braked = abs(level) / self.plant.inertia[entry.state - len(self.plant.bodies)] * self._dt
+            if abs(v) <= max(UNCERTAIN * std[entry.state], braked):
+                noise[j] = level**2
+            else:
+                f[j] += sign * level
+                self._mark(slopes, j, name, float(sign))
+            f[j] += self._value(entry.offset, theta)
+            self._mark(slopes, j, entry.offset, 1.0)
+        matrices = self._matrices(tuple(directions))
+        return Sample(matrices, self._around, f, slopes, np.diag(noise))
+
+    def _value(self, name: str | None, theta: FloatArray) -> float:
+        return float(theta[self._names[name]]) if name in self._names else self.plant.value(name)
+
+    def _mark(self, slopes: FloatArray, row: int, name: str | None, slope: float) -> None:
+        if name in self._names:
+            slopes[row, self._names[name]] += slope
+
+    def _matrices(self, directions: Directions) -> Matrices:
+        """Return the matrices, and their central differences by every parameter."""
+        if directions not in self._made:
+            motion, reading = self._discretised(self._around, directions)
+            slopes: tuple[list[FloatArray], list[FloatArray]] = ([], [])
+            for i, size in enumerate(self._scale):
+                step = np.zeros(self._scale.size)
+                step[i] = RELATIVE_STEP * size
+                ends = [self._discretised(self._around + sign * step, directions) for sign in (1.0, -1.0)]
+                for kept, high, low in zip(slopes, *ends, strict=True):
+                    kept.append((high - low) / (2.0 * step[i]))
+            self._made[directions] = Matrices(motion, reading, np.array(slopes[0]), np.array(slopes[1]))
+        return self._made[directions]
+
+    def _discretised(self, values: FloatArray, directions: Directions) -> tuple[FloatArray, FloatArray]:
+        from scipy.linalg import expm
+
+        model, n = self.plant.model, self.states
+        named = dict(zip(model.parameters, values.tolist(), strict=True))
+        by_body = {entry.body: sign for entry, sign in zip(model.friction, directions, strict=True)}
+        A, B, C, D, E, F = model.state_space({**self.plant.parameters, **named}, by_body)
+        m, r = B.shape[1], E.shape[1]
+        # over a step of 1: (x, u, its three derivatives, f), the friction constant
+        M = np.zeros((n + 4 * m + r,) * 2)
+        M[:n] = self._dt * np.hstack((A, B, np.zeros((n, 3 * m)), E))
+        M[n : n + 3 * m, n + m : n + 4 * m] = np.eye(3 * m)
+        moved = expm(M)[:n]
+        by_samples = moved[:, n : n + 4 * m] @ np.kron(CUBIC, np.eye(m))
+        return np.hstack((moved[:, :n], by_samples, moved[:, n + 4 * m :])), np.hstack((C, D, F))

@@ -1,0 +1,217 @@
+"""What a record lacks as an experiment: bodies that never move, never reverse, records that are too short.
+
+Least squares returns numbers in each of these cases. Some of them can be refused (what acts on a body that
+rests, the split of friction and offset without a reversal); of the others the user should know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filters.noise_spectrum import reading_spectrum
+from modelgen.runtime.filters.zero_phase import DECIMATE_CUTOFF
+from modelgen.runtime.least_squares.hac_covariance import andrews_bandwidth, influence
+from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.parameters.unanswered_columns import columns_that_vanish
+from modelgen.runtime.records.record import Record
+
+# A filtered sign() that goes to the other side by less than this share of itself never saw a reversal.
+LEAST_CHANGE = 0.2
+# A steady velocity of so many standard deviations of its noise is a motion.
+LEAST_SPEED = 3.0
+# A record needs so many times the stretch over which its residuals stay correlated,
+FEWEST_STRETCHES = 10.0
+# so many periods of the slowest mode,
+FEWEST_SWINGS = 5.0
+# and should not lose more than this share to the filter's reach at both ends.
+LARGEST_LOSS = 0.5
+
+
+def resting_bodies(model: Model, records: Sequence[Record]) -> dict[str, str]:
+    """Return the parameters of bodies that no record moves, with the reason."""
+    reasons: dict[str, str] = {}
+    for body, sensors in _sensors_of_bodies(model).items():
+        if any(_moves(record, sensor) for record in records for sensor in sensors):
+            continue
+        keys = [sensor.key for sensor in sensors]
+        names = ", ".join(record.name for record in records)
+        reason = f"{body} never moves: {', '.join(keys)} shows no more than noise in record {names}"
+        for name, role in model.roles.items():
+            if role.bodies == (body,) and role.role != "offset":
+                reasons[name] = reason
+    return columns_that_vanish(model, reasons) if reasons else {}
+
+
+def resting_records(model: Model, records: Sequence[Record]) -> tuple[Advice, ...]:
+    """Return one advice for every record in which no sensor shows any motion, though others do."""
+    every = [sensor for sensors in _sensors_of_bodies(model).values() for sensor in sensors]
+    still = [record for record in records if every and not any(_moves(record, one) for one in every)]
+    if len(still) == len(records):
+        return ()
+    return tuple(
+        Advice("never moving", record.name, "shows no motion above the noise of its sensors", "leave it out")
+        for record in still
+    )
+
+
+def one_way_friction(model: Model, fit: Fit) -> dict[str, str]:
+    """Return the Coulomb frictions (columns of the fit) whose body never reverses, with what that means."""
+    features = {feature.key: feature for feature in model.features}
+    unused = {key for name in fit.absent for key in _keys(model, name)}
+    found: dict[str, str] = {}
+    for index, name in enumerate(fit.columns):
+        role = model.roles.get(name)
+        if role is None or role.role != "coulomb":
+            continue
+        used = [features[key] for key in _keys(model, name) if key in features]
+        opposite = [
+            feature
+            for feature in model.features
+            if feature.key in unused
+            and any(feature.of == one.of and feature.function != one.function for one in used)
+        ]
+        if opposite or (used and used[0].function == "sign" and _one_sided(model, fit, index)):
+            found[name] = f"the velocity of {role.bodies[0]} never reverses"
+    return found
+
+
+def one_way_columns(model: Model, absent: Sequence[str]) -> dict[str, str]:
+    """Return the absent columns that need a motion in the direction that no record has, with the reason."""
+    features = {feature.key: feature for feature in model.features}
+    found: dict[str, str] = {}
+    for name in absent:
+        functions = [features[key].function for key in _keys(model, name) if key in features]
+        for way in ("forward", "backward"):
+            if way in functions:
+                found[name] = f"no sample used moves {way}"
+    return found
+
+
+def friction_and_offset(model: Model, one_way: Mapping[str, str], columns: Sequence[str]) -> dict[str, str]:
+    """Return frictions and offsets that only a reversal would tell apart, with the reason."""
+    reasons: dict[str, str] = {}
+    for name, what in one_way.items():
+        body = model.roles[name].bodies
+        for other in columns:
+            role = model.roles.get(other)
+            if role is not None and role.role == "offset" and role.bodies == body:
+                for one in (name, other):
+                    reasons[one] = f"{what}, so {name} and {other} cannot be told apart"
+    return reasons
+
+
+def one_way_advice(
+    model: Model, one_way: Mapping[str, str], reasons: Mapping[str, str]
+) -> tuple[Advice, ...]:
+    """Return one advice for every friction that no reversal tells from a constant force the model lacks."""
+    return tuple(
+        Advice(
+            "never reversing",
+            name,
+            f"holds every constant force as well: {what}",
+            "record a motion in both directions",
+        )
+        for name, what in one_way.items()
+        if name not in reasons
+    )
+
+
+def short_records(
+    records: Sequence[Record], choice: FilterChoice, fit: Fit, slowest_hz: float | None
+) -> tuple[Advice, ...]:
+    """Return what makes records too short: the filter's reach, the residual's memory, the slowest mode.
+
+    `slowest_hz` is the frequency of the slowest mode of vibration, None where there is none.
+    """
+    found = []
+    grids = {block.record: block.grid for block in fit.blocks}
+    used_s = {index: grid * choice.decimation[index] / records[index].fs for index, grid in grids.items()}
+    for index, seconds in used_s.items():
+        record = records[index]
+        if seconds < (1.0 - LARGEST_LOSS) * record.duration_s:
+            what = f"is {record.duration_s:.3g} s long, of which the filter's reach leaves {seconds:.2g} s"
+            found.append(Advice("too short", record.name, what, "record for longer"))
+    total_s = sum(used_s.values())
+    if slowest_hz and total_s * slowest_hz < FEWEST_SWINGS:
+        what = f"hold {total_s:.2g} s, {total_s * slowest_hz:.1f} periods of the mode at {slowest_hz:.3g} Hz"
+        found.append(Advice("too short", "the records", what, f"record {FEWEST_SWINGS:g} periods and more"))
+    found += _long_memory(fit, total_s)
+    return tuple(found)
+
+
+def band_above_filter(records: Sequence[Record], choice: FilterChoice) -> tuple[Advice, ...]:
+    """Return the records whose decimation passes more than the sensors' filter (method pham2002 only).
+
+    What the sensors have lost above their cut-off then stays in the forces, and no parameter explains it.
+    """
+    found = []
+    for record, factor in zip(records, choice.decimation, strict=True):
+        band_hz = DECIMATE_CUTOFF * record.fs / (2.0 * factor) if factor > 1 else 0.5 * record.fs
+        if band_hz > choice.cutoff_hz * (1.0 + 1e-9):
+            least = int(np.ceil(DECIMATE_CUTOFF * record.fs / (2.0 * choice.cutoff_hz)))
+            found.append(
+                Advice(
+                    "decimation band above the filter band",
+                    record.name,
+                    f"keeps forces up to {band_hz:.4g} Hz and motion up to {choice.cutoff_hz:.4g} Hz",
+                    f"give a decimation of {least} or more, or use method wls, which filters both alike",
+                )
+            )
+    return tuple(found)
+
+
+def _long_memory(fit: Fit, total_s: float) -> list[Advice]:
+    series = influence(fit)
+    samples = sum(len(psi) for psi in series)
+    stretches = samples / andrews_bandwidth(series)
+    if stretches >= FEWEST_STRETCHES:
+        return []
+    what = (
+        f"hold {total_s:.2g} s, only {stretches:.1f} times the stretch over which their residuals stay "
+        "correlated: the standard deviations are themselves uncertain"
+    )
+    return [Advice("too short", "the records", what, "record for longer, or repeat the experiment")]
+
+
+def _keys(model: Model, column: str) -> dict[str, None]:
+    """Return the signals and features that a base parameter multiplies in any row, as keys."""
+    index = model.base_parameters.index(column)
+    rows = range(len(model.rows))
+    return {key: None for row in rows for _, key in model.column_terms(row, index)}
+
+
+def _one_sided(model: Model, fit: Fit, index: int) -> bool:
+    """Tell whether a column holds one sign only, up to what a filter adds; coefficients of rows set aside."""
+    column = model.base_parameters.index(fit.columns[index])
+    parts = []
+    for block in fit.blocks:
+        terms = model.column_terms(block.row, column)
+        if terms:
+            parts.append(block.W[:, index] * np.sign(terms[0][0]))
+    values = np.concatenate(parts)
+    least, most = float(values.min()), float(values.max())
+    return min(-least, most) < LEAST_CHANGE * max(-least, most)
+
+
+def _sensors_of_bodies(model: Model) -> dict[str, list[Sensor]]:
+    """Return for every body the sensors that read its motion alone."""
+    found: dict[str, list[Sensor]] = {}
+    for sensor in model.sensors:
+        if sensor.body is not None and sensor.key in model.channels:
+            found.setdefault(sensor.body, []).append(sensor)
+    return found
+
+
+def _moves(record: Record, sensor: Sensor) -> bool:
+    """Tell whether a sensor shows more than noise; a velocity need not change for that."""
+    if sensor.key not in record.signals:
+        return False
+    samples = record.signals[sensor.key]
+    spectrum = reading_spectrum(samples, record.fs)
+    steady = sensor.measures == "velocity" and abs(samples.mean()) > LEAST_SPEED * spectrum.spread(record.fs)
+    return spectrum.moves or bool(steady)

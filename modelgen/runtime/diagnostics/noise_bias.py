@@ -1,0 +1,112 @@
+"""How far noise of the sensors pulls a least-squares estimate, worked out from the noise of their readings.
+
+Noise in the columns of W does not average out: it adds its own power, N = E[dW^T dW], to W^T W, and
+E[dW^T dY] to W^T Y. What least squares would have found without them is (W^T W - N)^-1 (W^T Y - E[dW^T dY])
+(Fuller 1987, ch. 1). The noises are those of `noise_floor`, white before filter and derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
+from modelgen.runtime.diagnostics.row_noise import noise_band
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filters.noise_spectrum import reading_spectrum
+from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.records.record import Record
+
+FloatArray = npt.NDArray[np.float64]
+
+# A pull is worth a word from this share of the value and this many standard deviations of the noise.
+LEAST_SHARE, LEAST_DEVIATIONS = 0.01, 2.0
+# A parameter that is pulled by more than this share of what is left of it is lost.
+LOST_SHARE = 1.0
+
+
+def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit) -> FloatArray:
+    """Return by how much noise of the sensors shifts a least-squares fit, shape (c,).
+
+    Where the columns together hold no more than noise: infinite for those of which it is the larger part.
+    """
+    c = len(fit.columns)
+    added, crossed = np.zeros((c, c)), np.zeros(c)
+    densities: dict[tuple[int, str], float] = {}
+    for block, weight in zip(fit.blocks, fit.weights, strict=True):
+        record = records[block.record]
+        frequency_hz, power = noise_band(record, choice)
+        for channel, ways in _ways(model, fit, block.row).items():
+            if (block.record, channel) not in densities:
+                spectrum = reading_spectrum(record.signals[channel], record.fs)
+                densities[block.record, channel] = spectrum.noise
+            noise = weight**2 * block.place.size * densities[block.record, channel] * power
+            responses = np.array([response(terms, frequency_hz) for terms in ways])
+            shared = np.real(np.conj(responses) * noise @ responses.T)
+            added += shared[:c, :c]
+            crossed += shared[:c, c]
+    # W^T W holds the noise, and so does W^T Y; without it the same rows would have given another x
+    without = np.eye(c) - fit.solution.inverse @ added
+    if np.min(np.real(np.linalg.eigvals(without))) <= 0.0:
+        W = np.concatenate([w * block.W for w, block in zip(fit.weights, fit.blocks, strict=True)])
+        return np.where(np.diag(added) > 0.5 * np.sum(W**2, axis=0), np.inf, 0.0)
+    found = np.linalg.solve(without, fit.solution.x - fit.solution.inverse @ crossed)
+    return np.asarray(fit.solution.x - found)
+
+
+def _ways(model: Model, fit: Fit, row: int) -> dict[str, list[list[tuple[float, int]]]]:
+    """Return for every channel in W its way into each column of the fit, and last into Y."""
+    nothing = np.zeros(len(model.base_parameters))
+    alone = []
+    for name in fit.columns:
+        own = nothing.copy()
+        own[model.base_parameters.index(name)] = -1.0  # channel_terms counts columns as -W x
+        alone.append(channel_terms(model, row, own, measured=False))
+    left = channel_terms(model, row, nothing)
+    channels = dict.fromkeys(channel for ways in alone for channel in ways)
+    return {key: [*(ways.get(key, []) for ways in alone), left.get(key, [])] for key in channels}
+
+
+def lost_in_noise(fit: Fit, bias: FloatArray) -> dict[str, str]:
+    """Return the columns whose parameter noise pulls by more than its whole value, with the reason."""
+    return {
+        name: "its column is mostly noise of the sensors"
+        if not np.isfinite(move)
+        else f"noise of the sensors pulls it by {100.0 * abs(move / value):.0f} % of what is left of it"
+        for name, move, value in zip(fit.columns, bias, fit.solution.x, strict=True)
+        if abs(move) > LOST_SHARE * abs(value)
+    }
+
+
+def significant_bias(fit: Fit, bias: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return the bias where it is worth a word, else 0; shape (c,).
+
+    `noise` is the covariance that the residuals explain, shape (c, c). An infinite bias leaves no interval.
+    """
+    spread = np.sqrt(np.maximum(np.diag(noise), 0.0))
+    least = np.maximum(LEAST_SHARE * np.abs(fit.solution.x), LEAST_DEVIATIONS * spread)
+    return np.where(np.isfinite(bias) & (np.abs(bias) > least), bias, 0.0)
+
+
+def bias_advice(
+    fit: Fit, bias: FloatArray, noise: FloatArray, parameters: Sequence[Parameter]
+) -> tuple[Advice, ...]:
+    """Return the warning that names what noise pulls, and by how much, where that matters."""
+    told = significant_bias(fit, bias, noise)
+    moves = [(entry, float(told[fit.columns.index(entry.name)])) for entry in parameters]
+    pulled = [f"{one.name} by {100.0 * move / abs(one.value):+.2g} %" for one, move in moves if move]
+    if not pulled:
+        return ()
+    return (
+        Advice(
+            "biased by noise",
+            ", ".join(pulled),
+            "is how far noise of the sensors pulls least squares; the intervals include it",
+            "use method iv, a lower cut-off or better sensors",
+        ),
+    )

@@ -1,0 +1,203 @@
+"""Why a parameter is uncertain, and which values contradict physics: advice on the estimate itself."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.row_noise import row_noise
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.signal_to_noise import SignalToNoise
+from modelgen.runtime.least_squares.wls import Fit, terms_norm
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
+from modelgen.runtime.parameters.dependence import HIGHEST_INDEX, Dependence
+from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import RowBlock
+from modelgen.runtime.simulation.closed_loop import vibration
+from modelgen.runtime.simulation.plant import make_plant
+
+FloatArray = npt.NDArray[np.float64]
+
+# A value this many standard deviations below zero is no chance.
+SIGNIFICANT = 3.0
+# A row without a force that leaves this share of its largest term, or a row that leaves this share of its
+# force, explains nothing.
+NULL_SHARE = 0.9
+# A residual below this multiple of what noise of the sensors gives its row is noise.
+LARGEST_NOISE = 1.5
+# Derivatives with less signal than this above their noise bias least squares visibly.
+LEAST_SNR_DB = 20.0
+
+REMEDIES = {
+    "inertia": "accelerate harder",
+    "stiffness": "excite up to the mode of vibration",
+    "damping": "excite near the mode of vibration",
+    "viscous": "add stretches of different constant speeds",
+    "coulomb": "add slow motion in both directions",
+    "offset": "add slow motion in both directions",
+}
+
+
+def slowest_mode_hz(model: Model, physical: Mapping[str, float]) -> float | None:
+    """Return the frequency of the slowest mode of vibration; None where there is none, or no telling."""
+    if not model.actuators:
+        return None
+    values = {name: 0.0 for name in model.parameters} | dict(model.known) | dict(physical)
+    try:
+        elastic = vibration(make_plant(model, values)).elastic_hz
+    except (DataError, np.linalg.LinAlgError):
+        return None
+    return float(elastic[0]) if elastic.size else None
+
+
+def null_solution(
+    fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice
+) -> tuple[Advice, ...]:
+    """Return the rows that the estimate leaves without meaning: run away to zero, or explaining nothing.
+
+    A row whose force is hardly more than noise of the sensors has nothing to explain: it weighs next to
+    nothing and does no harm.
+    """
+    found = []
+    for block, residual in zip(fit.blocks, fit.residuals, strict=True):
+        size = float(np.linalg.norm(block.Y)) if block.has_force else terms_norm(block, fit.solution.x)
+        left = float(np.linalg.norm(residual)) / size if size > 0.0 else 1.0
+        if left < NULL_SHARE:
+            continue
+        if block.has_force and _drowned(fit, block, residual, model, records[block.record], choice):
+            continue
+        where = f"{block.record_name}, row {block.row_name}"
+        if block.has_force:
+            what = f"leaves {100.0 * left:.0f} % of its force unexplained"
+            remedy = "check channels, signs, units and delays"
+        else:
+            what = f"has no force and leaves {100.0 * left:.0f} % of its largest term: noise pulls it to zero"
+            remedy = "use method iv, lower the noise, or sense a force in that row"
+        found.append(Advice("null solution", where, what, remedy))
+    return tuple(found)
+
+
+def _drowned(
+    fit: Fit, block: RowBlock, residual: FloatArray, model: Model, record: Record, choice: FilterChoice
+) -> bool:
+    """Tell whether what a row leaves is hardly more than noise of the sensors."""
+    x = fit.all_parameters(model.base_parameters)
+    rms = float(np.sqrt(np.mean(residual**2)))
+    return rms < LARGEST_NOISE * row_noise(model, record, choice, block.row, x)
+
+
+def negative_values(model: Model, parameters: Sequence[Parameter]) -> tuple[Advice, ...]:
+    """Return the parameters that are negative by more than chance although nature has no such thing."""
+    found = []
+    for entry in parameters:
+        role = model.roles.get(entry.name)
+        if role is None or role.role not in POSITIVE_ROLES:
+            continue
+        if entry.value < -SIGNIFICANT * entry.std:
+            found.append(
+                Advice(
+                    "negative",
+                    entry.name,
+                    f"= {entry.value:.4g} is {abs(entry.value) / max(entry.std, 1e-300):.1f} standard "
+                    f"deviations below zero, and no {role.role} is",
+                    "check signs of channels (--map KEY=-COLUMN), delays, and whether two are swapped",
+                )
+            )
+    return tuple(found)
+
+
+def uncertain_parameters(
+    model: Model,
+    fit: Fit,
+    parameters: Sequence[Parameter],
+    percent: float,
+    slowest_hz: float | None,
+    excited_hz: float | None,
+) -> tuple[Advice, ...]:
+    """Return for uncertain parameters what their terms amount to beside what their rows leave unexplained.
+
+    A term below the residual is the sign of a motion that is too slow: nothing stands out above friction and
+    noise, or below the modes.
+
+    Parameters
+    ----------
+    percent : float
+        Relative standard deviation in % from which a parameter counts as uncertain.
+    slowest_hz, excited_hz : float or None
+        Slowest mode of vibration, and up to where the records excite, in Hz.
+    """
+    found = []
+    for entry in parameters:
+        role = model.roles.get(entry.name)
+        if role is None or entry.relative_std < percent or entry.name not in fit.columns:
+            continue
+        index = fit.columns.index(entry.name)
+        ratios = []
+        for block, residual in zip(fit.blocks, fit.residuals, strict=True):
+            term = block.W[:, index] * entry.value
+            left = float(np.sqrt(np.mean(residual**2)))
+            if np.any(term) and left > 0.0:
+                ratios.append((float(np.sqrt(np.mean(term**2))) / left, block.row_name))
+        if not ratios or max(ratios)[0] >= 1.0:
+            continue
+        ratio, row = max(ratios)
+        what = f"gives no more than {ratio:.2g} times what row {row} leaves unexplained (rms)"
+        slow = role.role in ("stiffness", "damping") and slowest_hz and excited_hz and excited_hz < slowest_hz
+        if slow:
+            what += f"; the records excite up to {excited_hz:.3g} Hz, the mode lies at {slowest_hz:.3g} Hz"
+        kind = "too slow" if slow or role.role == "inertia" else "too small"
+        found.append(Advice(kind, entry.name, what, REMEDIES[role.role]))
+    return tuple(found)
+
+
+def dependence_advice(
+    found: Sequence[Dependence], parameters: Sequence[Parameter], percent: float, refused: Container[str]
+) -> tuple[Advice, ...]:
+    """Return one advice for each group of columns that makes a parameter uncertain: what is seen of them.
+
+    `refused` are columns that have no number because of such a group.
+    """
+    uncertain = {entry.name for entry in parameters if entry.relative_std >= percent}
+    return tuple(
+        Advice(
+            "dependent columns",
+            group.text,
+            f"({_closeness(group)})",
+            "give one of them as known, sense more (modelgen show --sensors all), or move differently",
+        )
+        for group in found
+        if any(name in uncertain or name in refused for name in group.columns)
+    )
+
+
+def _closeness(group: Dependence) -> str:
+    exact = group.condition_index > HIGHEST_INDEX
+    return "exactly dependent" if exact else f"condition index {group.condition_index:.0f}"
+
+
+def noisy_derivatives(model: Model, entries: Sequence[SignalToNoise]) -> tuple[Advice, ...]:
+    """Return the sensors of which a derivative is mostly noise behind the filter, in every record."""
+    sensors = {sensor.key for sensor in model.sensors}
+    best: dict[tuple[str, int], SignalToNoise] = {}
+    for entry in entries:
+        key = entry.channel, entry.derivative
+        if entry.snr_db is None or entry.channel not in sensors or entry.derivative == 0:
+            continue
+        if key not in best or entry.snr_db > (best[key].snr_db or -np.inf):
+            best[key] = entry
+    found = {}
+    for (channel, _), entry in best.items():
+        if entry.snr_db is not None and entry.snr_db < LEAST_SNR_DB:
+            found[channel] = Advice(
+                "noisy derivative",
+                f"{entry.record}, channel {channel}",
+                f"has derivative {entry.derivative} only {entry.snr_db:.0f} dB above its noise",
+                "use method iv, lower the cut-off, or sense a higher derivative",
+            )
+    return tuple(found.values())

@@ -1,0 +1,216 @@
+"""Whether residuals show more than noise: whiteness, correlation with past inputs, what every period repeats.
+
+The first two are what MATLAB's `resid` draws, with bounds that hold for coloured residuals; the third asks
+the most of periodic records: noise differs from period to period, what the model lacks does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.residual_whiteness import CONFIDENCE, Coloured, coloured, whiteness
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.least_squares.wls import Fit, terms_norm
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+
+FloatArray = npt.NDArray[np.float64]
+
+# Past samples of the decimated grid that the residual is correlated with, as MATLAB's resid takes them.
+LAGS = 25
+# A correlation that explains less than this share of the residual's power is no matter, however certain it
+# is.
+LEAST_SHARE = 0.01
+# What repeats in every period counts from this share of the residual's power.
+LEAST_REPEATED = 0.1
+FEWEST_PERIODS = 4
+# Below this share of the largest term of its row, a residual is what sampling and filters leave undone.
+SMALLEST_ERROR = 5e-4
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """How the residual follows the past of one column times its parameter, at the lag where it does so most.
+
+    `value` is the correlation (-1 to 1), `bound` what noise alone reaches in 1 % of all estimates.
+    """
+
+    column: str
+    lag_s: float
+    value: float
+    bound: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is more than noise, and large enough to matter."""
+        return abs(self.value) > self.bound and self.value**2 > LEAST_SHARE
+
+
+@dataclass(frozen=True)
+class ResidualTest:
+    """What the residual of one row on one record shows; None where there was too little to test.
+
+    `whiteness` is the statistic on the residual freed of the filter's colour, `whiteness_bound` its bound of
+    99 %; `correlation` that with past inputs; `repeated` the share of power that comes back in every period.
+    """
+
+    record: str
+    row: str
+    whiteness: float | None
+    whiteness_bound: float | None
+    correlation: Correlation | None
+    repeated: float | None
+
+    @property
+    def is_white(self) -> bool:
+        """Whether white noise of the sensors explains the residual's colour, as far as was tested."""
+        return (
+            self.whiteness is None or self.whiteness_bound is None or self.whiteness <= self.whiteness_bound
+        )
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether no test shows more than noise."""
+        correlated = self.correlation is not None and self.correlation.significant
+        return self.is_white and not correlated and not self.repeats
+
+    @property
+    def repeats(self) -> bool:
+        """Whether a part of the residual that matters comes back in every period."""
+        return self.repeated is not None and self.repeated > LEAST_REPEATED
+
+
+def residual_tests(
+    model: Model,
+    records: Sequence[Record],
+    choice: FilterChoice,
+    fit: Fit,
+    period_s: Mapping[str, float],
+) -> tuple[ResidualTest, ...]:
+    """Test the residual of every row on every record; `period_s` names the periodic records' periods in s."""
+    x = fit.all_parameters(model.base_parameters)
+    found = []
+    parts = zip(fit.blocks, fit.residuals, fit.regressors, strict=True)
+    for block, residual, regressor in parts:
+        record = records[block.record]
+        step_s = choice.decimation[block.record] / record.fs
+        colour = None
+        if np.linalg.norm(residual) > SMALLEST_ERROR * terms_norm(block, fit.solution.x):
+            colour = coloured(model, block, residual, x, choice, record.fs)
+        white, bound = whiteness(colour, len(fit.blocks)) if colour else (None, None)
+        inputs = regressor * fit.solution.x
+        correlation = _correlation(fit, colour, residual, inputs, step_s) if colour else None
+        repeated = None
+        if colour and record.name in period_s:
+            series = np.full(block.grid, np.nan)
+            series[block.place] = residual
+            repeated = repeated_share(series, period_s[record.name] / step_s)
+        found.append(ResidualTest(block.record_name, block.row_name, white, bound, correlation, repeated))
+    return tuple(found)
+
+
+def repeated_share(series: FloatArray, period: float) -> float | None:
+    """Return the share of a series' power that is the same in every period, 0 to 1.
+
+    Parameters
+    ----------
+    series : array, shape (n,)
+        NaN where there is no sample.
+    period : float
+        In samples. Where it is no integer, the smallest multiple that is one takes its place.
+
+    Returns
+    -------
+    float or None
+        None where fewer than four such periods are left.
+    """
+    multiple = next((k for k in range(1, 13) if abs(k * period - round(k * period)) < 1e-6 * k * period), 0)
+    length = round(multiple * period)
+    if length == 0 or len(series) // length < FEWEST_PERIODS:
+        return None
+    count = len(series) // length
+    folded = series[: count * length].reshape(count, length)
+    folded = folded[:, np.all(np.isfinite(folded), axis=0)]
+    if folded.shape[1] == 0:
+        return None
+    folded = folded - folded.mean()
+    mean = folded.mean(axis=0)
+    noise = float(np.mean((folded - mean) ** 2)) * count / (count - 1)
+    total = float(np.mean(folded**2))
+    # of noise alone the mean over the periods keeps 1 / count
+    return max(0.0, (float(np.mean(mean**2)) - noise / count) / total) if total > 0.0 else None
+
+
+def residual_advice(tests: Sequence[ResidualTest]) -> tuple[Advice, ...]:
+    """Return one advice for each row whose residual shows more than noise: what, and what it asks for."""
+    found = []
+    for test in tests:
+        if test.is_noise:
+            continue
+        seen = []
+        if not test.is_white:
+            seen.append(
+                f"is not filtered noise of the sensors (whiteness {test.whiteness:.0f}, 99 % bound "
+                f"{test.whiteness_bound:.0f})"
+            )
+        if test.correlation is not None and test.correlation.significant:
+            one = test.correlation
+            seen.append(
+                f"follows {one.column}'s term of {1e3 * one.lag_s:.3g} ms before (correlation "
+                f"{one.value:.2f}, bound {one.bound:.2f})"
+            )
+        if test.repeats and test.repeated is not None:
+            seen.append(f"repeats in every period ({100.0 * test.repeated:.0f} % of its power)")
+        found.append(
+            Advice(
+                "more than noise",
+                f"{test.record}, row {test.row}: the residual",
+                " and ".join(seen),
+                "the model lacks something: the intervals are wider for the residual's colour (Newey-West) "
+                "and for what other cut-offs change; compare records and sensor sets, too",
+            )
+        )
+    return tuple(found)
+
+
+def _correlation(
+    fit: Fit, colour: Coloured, residual: FloatArray, inputs: FloatArray, step_s: float
+) -> Correlation | None:
+    """Return the largest correlation, against its bound, of a stretch of the residual with past inputs."""
+    from scipy.stats import norm
+
+    e = residual[colour.samples] - residual[colour.samples].mean()
+    n = len(e)
+    lags = min(LAGS, n // 4)
+    E = np.fft.rfft(e, 2 * n)
+    density = _smooth(np.abs(E) ** 2)
+    count = len(fit.blocks) * lags * len(fit.columns)
+    quantile = float(norm.isf(0.5 * (1.0 - CONFIDENCE) / count))
+    best: tuple[float, Correlation] | None = None
+    for name, u in zip(fit.columns, inputs[colour.samples].T, strict=True):
+        u = u - u.mean()
+        power = float(e @ e) * float(u @ u)
+        if power <= 0.0 or np.ptp(u) < 1e-9 * np.abs(inputs).max():
+            continue
+        U = np.fft.rfft(u, 2 * n)
+        products = np.fft.irfft(E * np.conj(U))[1 : lags + 1] / np.sqrt(power)
+        # sum of R_e(k) R_u(k): the variance of a sum of products of two coloured series
+        both = np.fft.irfft(density * np.abs(U) ** 2)[0]
+        bound = quantile * float(np.sqrt(both / n / power))
+        lag = int(np.argmax(np.abs(products)))
+        ratio = abs(float(products[lag])) / bound
+        if best is None or ratio > best[0]:
+            best = ratio, Correlation(name, (lag + 1) * step_s, float(products[lag]), bound)
+    return best[1] if best else None
+
+
+def _smooth(power: FloatArray) -> FloatArray:
+    """Return the moving average of a periodogram over about the root of its length."""
+    width = 2 * int(np.sqrt(len(power)) / 2.0) + 1
+    padded = np.pad(power, width // 2, mode="reflect")
+    return np.convolve(padded, np.full(width, 1.0 / width), mode="valid")

@@ -1,0 +1,43 @@
+"""How large the noise of the sensors is in a row: their white noise behind filter and derivatives."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.signal_to_noise import gain
+from modelgen.runtime.filters.noise_spectrum import reading_spectrum
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+
+FloatArray = npt.NDArray[np.float64]
+
+# The noise is integrated over so many frequencies up to this multiple of the cut-off.
+LINES, HIGHEST = 2000, 6.0
+
+
+def noise_band(record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
+    """Return frequencies in Hz, and at each the filter's gain in power times the width of its line in Hz."""
+    top_hz = min(0.5 * record.fs, HIGHEST * choice.cutoff_hz)
+    frequency_hz = top_hz * (np.arange(LINES) + 0.5) / LINES
+    return frequency_hz, gain(frequency_hz, choice, 0) ** 2 * top_hz / LINES
+
+
+def row_noise(model: Model, record: Record, choice: FilterChoice, row: int, x: FloatArray) -> float:
+    """Return the rms that noise of the sensors gives Y - W x of a row, in its unit.
+
+    Parameters
+    ----------
+    x : array, shape (columns,)
+        All base parameters in the model's order, zero for those not in the fit.
+    """
+    frequency_hz, power = noise_band(record, choice)
+    total = 0.0
+    for channel, terms in channel_terms(model, row, x).items():
+        noise = reading_spectrum(record.signals[channel], record.fs).noise
+        total += noise * float(np.abs(response(terms, frequency_hz)) ** 2 @ power)
+    return sqrt(total)

@@ -1,0 +1,110 @@
+"""How far the estimate drifts when settings that should not matter are changed: part of an honest interval.
+
+With a right model and clean sensors the matched filter cancels, and neither the cut-off nor the weight of
+the load rows changes anything. Noise in the columns biases least squares and dynamics that the model lacks
+bend it; no residual shows either, but the estimate drifts with those settings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from math import sqrt
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.progress import counted
+from modelgen.runtime.filter_choice.filter_choice import HIGHEST_CUTOFF, FilterChoice
+from modelgen.runtime.least_squares.wls import LOAD_ROW_SHARE, Fit, fit_matched
+from modelgen.runtime.rows.observation import Observation
+
+FloatArray = npt.NDArray[np.float64]
+Found = TypeVar("Found")  # a fit, of whatever kind
+
+# Cut-offs and weights of load rows that are tried, as multiples of those in use.
+CUTOFF_FACTORS = (1.0 / sqrt(2.0), sqrt(2.0))
+# farther cut-offs, once the near ones have shown that the model lacks something
+FARTHER_FACTORS = (0.35, 0.5, 2.0)
+LOAD_ROW_FACTORS = (0.5, 2.0)
+# The cut-off of directions that is tried: a fast vibration shifts the moment at which a low-passed velocity
+# changes its sign, and where that matters, this shows it.
+DIRECTION_FACTOR = 2.0
+
+
+def cutoff_drift(
+    fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Fit]
+) -> FloatArray:
+    """Return the mean square of X's drift with the cut-off, shape (c, c); parameters as `other_cutoffs`."""
+    return _mean_square(fit, [other for _, other in other_cutoffs(choice, lowest_fs, again)])
+
+
+def other_cutoffs(
+    choice: FilterChoice,
+    lowest_fs: float,
+    again: Callable[[FilterChoice], Found],
+    factors: Sequence[float] = CUTOFF_FACTORS,
+) -> list[tuple[FilterChoice, Found]]:
+    """Return the fits at other cut-offs, multiples of the present one, where the records allow them.
+
+    Parameters
+    ----------
+    choice : FilterChoice
+        The settings in use; decimation and directions stay.
+    lowest_fs : float
+        Lowest sampling frequency of the records in Hz: no cut-off above 0.4 of it is tried.
+    again : callable
+        Observes and fits with other settings.
+    """
+    others = []
+    for factor in counted(factors, "other cut-offs"):
+        cutoff_hz = min(factor * choice.cutoff_hz, HIGHEST_CUTOFF * lowest_fs)
+        if factor > 1.0 and cutoff_hz <= choice.cutoff_hz:
+            continue
+        try:
+            other = replace(choice, cutoff_hz=cutoff_hz)
+            others.append((other, again(other)))
+        except (DataError, IdentifiabilityError):
+            continue  # a lower cut-off reaches farther: the record may be too short for it
+    return others
+
+
+def direction_drift(
+    fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Fit]
+) -> FloatArray:
+    """Return the square of X's drift with the cut-off of directions, shape (c, c); parameters as above."""
+    return _mean_square(fit, [other for _, other in other_direction(choice, lowest_fs, again)])
+
+
+def other_direction(
+    choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Found]
+) -> list[tuple[FilterChoice, Found]]:
+    """Return the fit at a higher cut-off of directions, where the records allow it; parameters as above."""
+    higher_hz = min(DIRECTION_FACTOR * choice.direction_cutoff_hz, HIGHEST_CUTOFF * lowest_fs)
+    if higher_hz <= choice.direction_cutoff_hz:
+        return []
+    try:
+        other = replace(choice, direction_cutoff_hz=higher_hz)
+        return [(other, again(other))]
+    except (DataError, IdentifiabilityError):
+        return []  # nearer to the noise, a body may seem to reverse all the time
+
+
+def load_row_drift(fit: Fit, observation: Observation) -> FloatArray:
+    """Return the mean square of X's drift with the weight of the rows without a force, shape (c, c)."""
+    if all(block.has_force for block in fit.blocks):
+        return _mean_square(fit, ())
+    return _mean_square(
+        fit, [fit_matched(observation, factor * LOAD_ROW_SHARE) for factor in LOAD_ROW_FACTORS]
+    )
+
+
+def _mean_square(fit: Fit, others: Sequence[Fit]) -> FloatArray:
+    """Return the mean outer product of the differences of X; fits to other columns do not count."""
+    moves = [other.solution.x - fit.solution.x for other in others if other.columns == fit.columns]
+    total = np.zeros((len(fit.columns), len(fit.columns)))
+    for move in moves:
+        total += np.outer(move, move) / len(moves)
+    return total

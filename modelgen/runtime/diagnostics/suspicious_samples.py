@@ -1,0 +1,188 @@
+"""What looks wrong in a record's samples: warnings that name record, channel and samples; changes nothing.
+
+Every rule compares a channel with itself or with its neighbours on the chain. None raises an error: a machine
+may stand at a limit, and a sensor may be coarse, with its owner's knowledge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import IdentifiabilityError, ModelgenError, Problem
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.stuck_readings import Runs, equal_runs, faulty_runs
+from modelgen.runtime.diagnostics.unit_errors import unlike_units
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# A step unlike its neighbours by this many times the 99.9th percentile, so many resolutions and this share
+# of the rms step is a leap.
+LEAP, LEAP_RESOLUTIONS, LEAP_SPEED = 20.0, 6.0, 0.3
+# Fewer steps than this between the least and the largest reading are too few to differentiate.
+FEWEST_STEPS = 50
+# A machine's readings do not span more than this.
+WIDEST = {"m": 100.0, "m/s": 100.0, "m/s^2": 1e5, "rad/s": 1e5, "rad/s^2": 1e8}
+# Readings beyond this are no numbers of a sensor, and would overflow below.
+ABSURD = 1e100
+# The machine moves where a sensor's speed, over so many samples before and after, is this share of its rms.
+MOVES, AROUND = 0.1, 8
+LISTED = 3
+
+
+def suspicions(model: Model, records: Iterable[Record]) -> tuple[Advice, ...]:
+    """Return what looks wrong in the channels that a model uses, record by record.
+
+    Parameters
+    ----------
+    model : Model
+    records : iterable of Record
+        With all of ``model.channels``, in SI.
+
+    Returns
+    -------
+    tuple of Advice
+        `where` is "RECORD, channel KEY, samples FIRST to LAST", samples counted from 0.
+    """
+    return tuple(problem for record in records for problem in _suspicions(model, record))
+
+
+def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
+    measures = {sensor.key: sensor.measures for sensor in model.sensors}
+    units = {sensor.key: sensor.unit for sensor in model.sensors}
+    units |= {actuator.key: actuator.unit for actuator in model.actuators}
+    present = {key: record.signals[key] for key in units if key in record.signals}
+    used = {key: samples for key, samples in present.items() if np.abs(samples).max() < ABSURD}
+    for key in [key for key in present if key not in used]:
+        where = f"{record.name}, channel {key}, samples 0 to {record.n - 1}"
+        what = f"reads up to {np.abs(present[key]).max():.4g} {units[key]}, which nothing does"
+        yield Advice("unit", where, what, "check how the file was read, and the channel's scale")
+    acts = any(np.ptp(samples) > 0.0 for key, samples in used.items() if key not in measures)
+    moving = _moving(record.n, {key: used[key] for key in measures if key in used}, measures)
+    leaps: list[tuple[int, str]] = []
+    for key, samples in used.items():
+        where = f"{record.name}, channel {key}"
+        if np.ptp(samples) == 0.0:
+            if key in measures or not acts:  # one of several actuators may well rest
+                what = f"reads {samples[0] + 0.0:.6g} in every sample"
+                remedy = "check its cable and its scale; it is right only if nothing moves or acts there"
+                yield Advice("constant", f"{where}, samples 0 to {record.n - 1}", what, remedy)
+            continue
+        runs = equal_runs(samples)
+        clipped, stuck = faulty_runs(samples, runs, measures.get(key, ""), moving)
+        yield from _told_clipped(where, samples, runs, clipped.tolist())
+        yield from _told_stuck(where, samples, runs, stuck.tolist())
+        yield from _told_range(where, samples, units[key], runs.resolution if key in measures else 0.0)
+        if measures.get(key) == "position":
+            leaps += [(place, key) for place in _leaps(samples, runs, [*clipped.tolist(), *stuck.tolist()])]
+    yield from _told_leaps(record, sorted(leaps))
+    yield from unlike_units(model, record, used)
+
+
+def _moving(n: int, sensors: Mapping[str, FloatArray], measures: Mapping[str, str]) -> BoolArray:
+    """Return at which samples a position changes, or a velocity is not small, shape (n,).
+
+    Over a few samples, so that noise of a sensor is no motion.
+    """
+    found = np.zeros(n, dtype=bool)
+    ahead = np.minimum(np.arange(n) + AROUND, n - 1)
+    behind = np.maximum(np.arange(n) - AROUND, 0)
+    for key, samples in sensors.items():
+        if measures[key] != "acceleration":
+            travelled = samples if measures[key] == "position" else np.cumsum(samples)
+            speed = np.abs(travelled[ahead] - travelled[behind])
+            found |= speed > MOVES * float(np.sqrt(np.mean(speed**2)))
+    return found
+
+
+def _leaps(samples: FloatArray, runs: Runs, faulty: Sequence[int]) -> list[int]:
+    """Return the samples to which a position leaps, but at the ends of runs that are reported anyway."""
+    steps = np.diff(samples)
+    if len(steps) < 3:
+        return []
+    odd = np.abs(steps[1:-1] - 0.5 * (steps[2:] + steps[:-2]))
+    speed = float(np.sqrt(np.mean(steps**2)))
+    least = max(LEAP * float(np.quantile(odd, 0.999)), LEAP_RESOLUTIONS * runs.resolution, LEAP_SPEED * speed)
+    ends = np.concatenate([runs.first[faulty], runs.last[faulty] + 1])
+    found = np.flatnonzero(odd > least) + 2
+    return [int(place) for place in found if not np.any(np.abs(ends - place) <= 1)]
+
+
+def _told_clipped(where: str, samples: FloatArray, runs: Runs, found: Sequence[int]) -> Iterator[Advice]:
+    for limit, side in ((samples.max(), "largest"), (samples.min(), "smallest")):
+        there = [run for run in found if samples[runs.first[run]] == limit]
+        if there:
+            count = int(np.sum(runs.lengths[there]))
+            what = f"stands at its {side} reading {limit:.6g} for {count} samples: clipped, or at a limit"
+            remedy = "choose a larger range and record again, or cut the record there"
+            yield Advice("clipped", f"{where}, {_places(runs, there)}", what, remedy)
+
+
+def _told_stuck(where: str, samples: FloatArray, runs: Runs, found: Sequence[int]) -> Iterator[Advice]:
+    if found:
+        value = samples[runs.first[found[0]]]
+        what = f"stays at one reading ({value:.6g}) while it should change: the sensor was stuck or cut off"
+        remedy = "check its cable, or cut the record there"
+        yield Advice("stuck", f"{where}, {_places(runs, found)}", what, remedy)
+
+
+def _told_range(where: str, samples: FloatArray, unit: str, resolution: float) -> Iterator[Advice]:
+    """Report a channel that is coarse (`resolution` 0 for one that may be), or that spans too much."""
+    span, place = float(np.ptp(samples)), f"{where}, samples 0 to {len(samples) - 1}"
+    if span < FEWEST_STEPS * resolution:
+        what = f"spans {span / resolution:.0f} steps of its resolution {resolution:.4g} {unit} only"
+        yield Advice("coarse", place, what, "record a larger motion, or use a finer sensor")
+    if span > WIDEST.get(unit, np.inf):
+        what = f"spans {span:.4g} {unit}, more than machines do ({WIDEST[unit]:g} {unit})"
+        yield Advice("unit", place, what, "check its unit (mm for m?), and scale it to SI")
+
+
+def _places(runs: Runs, found: Sequence[int]) -> str:
+    spans = [f"samples {runs.first[run]} to {runs.last[run]}" for run in found[:LISTED]]
+    more = [f"{len(found) - LISTED} more stretches"] if len(found) > LISTED else []
+    return ", ".join(spans + more)
+
+
+def _told_leaps(record: Record, leaps: Sequence[tuple[int, str]]) -> Iterator[Advice]:
+    """Report leaps; those of neighbouring samples are one, and those of several channels are the clock's."""
+    groups: list[list[tuple[int, str]]] = []
+    for leap in leaps:
+        if groups and leap[0] <= groups[-1][-1][0] + 2:
+            groups[-1].append(leap)
+        else:
+            groups.append([leap])
+    for group in groups[:LISTED]:
+        keys = [key for key in record.signals if key in {name for _, name in group}]
+        cause = "a reading is wrong" if len(keys) == 1 else "the clock jumped"
+        where = f"{record.name}, channel {' and '.join(keys)}, samples {group[0][0] - 1} to {group[-1][0]}"
+        what = f"leaps within a sample: samples are missing there, or {cause}"
+        yield Advice("leap", where, what, "cut the record there, or record again")
+    if len(groups) > LISTED:
+        last = groups[-1][-1][0]
+        where = f"{record.name}, samples {groups[LISTED][0][0] - 1} to {last}"
+        yield Advice("leap", where, f"holds {len(groups) - LISTED} more leaps", "check how it was recorded")
+
+
+@contextmanager
+def told_on_failure(doubts: Sequence[Advice]) -> Iterator[None]:
+    """Add what is suspicious about the data to an error within that the data may be the reason of.
+
+    That is not the case where an option is out of its range: such an error does not name a record.
+    """
+    try:
+        yield
+    except ModelgenError as error:
+        places = [problem.where for problem in error.problems]
+        found = [
+            Problem(advice.where, advice.what, advice.remedy)
+            for advice in doubts
+            if isinstance(error, IdentifiabilityError)
+            or any(advice.where.split(", channel ")[0] in where for where in places)
+        ]
+        raise type(error)(*error.problems, *found) from None

@@ -1,0 +1,109 @@
+"""Factors of a thousand: between sensors of one motion, and between an estimate and the values expected.
+
+Only a wrong unit explains them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.records.record import Record
+
+FloatArray = npt.NDArray[np.float64]
+
+# What a chain's own dynamics do not explain: a resonance with 0.5 % damping gives 100.
+FACTOR = 200.0
+# Values that are off by one factor: within so much of each other.
+ALIKE = 10.0
+# Bands of a third of an octave in which two sensors move alike; in the lowest of them a chain moves as one.
+THIRD_OCTAVE, SMALLEST_BAND, FIRST_BIN = 1.26, 8, 4
+COHERENCE, BANDS = 0.9, 3
+# The ratio may change so much from band to band; far above a resonance it falls with the frequency.
+FLAT = 3.0
+ORDERS = {"position": 0, "velocity": 1, "acceleration": 2}
+
+
+def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterator[Advice]:
+    """Yield an advice for every two of the named sensors that contradict each other absurdly."""
+    levers = {row.bodies[0]: row.lever for row in model.rows}
+    levers |= {actuator.body: actuator.lever for actuator in model.actuators}
+    sensors = [sensor for sensor in model.sensors if sensor.body in levers and sensor.key in keys]
+    for one, other in combinations(sensors, 2):
+        ratio = low_frequency_ratio(record, one, other)
+        if ratio is None:
+            continue
+        # a body's lever is how far it moves when the chain moves as one
+        ratio *= abs(levers[str(one.body)] / levers[str(other.body)])
+        if not 1.0 / FACTOR < ratio < FACTOR:
+            where = f"{record.name}, channel {other.key}, samples 0 to {record.n - 1}"
+            what = (
+                f"moves {_times(ratio)} what {one.key} says at low frequencies: one of them has another unit"
+            )
+            yield Advice("unit", where, what, "check the units of both (mm for m?), and scale to SI")
+
+
+def unlike_nominal(model: Model, physical: Mapping[str, float], records: Sequence[str]) -> tuple[Advice, ...]:
+    """Return an advice where all inertias and stiffnesses are absurdly far from every parameter set.
+
+    Parameters
+    ----------
+    model : Model
+    physical : mapping of str to float
+        Values found, SI.
+    records : sequence of str
+        Names of the records.
+    """
+    roles = {name: role.role for name, role in model.roles.items()}
+    found = {n: v for n, v in physical.items() if roles.get(n) in ("inertia", "stiffness") and v > 0.0}
+    ratios = []
+    for values in model.parameter_sets.values():
+        logs = [np.log10(found[name] / values[name]) for name in found if values.get(name, 0.0) > 0.0]
+        if not logs or np.ptp(logs) > np.log10(ALIKE):
+            return ()
+        ratios.append(float(10.0 ** np.mean(logs)))
+    if not ratios or any(1.0 / FACTOR < ratio < FACTOR for ratio in ratios):
+        return ()
+    nearest = min(ratios, key=lambda ratio: abs(np.log(ratio)))
+    sets, channels = ", ".join(model.parameter_sets), ", ".join(model.channels)
+    what = f"give {', '.join(found)} {_times(nearest)} what the spec's parameter sets say ({sets})"
+    where = f"{', '.join(records)}, channels {channels}"
+    return (Advice("unit", where, what, "check the units of forces and sensors, and scale them to SI"),)
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.4g} times" if ratio > 1.0 else f"1/{1.0 / ratio:.4g} of"
+
+
+def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | None:
+    """Return how many times as much as `one` says `other` moves, in the lowest bands where they are coherent.
+
+    None where too few bands are coherent, or where the ratio changes with the frequency.
+    """
+    first, second = (_spectrum(record.signals[sensor.key]) for sensor in (one, other))
+    derivatives = ORDERS[other.measures] - ORDERS[one.measures]
+    first *= (2.0 * np.pi * record.fs / record.n * np.maximum(np.arange(len(first)), 1)) ** derivatives
+    ratios: list[float] = []
+    low = FIRST_BIN
+    while low < len(first) and len(ratios) < BANDS:
+        band = slice(low, max(low + SMALLEST_BAND, int(THIRD_OCTAVE * low)))
+        x, y = first[band], second[band]
+        power, cross = float(np.vdot(x, x).real), float(abs(np.vdot(x, y)))
+        powers = float(np.vdot(y, y).real)
+        if cross > COHERENCE * np.sqrt(power) * np.sqrt(powers):
+            ratios.append(cross / power)
+        low = band.stop
+    if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios):
+        return None
+    return float(np.median(ratios))
+
+
+def _spectrum(samples: FloatArray) -> npt.NDArray[np.complex128]:
+    """Return the spectrum under a Hann window of what is left of the line from first to last sample."""
+    line = np.linspace(samples[0], samples[-1], len(samples))
+    return np.asarray(np.fft.rfft((samples - line) * np.hanning(len(samples))))

@@ -1,0 +1,226 @@
+"""Delimited text (.csv, .txt, .tsv) -> Source.
+
+In a plain table the first line that is neither empty nor a comment (#) names the columns; the separator is
+comma, semicolon or tab. What instruments write above or beside that is found by `text_layout`.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.files.instrument_dialects import DIALECTS, stated_frequency
+from modelgen.runtime.files.source import Columns, Source
+from modelgen.runtime.files.text_layout import (
+    END_MARKS,
+    SEPARATORS,
+    SPACES,
+    Head,
+    Layout,
+    cells_of,
+    encoding_of,
+    heads,
+    lines_of,
+    number_from,
+    sniff,
+)
+from modelgen.runtime.files.timestamps import time_since
+
+RECORD_MARK = "# modelgen record "  # followed by JSON: fs, name and tag of a record written by modelgen
+Table = npt.NDArray[np.float64]
+
+
+def open_text(path: Path) -> Source:
+    """Return the source of a delimited text file; its numbers are read when columns are asked for.
+
+    Raises
+    ------
+    DataError
+        When there is no header line of different names; later, naming line and column, when a row is longer
+        or shorter than the header or a cell is no number.
+    """
+    encoding = encoding_of(path)
+    stated = _stated_record(path, encoding)
+    fs = stated.get("fs")
+    layout = None
+    for head in heads(path, encoding):
+        layout = _sniffed(head)
+        if layout is not None:
+            fs = fs or stated_frequency(head)
+            break
+    layout = layout or _plain(path, encoding)
+    problems = _header_problems(layout)
+    if problems:
+        raise DataError(*problems)
+    chosen = layout
+
+    def load(names: Sequence[str]) -> Columns:
+        return _load(chosen, names)
+
+    return Source(
+        path,
+        tuple(name for name in layout.names if name),
+        load,
+        fs=fs,
+        name=stated.get("name"),
+        tag=stated.get("tag"),
+        units=layout.units,
+        clocks=layout.clocks,
+        took=layout.took,
+    )
+
+
+def _sniffed(head: Head) -> Layout | None:
+    return next((layout for dialect in DIALECTS if (layout := dialect(head)) is not None), sniff(head))
+
+
+def _plain(path: Path, encoding: str) -> Layout:
+    """Return the layout of a plain table, whatever its lines hold: they are blamed when they are read."""
+    for number, line in lines_of(path, encoding):
+        if line.strip() and not line.startswith("#"):
+            separator = max(SEPARATORS, key=lambda candidate: len(cells_of(line, candidate)))
+            names = tuple(cells_of(line, separator))
+            return Layout(path, encoding, number, separator, separator == ";", names)
+    raise DataError.at(str(path), "is empty", "give a header line of column names, then one line a sample")
+
+
+def _stated_record(path: Path, encoding: str) -> dict[str, Any]:
+    """Return fs, name and tag from the comment that modelgen writes above a record of its own."""
+    for number, line in lines_of(path, encoding):
+        if line.startswith(RECORD_MARK):
+            return _stated(f"{path}: line {number}", line.removeprefix(RECORD_MARK))
+        if line.strip() and not line.startswith("#"):
+            break
+    return {}
+
+
+def _stated(where: str, text: str) -> dict[str, Any]:
+    remedy = "remove the line, or write the record again"
+    try:
+        stated = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise DataError.at(where, "is a damaged record header", remedy) from error
+    kinds: dict[str, Any] = {"fs": (int, float), "name": str, "tag": (str, type(None))}
+    if not isinstance(stated, dict) or not all(isinstance(stated.get(key), kinds[key]) for key in kinds):
+        raise DataError.at(where, "is a damaged record header", remedy)
+    return stated
+
+
+def _header_problems(layout: Layout) -> list[Problem]:
+    where = f"{layout.path}: line {layout.header_line}"
+    if all(number_from(cell, layout.decimal_comma) is not None for cell in layout.names):
+        return [Problem(where, "holds numbers, not column names", "put the column names there, without a #")]
+    problems = []
+    if not layout.took:
+        problems = [
+            Problem(where, f"column {i} has no name", "name every column, and end no line with a separator")
+            for i, name in enumerate(layout.names, start=1)
+            if not name
+        ]
+    problems += [
+        Problem(where, f"two columns are named {name}", "give every column its own name")
+        for name in dict.fromkeys(layout.names)
+        if name and layout.names.count(name) > 1
+    ]
+    return problems
+
+
+def _load(layout: Layout, names: Sequence[str]) -> Columns:
+    """Read columns: all at once where the table holds numbers only, otherwise line by line."""
+    places = {name: layout.names.index(name) for name in names}
+    table = None if layout.ragged else _fast_table(layout, tuple(places.values()))
+    columns = None if table is None else [table[:, place] for place in range(table.shape[1])]
+    if columns is None:
+        columns = _slow_columns(layout, tuple(places.values()))
+    return {name: np.ascontiguousarray(column) for name, column in zip(names, columns, strict=True)}
+
+
+def _fast_table(layout: Layout, places: tuple[int, ...]) -> Table | None:
+    """Return the wanted columns, shape (n, len(places)), or None where a line is not so many numbers."""
+    width = layout.names.count("") + len([name for name in layout.names if name])
+    try:
+        with layout.path.open(encoding=layout.encoding) as file, warnings.catch_warnings():
+            warnings.simplefilter("error")  # an empty table is a warning
+            rows = (line.replace(",", ".") for line in file) if layout.decimal_comma else file
+            # without columns that hold no numbers, every line's width is checked by the parser
+            chosen = places if "" in layout.names else None
+            times: dict[int | str, Callable[[str], Any]] = {
+                layout.names.index(name): time_since(first) for name, first in layout.stamps.items()
+            }
+            table = np.loadtxt(
+                rows,
+                encoding=None,  # converters get text
+                converters=times,
+                delimiter=None if layout.separator == SPACES else layout.separator,
+                skiprows=layout.header_line,
+                comments=None,
+                ndmin=2,
+                quotechar='"',
+                usecols=chosen,
+            )
+    except (ValueError, UserWarning):
+        return None
+    if chosen is not None:
+        return table
+    return table[:, list(places)] if table.shape[1] == width else None
+
+
+def _slow_columns(layout: Layout, places: tuple[int, ...]) -> list[Table]:
+    """Return the wanted columns, or name the first line that is wrong; ragged ones may end before others."""
+    columns: list[list[float]] = [[] for _ in places]
+    readers = [_reader(layout, place) for place in places]
+    for number, cells in _sample_lines(layout):
+        where = f"{layout.path}: line {number}"
+        # metadata beside or below the samples may make lines shorter; cells too many are a mistake anywhere
+        wrong = len(cells) != len(layout.names) if not layout.took else any(cells[len(layout.names) :])
+        if wrong and not layout.ragged:
+            what = f"has {len(cells)} cells, the header has {len(layout.names)}"
+            remedy = "give every line one cell a column (a decimal comma needs semicolons as separator)"
+            raise DataError.at(where, what, remedy)
+        for column, place, read in zip(columns, places, readers, strict=True):
+            cell = cells[place] if place < len(cells) else ""
+            if not cell and layout.ragged:
+                continue
+            value = read(cell)
+            if value is None:
+                kind = "time" if layout.names[place] in layout.stamps else "number"
+                what = f"is {cell!r}, no {kind}" if cell else "is empty"
+                remedy = "correct the cell, or start a line that holds no samples with #"
+                raise DataError.at(f"{where}, column {layout.names[place]}", what, remedy)
+            column.append(value)
+    if not any(columns):
+        raise DataError.at(str(layout.path), "has a header but no samples", "give one line a sample")
+    return [np.array(column, dtype=float) for column in columns]
+
+
+def _reader(layout: Layout, place: int) -> Callable[[str], float | None]:
+    """Return what turns a cell of a column into its value, None where it holds none."""
+    first = layout.stamps.get(layout.names[place])
+    if first is None:
+        return lambda cell: number_from(cell, layout.decimal_comma)
+    since = time_since(first)
+
+    def time(cell: str) -> float | None:
+        try:
+            return since(cell)
+        except ValueError:
+            return None
+
+    return time
+
+
+def _sample_lines(layout: Layout) -> Iterator[tuple[int, list[str]]]:
+    for number, line in lines_of(layout.path, layout.encoding):
+        if number <= layout.header_line or not line.strip() or line.startswith("#"):
+            continue
+        cells = cells_of(line, layout.separator)
+        if layout.took and cells[0] in END_MARKS and not any(cells[1:]):
+            return
+        yield number, cells

@@ -1,0 +1,1 @@
+"""Order, cut-off and decimation chosen from the spectra of the channels."""

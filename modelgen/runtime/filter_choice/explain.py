@@ -1,0 +1,66 @@
+"""What the spectra said to the choice of a filter, in sentences."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from modelgen.runtime.filter_choice.derivative_noise import HighestDerivative
+
+
+def order_sentence(order: int, least: int, loud: HighestDerivative | None, level_db: float) -> str:
+    """Say why the filter has its order; `level_db` is that of the tones beyond the cut-off at `least`."""
+    if loud is None:
+        return (
+            f"Order {order}: the highest derivative and 2 more; of tones beyond the cut-off and the force's "
+            "band it leaves less than 1 % of a highest derivative."
+        )
+    return (
+        f"Order {order} instead of {least}: of tones in {loud.channel} beyond the cut-off and the force's "
+        f"band order {least} would leave {percent(level_db)} of its {derivative(loud)}; 1 % is wanted."
+    )
+
+
+def quiet_sentence(loud: HighestDerivative, cutoff_hz: float, ceiling_hz: float, order: int) -> str:
+    """Say why the cut-off is lower than the dynamics alone ask for."""
+    before, after = (percent(-loud.snr_db(hz, order)[0]) for hz in (ceiling_hz, cutoff_hz))
+    return (
+        f"Cut-off {cutoff_hz:.4g} Hz instead of {ceiling_hz:.4g} Hz (order {order}, forward and backward): "
+        f"noise is {after} of the {derivative(loud)} of {loud.channel} instead of {before}; 1 % is wanted "
+        "as far as half of the power is kept."
+    )
+
+
+def seen_sentence(one: HighestDerivative, cutoff_hz: float, order: int) -> str:
+    """Say up to where a derivative stands out of its noise, and by how much behind the filter."""
+    snr_db, index = one.snr_db(cutoff_hz, order)
+    level = f"; noise is {percent(-snr_db)} of it in {one.records[index]}" if isfinite(snr_db) else ""
+    return (
+        f"The {derivative(one)} of {one.channel} stands out of its noise up to "
+        f"{one.visible_to_hz() or 0.0:.4g} Hz{level}."
+    )
+
+
+def lost_note(one: HighestDerivative) -> str:
+    """Return the warning about a derivative that no record shows."""
+    where = "in any record" if len(one.records) > 1 else f"in {one.records[0]}"
+    return (
+        f"the {derivative(one)} of {one.channel}, which the rows need, does not stand out of its noise "
+        f"{where}: excite more, use a better sensor, or a sensor set whose rows need less"
+    )
+
+
+def derivative(one: HighestDerivative) -> str:
+    """Return "2nd derivative"."""
+    return f"{ordinal(one.order)} derivative"
+
+
+def percent(level_db: float) -> str:
+    """Return a level in dB as a ratio of rms, in %."""
+    return f"{float(f'{100.0 * 10.0 ** (level_db / 20.0):.2g}'):g} %"
+
+
+def ordinal(number: int) -> str:
+    """Return "1st", "2nd", ..."""
+    if 10 <= number % 100 <= 20:
+        return f"{number}th"
+    return f"{number}{ {1: 'st', 2: 'nd', 3: 'rd'}.get(number % 10, 'th') }"

@@ -1,0 +1,1 @@
+"""Filters, derivatives, spectra and reversals of arrays."""

@@ -1,0 +1,137 @@
+"""BlockTables: the matrices that take a block of samples and two states to the samples kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.filters.allpass_states import responses
+
+FloatArray = npt.NDArray[np.float64]
+
+# A power of the transition below this counts as zero: rounding of the sum within the reach.
+POWER_TOLERANCE = 1e-15
+
+
+@dataclass(frozen=True, eq=False)
+class BlockTables:
+    """One signal, cut into blocks, -> its filtered derivatives at the samples kept.
+
+    A window is a block with its margins.
+
+    Attributes
+    ----------
+    factor, block, lead : int
+        Every factor-th sample is kept; samples in a block; place of the first one kept.
+    before, after : int
+        Samples beside a block that its window reaches.
+    halo : int
+        Blocks on each side whose samples are felt.
+    derivatives : int
+        How many.
+    gather, gather_back : array, shape (block, states)
+        What the first (last) `block` samples of a window add to the state that runs forward (backward).
+    powers : array, shape (levels, states, states)
+        Transposed transition over 1, 2, 4, ... blocks.
+    spread : array, shape (before + block + after + 2 * states, kept in a block, derivatives)
+        A window and both states -> samples kept.
+    """
+
+    factor: int
+    block: int
+    lead: int
+    before: int
+    after: int
+    halo: int
+    derivatives: int
+    gather: FloatArray
+    gather_back: FloatArray
+    powers: FloatArray
+    spread: FloatArray
+
+    @property
+    def window(self) -> int:
+        """Samples in a window."""
+        return self.before + self.block + self.after
+
+    @property
+    def kept(self) -> int:
+        """Samples kept in a block."""
+        return self.block // self.factor
+
+
+def block_tables(
+    kernel: FloatArray,
+    tails: FloatArray,
+    states: tuple[FloatArray, FloatArray],
+    derivatives: tuple[int, ...],
+    reach: int,
+    factor: int,
+    block: int,
+    middle: int,
+) -> BlockTables:
+    """Return the tables for a sampling interval of 1.
+
+    Parameters
+    ----------
+    kernel : array, shape (derivatives, lags)
+        Of filter and differences, from lag 0.
+    tails : array, shape (derivatives, states)
+        Kernel at lag middle + 1 + k is tails @ A^k b.
+    states : (A, b)
+        Of `modelgen.runtime.filters.allpass_states.allpass_states`.
+    derivatives : tuple of int
+        Orders of the derivatives.
+    reach : int
+        Lags that are felt.
+    factor, block : int
+        As of the tables; block is a multiple of factor.
+    middle : int
+        Lags up to this are no sum of exponentials.
+    """
+    A, b = states
+    lead = factor // 2
+    last = lead + block - factor
+    before = max(0, middle - lead)
+    after = max(0, middle - (block - 1 - last))
+    signs = np.where(np.array(derivatives) % 2 == 0, 1.0, -1.0)
+    kept = lead + factor * np.arange(block // factor)
+    lag = kept[None, :] - np.arange(-before, block + after)[:, None]
+    near = kernel[:, np.abs(lag)]
+    near[:, lag < 0] *= signs[:, None]
+    # a sample j places beyond the margin before (after) is at lag kept + before + 1 + j (and alike)
+    ahead = [tails @ np.linalg.matrix_power(A, int(t) + before - middle) for t in kept]
+    behind = [
+        signs[:, None] * (tails @ np.linalg.matrix_power(A, block - 1 - int(t) + after - middle))
+        for t in kept
+    ]
+    near, before_all, behind_all = (
+        near.transpose(1, 2, 0),
+        np.stack(ahead).transpose(2, 0, 1),
+        np.stack(behind).transpose(2, 0, 1),
+    )
+    one_sample = responses(A, b, block)
+    return BlockTables(
+        factor,
+        block,
+        lead,
+        before,
+        after,
+        -(-reach // block),
+        len(derivatives),
+        one_sample[::-1].copy(),
+        one_sample,
+        _powers(A, block),
+        np.concatenate([near, before_all, behind_all]),
+    )
+
+
+def _powers(A: FloatArray, block: int) -> FloatArray:
+    """Return the transposes of A^block, A^(2 block), ... down to rounding, shape (levels, states, states)."""
+    power = np.linalg.matrix_power(A, block).T
+    found = [power]
+    while np.linalg.norm(power := power @ power) > POWER_TOLERANCE:
+        found.append(power)
+    return np.stack(found)

@@ -1,0 +1,116 @@
+"""The spectrum of one reading beside its own noise: which lines stand out, and up to where a derivative does.
+
+The noise of a reading is taken as white, at the level of the uppermost fifth of its band.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, log, sqrt
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.filters.power_spectrum import NOISE_FACTOR, NOISE_FROM, band_limit_hz
+
+FloatArray = npt.NDArray[np.float64]
+
+# The band in which a derivative stands out holds this share of its power.
+BAND_SHARE = 0.999
+# Fewer lines above the noise than this, or less of the power, and nothing moves.
+FEWEST_LINES = 3
+LEAST_POWER = 1e-3
+# A reading that travels by so many standard deviations of its noise moves, however steadily.
+LEAST_TREND = 20.0
+# A tone stands out of all lines within a tenth of its frequency, but for so many of its own beside it.
+NEAR, LOBE = 0.1, 4
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingSpectrum:
+    """One-sided density of a reading in unit^2/Hz, without mean and trend; `noise` is that of white noise.
+
+    `trend` is by how much the reading drifts over the record, in standard deviations of that noise.
+    """
+
+    frequency_hz: FloatArray
+    density: FloatArray
+    noise: float
+    trend: float
+
+    @property
+    def clear(self) -> npt.NDArray[np.bool_]:
+        """Which lines stand out of the noise."""
+        # of white noise the median is ln 2 times the mean
+        return np.asarray(self.density > NOISE_FACTOR * log(2.0) * self.noise)
+
+    @property
+    def lines(self) -> bool:
+        """Whether lines of the reading stand out of its noise."""
+        clear, total = self.clear, float(self.density.sum())
+        return bool(clear.sum() >= FEWEST_LINES and self.density[clear].sum() > LEAST_POWER * total > 0.0)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the reading changes by more than its own noise."""
+        return self.lines or self.trend > LEAST_TREND
+
+    def spread(self, fs: float) -> float:
+        """Return the standard deviation of the white noise, sampled at `fs` in Hz."""
+        return sqrt(0.5 * self.noise * fs)
+
+    def signal(self, derivative: int) -> FloatArray:
+        """Return the density of a derivative where it stands out of the noise, in unit^2/s^(2 d)/Hz."""
+        return self.differentiated(np.where(self.clear, self.density, 0.0), derivative)
+
+    def differentiated(self, density: FloatArray | float, derivative: int) -> FloatArray:
+        """Return a density of the reading, or a white one, as that of a derivative."""
+        return np.asarray(density * (2.0 * np.pi * self.frequency_hz) ** (2 * derivative))
+
+    def visible_to_hz(self, derivative: int) -> float | None:
+        """Return the frequency up to which a derivative stands out of its noise; None where nowhere."""
+        if not self.moves:
+            return None
+        return band_limit_hz(
+            self.frequency_hz, self.signal(derivative), BAND_SHARE, float(self.frequency_hz[-1])
+        )
+
+
+def tones(density: FloatArray, lines: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    """Return those of some lines of a density that are tones: nothing near them comes close.
+
+    Neither friction, whose spectrum is broad, nor a periodic motion, which has many lines, passes.
+    """
+    found = []
+    for line in lines:
+        reach = max(int(NEAR * line), 2 * LOBE)
+        below = density[max(line - reach, 0) : max(line - LOBE, 0)]
+        above = density[line + LOBE + 1 : line + reach + 1]
+        if density[line] > NOISE_FACTOR * max(below.max(initial=0.0), above.max(initial=0.0)):
+            found.append(line)
+    return np.array(found, dtype=np.intp)
+
+
+def reading_spectrum(samples: FloatArray, fs: float) -> ReadingSpectrum:
+    """Return the spectrum of a reading; Hann window.
+
+    A trend would hide everything behind the window's own spectrum: the reading is differenced first.
+    """
+    differenced = np.diff(samples)
+    steady = float(differenced.mean())
+    differenced = differenced - steady
+    n = len(differenced)
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
+    power = 2.0 * np.abs(np.fft.rfft(differenced * window)) ** 2 / (fs * float(np.sum(window**2)))
+    frequency_hz = np.fft.rfftfreq(n, 1.0 / fs)[1:]
+    density = power[1:] / (2.0 * np.sin(np.pi * frequency_hz / fs)) ** 2
+    noise = float(np.median(density[frequency_hz >= NOISE_FROM * 0.5 * fs])) / log(2.0)
+    travel, spread = abs(steady) * n, sqrt(0.5 * noise * fs)
+    trend = travel / spread if spread > 0.0 else inf if travel > 0.0 else 0.0
+    return ReadingSpectrum(np.asarray(frequency_hz, dtype=float), density, noise, trend)
+
+
+def low_pass(frequency_hz: FloatArray, cutoff_hz: float, order: int) -> FloatArray:
+    """Return the amplitude of a Butterworth, forward and backward."""
+    ratio = np.minimum(frequency_hz / cutoff_hz, 1e6)
+    return np.asarray(1.0 / (1.0 + ratio ** (2 * order)))

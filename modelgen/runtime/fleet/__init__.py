@@ -1,0 +1,1 @@
+"""Many records of many machines on dask workers."""

@@ -1,0 +1,1 @@
+"""identify(): records of a model to an estimate."""

@@ -1,0 +1,223 @@
+"""From a fit to an Estimate: covariances, physical parameters, pruning, and how every row did."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
+from modelgen.runtime.least_squares.wls import Fit, refit, terms_norm
+from modelgen.runtime.parameters.other_solutions import other_solutions, solution_notes
+from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.parameters.physical_parameters import (
+    Covariances,
+    all_from_composites,
+    hanging_on,
+    physical_parameters,
+)
+from modelgen.runtime.parameters.pruning import Pruning, prune
+from modelgen.runtime.results.estimate import Estimate, RowDiagnostics
+from modelgen.runtime.rows.observation import Observation
+
+FloatArray = npt.NDArray[np.float64]
+
+# Drifts that are worth a note: in standard deviations of the noise, and relative to the value.
+NOTED_DRIFT = 2.0
+NOTED_SHARE = 1e-3
+# A physical parameter from composites needs a relative standard deviation below this.
+LARGEST_PERCENT = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A job done: rows, fit, what the records cannot answer, and X's mean square drift, shape (c, c).
+
+    `fixed` holds values that were not fitted (parameters at their bounds), `keep` names that pruning spares.
+    """
+
+    job: Job
+    method: str
+    observation: Observation
+    fit: Fit
+    refused: Mapping[str, str]
+    drift: FloatArray
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    keep: tuple[str, ...] = ()
+
+    @property
+    def identified(self) -> tuple[str, ...]:
+        """Columns of the fit that are estimates, not nuisances."""
+        return tuple(name for name in self.fit.columns if name not in self.refused)
+
+
+def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
+    """Return the estimate with everything that is needed to judge it."""
+    model, fit, identified = solved.job.model, solved.fit, solved.identified
+    method = METHODS[solved.method]
+    place = [fit.columns.index(name) for name in identified]
+    sigma, printed = printed_covariance(fit, residual_dof)
+    noise = hac_covariance(fit) if method.covariance_kind == "hac" else printed
+    block = np.ix_(place, place)
+    covariances = Covariances(
+        noise[block] + solved.drift[block], noise[block], solved.drift[block], printed[block]
+    )
+    values = fit.solution.x[place]
+    parameters = tuple(
+        Parameter(
+            name,
+            model.units.get(name, ""),
+            float(values[i]),
+            *covariances.standard_deviations(np.eye(len(place))[i]),
+        )
+        for i, name in enumerate(identified)
+    )
+    base = np.full(len(model.base_parameters), np.nan)
+    base[[model.base_parameters.index(name) for name in identified]] = values
+    nuisance = {name: value for name, value in solved.fixed.items() if name in model.base_parameters} | {
+        name: float(value)
+        for name, value in zip(fit.columns, fit.solution.x, strict=True)
+        if name not in identified
+    }
+    physical, unanswered = physical_parameters(
+        model, base, covariances, solved.refused, nuisance, fit.physical(model.parameters)
+    )
+    found = {entry.name: entry.value for entry in physical}
+    # what lies at its bound has its reason already
+    free = tuple(entry for entry in physical if entry.name not in solved.fixed)
+    physical, doubtful = certain(free, nonlinear=bool(model.composites))
+    known = [name for name in model.base_parameters if name in identified]
+    if (
+        doubtful
+        and all_from_composites(model)
+        and list(found) == list(model.parameters)
+        and {*known, *solved.fixed} >= {*model.base_parameters}
+    ):
+        reason = f"cannot be told from {', '.join(doubtful)}, too uncertain in these records"
+        hanging = hanging_on(model, covariances, found, doubtful, known)
+        doubtful |= dict.fromkeys((name for name in hanging if name not in solved.fixed), reason)
+        physical = tuple(entry for entry in physical if entry.name not in doubtful)
+    unanswered |= doubtful
+    others = other_solutions(model, base, covariances, physical)
+    residual = fit.weighted_residual
+    return Estimate(
+        chain=model.chain,
+        sensor_set=model.sensor_set,
+        title=model.title,
+        method=solved.method,
+        method_title=method.title,
+        records=tuple(record.name for record in solved.job.records),
+        parameters=parameters,
+        physical_parameters=physical,
+        covariance=covariances.total,
+        noise_covariance=covariances.noise,
+        printed_covariance=covariances.printed,
+        covariance_kind=method.covariance_kind,
+        base=base,
+        nuisance=nuisance,
+        not_identifiable={**model.absent, **solved.refused, **unanswered},
+        other_solutions=others,
+        resid=residual,
+        condition_number=fit.solution.condition_number,
+        condition_number_raw=fit.solution.condition_number_raw,
+        relative_error=fit.relative_error,
+        error_norm=float(np.linalg.norm(residual)),
+        sigma=sigma,
+        residual_dof=residual_dof,
+        delays={channel: value for channel, value, _ in fit.delays},
+        delay_std={channel: std for channel, _, std in fit.delays},
+        rows=row_diagnostics(solved.observation, fit),
+        pruning=_prune(solved, residual_dof, prune_percent),
+        filtering=solved.job.choice,
+        notes=solved.observation.notes
+        + fit.notes
+        + (() if method.consistent else drift_notes(parameters))
+        + solution_notes(others),
+    )
+
+
+def certain(physical: tuple[Parameter, ...], nonlinear: bool) -> tuple[tuple[Parameter, ...], dict[str, str]]:
+    """Return the physical parameters that are certain enough, and for the others the reason.
+
+    What comes out of composites by a nonlinear step has an interval only while its deviation is small.
+    """
+    doubtful = {
+        entry.name: f"its standard deviation is {entry.relative_std:.3g} % of its value, too much for the "
+        f"step from the composites ({LARGEST_PERCENT:g} % at most)"
+        for entry in physical
+        if nonlinear and not entry.relative_std <= LARGEST_PERCENT
+    }
+    return tuple(entry for entry in physical if entry.name not in doubtful), doubtful
+
+
+def row_diagnostics(observation: Observation, fit: Fit) -> tuple[RowDiagnostics, ...]:
+    """Return how every row did on every record, rows without samples included."""
+    solved = {(block.record, block.row): index for index, block in enumerate(fit.blocks)}
+    found = []
+    for block in observation.blocks:
+        index = solved.get((block.record, block.row))
+        weight, rms, error = 0.0, None, None
+        if index is not None:
+            weight, residual = fit.weights[index], fit.residuals[index]
+            rms = float(np.sqrt(np.mean(residual**2)))
+            balanced = terms_norm(fit.blocks[index], fit.solution.x)
+            size = float(np.linalg.norm(block.Y)) if block.has_force else balanced
+            error = float(np.linalg.norm(residual)) / size if size > 0.0 else None
+        used = block.place.size
+        found.append(
+            RowDiagnostics(
+                block.record_name, block.row_name, block.unit, used, block.masked, weight, rms, error
+            )
+        )
+    return tuple(found)
+
+
+def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
+    """Apply the paper's rule; columns that are not identifiable stay in as nuisances."""
+    fit, identified = solved.fit, solved.identified
+    hac = METHODS[solved.method].covariance_kind == "hac"
+    finish = METHODS[solved.method].finish
+    drifts = dict(zip(fit.columns, np.diag(solved.drift).tolist(), strict=True))
+
+    if fit.series:
+        # fitted in the physical parameters: without one of its composites the fit would be another model's
+        place = [fit.columns.index(name) for name in identified]
+        found = fit.solution.x[place]
+        spread = 100.0 * np.sqrt(np.diag(hac_covariance(fit) + solved.drift))[place] / np.abs(found)
+        kept = tuple(zip(identified, found.tolist(), spread.tolist(), strict=True))
+        return Pruning(percent, fit.relative_error, (), kept)
+
+    def fit_again(kept: tuple[str, ...]) -> tuple[FloatArray, FloatArray, float]:
+        reduced = refit(fit, [name for name in fit.columns if name in kept or name not in identified])
+        reduced = finish(reduced, solved.job.model) if finish else reduced
+        covariance = hac_covariance(reduced) if hac else printed_covariance(reduced, residual_dof)[1]
+        place = [reduced.columns.index(name) for name in kept]
+        variance = np.diag(covariance)[place] + np.array([drifts[name] for name in kept])
+        values = reduced.solution.x[place]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            spread = np.nan_to_num(100.0 * np.sqrt(variance) / np.abs(values), nan=np.inf, posinf=np.inf)
+        return values, spread, reduced.relative_error
+
+    return prune(identified, fit_again, percent, solved.keep)
+
+
+def drift_notes(parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+    """Return a note on the parameters that settings move by more than the residual explains."""
+    drifting = [
+        entry
+        for entry in parameters
+        if entry.value
+        and entry.drift_std > max(NOTED_DRIFT * entry.noise_std, NOTED_SHARE * abs(entry.value))
+    ]
+    if not drifting:
+        return ()
+    listed = ", ".join(
+        f"{entry.name} {100.0 * entry.drift_std / abs(entry.value):.2g} %" for entry in drifting
+    )
+    return (
+        "other cut-offs and weights move the estimate by more than its residual explains "
+        f"({listed}): noise in the sensors, or dynamics that the model lacks; the intervals include it",
+    )

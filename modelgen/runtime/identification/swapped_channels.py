@@ -1,0 +1,139 @@
+"""Channels that were taken for each other: exchanged, they fit what the given ones do not.
+
+An estimate from swapped channels need not look wrong: least squares pulls the row that no longer holds
+towards zero and explains the rest. So where a value contradicts physics, or a row explains little, two
+channels at a time are exchanged, or one is reversed, and the rows are solved again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from modelgen.errors import ModelgenError
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.least_squares.wls import Fit, terms_norm
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
+from modelgen.runtime.parameters.unanswered_columns import not_identifiable
+from modelgen.runtime.records.record import Record
+
+# A row that leaves this share of its largest term unexplained is worth the trouble,
+UNEXPLAINED = 0.9
+# and an exchange is worth a word if it leaves less than this share of what the worst row left before; or,
+# where values were impossible, if none is any more and no row leaves this share of its largest term.
+BETTER = 0.5
+# Solving again costs as much as the estimate: so many times at most.
+TRIES = 12
+
+
+@dataclass(frozen=True)
+class _Change:
+    """What is done to the channels; `alike` tells whether filters chosen before hold after it, too."""
+
+    words: str
+    channels: str
+    alike: bool
+    apply: Callable[[Record], Record]
+
+
+@dataclass(frozen=True)
+class _Sense:
+    """How many values of a fit contradict physics, and what share of its terms the worst row leaves."""
+
+    impossible: int
+    unexplained: float
+
+
+def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
+    """Return what exchanging or reversing channels would mend; empty where nothing needs it.
+
+    Parameters
+    ----------
+    job : Job
+        Model, records and filters.
+    fit : Fit
+        Of the channels as they are given.
+    """
+    job = replace(job, late=())
+    given = _sense(job, fit)
+    if not given.impossible and given.unexplained < UNEXPLAINED:
+        return ()
+    run = METHODS["wls"].run
+    tried: list[tuple[float, _Change]] = []
+    for change in list(_changes(job.model))[:TRIES]:
+        try:
+            other = _changed(job, change)
+            found = _sense(other, run(other)[1])
+        except ModelgenError:
+            continue
+        better = found.unexplained < BETTER * given.unexplained
+        if not found.impossible and (better or (given.impossible and found.unexplained < BETTER)):
+            tried.append((found.unexplained, change))
+    return (_told(job, given, *min(tried, key=lambda entry: entry[0])),) if tried else ()
+
+
+def _told(job: Job, given: _Sense, unexplained: float, change: _Change) -> Advice:
+    names = ", ".join(record.name for record in job.records)
+    samples = max(record.n for record in job.records)
+    what = f"may be {change.words}: "
+    if unexplained < BETTER * given.unexplained:
+        what += f"the worst row then leaves {100.0 * unexplained:.3g} % of its largest term unexplained"
+        what += f" (now {100.0 * given.unexplained:.3g} %)"
+    else:
+        what += f"then no value is negative that cannot be ({given.impossible} are now)"
+    where = f"{names}, channel {change.channels}, samples 0 to {samples - 1}"
+    return Advice("swapped", where, what, "check which column is which channel, and their signs (--map)")
+
+
+def _changes(model: Model) -> Iterator[_Change]:
+    """Yield exchanges of channels that measure the same, reversals, and exchanges of any other two."""
+    kinds = {sensor.key: (sensor.measures, sensor.unit) for sensor in model.sensors}
+    kinds |= {actuator.key: ("force", actuator.unit) for actuator in model.actuators}
+    known = [key for key in model.channels if key in kinds]
+    pairs = list(combinations(known, 2))
+    alike = [(one, other) for one, other in pairs if kinds[one] == kinds[other]]
+    yield from (_exchange(one, other, True) for one, other in alike)
+    yield from (_reversal(key) for key in known)
+    yield from (_exchange(one, other, False) for one, other in pairs if (one, other) not in alike)
+
+
+def _exchange(one: str, other: str, alike: bool) -> _Change:
+    def apply(record: Record) -> Record:
+        signals = {**record.signals, one: record.signals[other], other: record.signals[one]}
+        return Record(signals, record.fs, record.name, record.tag)
+
+    return _Change("swapped with each other", f"{one} and {other}", alike, apply)
+
+
+def _reversal(key: str) -> _Change:
+    def apply(record: Record) -> Record:
+        return Record({**record.signals, key: -record.signals[key]}, record.fs, record.name, record.tag)
+
+    return _Change("reversed in sign", key, True, apply)
+
+
+def _changed(job: Job, change: _Change) -> Job:
+    records = tuple(change.apply(record) for record in job.records)
+    choice = job.choice if change.alike else choose_filter(job.model, records)
+    return replace(job, records=records, choice=choice)
+
+
+def _sense(job: Job, fit: Fit) -> _Sense:
+    roles = job.model.roles
+    refused = not_identifiable(job.model, job.records, job.choice, fit)
+    impossible = [
+        name
+        for name, value in zip(fit.columns, fit.solution.x.tolist(), strict=True)
+        if value < 0.0 and name not in refused and name in roles and roles[name].role in POSITIVE_ROLES
+    ]
+    left = [0.0]
+    for block, residual in zip(fit.blocks, fit.residuals, strict=True):
+        size = float(np.linalg.norm(block.Y)) if block.has_force else terms_norm(block, fit.solution.x)
+        left.append(float(np.linalg.norm(residual)) / size if size > 0.0 else 1.0)
+    return _Sense(len(impossible), max(left))

@@ -1,0 +1,1 @@
+"""Estimators that simulate: instrumental variables and output error."""

@@ -1,0 +1,163 @@
+"""A model run beside a record: what its sensors would have read without noise.
+
+The model is driven by the measured forces of all actuators. These alone would let it drift away from the
+record, so a weak feedback holds the first actuator's body near the record's low-passed position; its loop is
+slow against the dynamics of interest, and what it takes from the record is smoother still: noise of the
+sensors does not get through. Where the record brings the reference and the controller is known, the closed
+loop itself is run instead, on the first actuator; the forces of the others remain the measured ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from math import pi
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+from modelgen.runtime.filter_choice.filter_choice import ORDER_OF, FilterChoice
+from modelgen.runtime.filters.derivatives import differentiate
+from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.closed_loop import DAMPING_RATIO, PositionVelocityController, vibration
+from modelgen.runtime.simulation.drive import Drive
+from modelgen.runtime.simulation.excitation import Excitation, excitation_from_record
+from modelgen.runtime.simulation.motion import move, true_signals
+from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
+
+FloatArray = npt.NDArray[np.float64]
+
+# Bandwidth of the weak feedback, as a share of the dynamics' frequency; and of what it sees of the record,
+# as a multiple of that bandwidth.
+FEEDBACK_SHARE = 1.0 / 30.0
+SMOOTHING = 4.0
+SMOOTHING_ORDER = 2
+# An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
+LEAST_INERTIA = 1e-6
+REFERENCE = "reference"
+
+
+@dataclass(frozen=True)
+class Loop:
+    """The controller that was at work during the records, where it is known; see `modelgen.simulate`."""
+
+    controller: PositionVelocityController
+    drive: Drive = field(default_factory=Drive)
+
+
+def run_beside(
+    model: Model,
+    parameters: Mapping[str, float],
+    record: Record,
+    choice: FilterChoice,
+    loop: Loop | None = None,
+) -> Record:
+    """Return what the sensors and actuators would read if the model were right and nothing were noisy.
+
+    Parameters
+    ----------
+    model : Model
+        With one actuator or several.
+    parameters : mapping of str to float
+        Physical parameters (SI), as `possible` returns them.
+    record : Record
+        The measured record, with the forces of all actuators.
+    choice : FilterChoice
+        Its dynamics set the bandwidth of the weak feedback.
+    loop : Loop, optional
+        Where it is given and the record has a channel "reference", the closed loop is simulated.
+
+    Raises
+    ------
+    DataError
+        When the model cannot be simulated, the record lacks a force, or the motion grows without bound.
+    """
+    plant = make_plant(model, parameters)
+    start = _initial_state(plant, record, choice)
+    if loop is not None and REFERENCE in record.signals:
+        excitation = replace(excitation_from_record(record, 1), forces=measured_forces(plant, record)[1])
+        motion = move(plant, loop.controller, loop.drive, excitation, start, 1)
+    else:
+        motion = move(plant, *_weak_feedback(plant, record, choice), start, 1)
+    true = true_signals(plant, motion)
+    return Record(
+        {key: true.get(key, samples) if _is_reading(model, key) else samples
+         for key, samples in record.signals.items()},
+        record.fs,
+        record.name,
+        record.tag,
+    )  # fmt: skip
+
+
+def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
+    """Return parameters with which a chain can be simulated: signs that physics forbids are taken away."""
+    largest: dict[str, float] = {}
+    for name, value in parameters.items():
+        if name in model.roles and model.roles[name].role == "inertia":
+            unit = model.units.get(name, "")
+            largest[unit] = max(largest.get(unit, 0.0), abs(value))
+    moved = dict(parameters)
+    for name, value in parameters.items():
+        role = model.roles[name].role if name in model.roles else ""
+        if role == "inertia":
+            moved[name] = max(value, LEAST_INERTIA * largest[model.units.get(name, "")])
+        elif role in ("coulomb", "stiffness", "damping", "viscous"):
+            moved[name] = max(value, 0.0)
+    return moved
+
+
+def _is_reading(model: Model, key: str) -> bool:
+    """Return whether a channel is a sensor's or an actuator's; what else a record brings is not measured."""
+    readings = [entry.key for entry in model.sensors] + [entry.key for entry in model.actuators]
+    return key in readings
+
+
+def _weak_feedback(
+    plant: Plant, record: Record, choice: FilterChoice
+) -> tuple[PositionVelocityController, Drive, Excitation]:
+    rate = 2.0 * pi * _feedback_hz(choice)
+    inertia = vibration(plant).drive_inertia
+    controller = PositionVelocityController(inertia * rate**2, 2.0 * DAMPING_RATIO * inertia * rate)
+    position, velocity = _followed(plant, plant.bodies[plant.driven], record, choice)
+    force, further = measured_forces(plant, record)
+    return controller, Drive(), Excitation(position, velocity, force, record.fs, record.name, further)
+
+
+def _feedback_hz(choice: FilterChoice) -> float:
+    return FEEDBACK_SHARE * (choice.dynamics_hz or choice.cutoff_hz)
+
+
+def _followed(plant: Plant, body: str, record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
+    """Return the slow part of a body's position and velocity, shape (n,) each."""
+    sensor, gear = nearest_sensor(plant, body, record)
+    raw = record.signals[sensor.key] * gear
+    cutoff_hz = min(SMOOTHING * _feedback_hz(choice), 0.4 * record.fs)
+    smooth = zero_phase(raw, SMOOTHING_ORDER, cutoff_hz, record.fs)
+    order = ORDER_OF[sensor.measures]
+    velocity = differentiate(smooth, record.dt) if order == 0 else smooth
+    if order == 2:
+        # a constant in an accelerometer is its own: the velocity it would integrate to is none
+        velocity = np.cumsum(smooth - smooth.mean()) * record.dt
+    position = smooth if order == 0 else np.cumsum(velocity) * record.dt
+    return position, velocity
+
+
+def nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, float]:
+    """Return the sensor that shows a body's slow motion best, and the ratio of the two motions."""
+    rigid = vibration(plant).lowest
+    sensors = [sensor for sensor in plant.model.sensors if sensor.body and sensor.key in record.signals]
+    if not sensors:
+        what = "has sensors of deflections only: nothing shows where a model run beside it should be"
+        raise DataError.at(record.name, what, "use method wls")
+    best = min(sensors, key=lambda sensor: (ORDER_OF[sensor.measures], sensor.body != body))
+    ratio = rigid[plant.bodies.index(body)] / rigid[plant.bodies.index(best.body or "")]
+    return best, float(ratio)
+
+
+def _initial_state(plant: Plant, record: Record, choice: FilterChoice) -> FloatArray:
+    """Return all positions, then all velocities, at the first sample."""
+    starts = [_followed(plant, body, record, choice) for body in plant.bodies]
+    return np.array([start[0][0] for start in starts] + [start[1][0] for start in starts])

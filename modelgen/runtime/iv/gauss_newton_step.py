@@ -1,0 +1,161 @@
+"""One step of `physical_iv`: rows linear at the present parameters, made white, solved with instruments.
+
+What else is asked of the estimate enters here, where the rows are linear: Huber's weights (of white samples,
+by their residual in this step), and bounds (a parameter at its bound is zero and its column leaves).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.iv.instrumental_variables import Setting, instruments_at
+from modelgen.runtime.least_squares.delays import advanced, delay_rates
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
+from modelgen.runtime.least_squares.huber import huber, huber_notes
+from modelgen.runtime.least_squares.projected_least_squares import two_stage
+from modelgen.runtime.least_squares.whitening import whitener
+from modelgen.runtime.least_squares.wls import Fit, refit
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.bounds import bounded_physical
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What a step keeps to: robust weights, nothing below zero that cannot be, and what is held at zero."""
+
+    robust: bool = False
+    bounded: bool = False
+    at_zero: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """Physical parameters p, shape (parameters,), and the delays of forces in s."""
+
+    p: FloatArray
+    delays: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One Gauss-Newton step: rows in base columns at p, instruments, J, and the white linearised fits.
+
+    `linear` is that of all columns, without bounds; `white` lacks the columns of what is at zero.
+    """
+
+    rows: Fit
+    Z: tuple[FloatArray, ...]
+    slope: FloatArray
+    linear: Fit
+    white: Fit
+    notes: tuple[str, ...]
+
+    @property
+    def free(self) -> list[int]:
+        """Places of the columns of `white` among those of `linear`."""
+        return [self.linear.columns.index(name) for name in self.white.columns]
+
+    @property
+    def x(self) -> FloatArray:
+        """Solution in the columns of `linear`, zero where a parameter is held there."""
+        x = np.zeros(len(self.linear.columns))
+        x[self.free] = self.white.solution.x
+        return x
+
+    @property
+    def spread(self) -> FloatArray:
+        """Standard deviations of `x`."""
+        spread = np.zeros(len(self.linear.columns))
+        spread[self.free] = np.sqrt(np.maximum(np.diag(hac_covariance(self.white)), 0.0))
+        return spread
+
+
+def step_from(setting: Setting, plain: Fit, now: Unknowns, rules: Rules) -> Step:
+    """Linearise rows at p, make them white, and solve them with the instruments of a simulation at p."""
+    model = setting.model
+    moved = tuple(advanced(record, now.delays) for record in setting.records)
+    values = dict(zip(model.parameters, now.p.tolist(), strict=True))
+    base, slope = model.base_from_physical(values), model.base_jacobian(values)
+    fit = replace(
+        plain,
+        solution=replace(plain.solution, x=base),
+        residuals=tuple(block.Y - block.W @ base for block in plain.blocks),
+        weights=(1.0,) * len(plain.blocks),
+        notes=(),
+    )
+    there = replace(setting, records=moved)
+    whiteners = [whitener(e, block.place) for e, block in zip(fit.residuals, fit.blocks, strict=True)]
+    fit = replace(fit, lost=sum(white_of.order for white_of in whiteners))
+    rates = [delay_rates(fit, model, moved, setting.choice, setting.drop, channel) for channel in now.delays]
+    late = [np.column_stack(columns) for columns in zip(*rates, strict=True)] or [
+        np.zeros((len(block.place), 0)) for block in fit.blocks
+    ]
+    Z = instruments_at(fit, there, values)
+    white, stacked = [], []
+    parts = zip(fit.blocks, fit.residuals, Z, late, whiteners, strict=True)
+    for block, residual, z, rate, white_of in parts:
+        W = white_of(np.column_stack([block.W @ slope, -rate]), block.place)
+        Y = white_of(residual, block.place) + W[:, : len(now.p)] @ now.p
+        white.append(replace(block, W=W, Y=Y))
+        stacked.append(white_of(np.column_stack([z @ slope, -rate]), block.place))
+    names = (*model.parameters, *(f"delay of {channel}" for channel in now.delays))
+    linear = replace(fit, columns=names, blocks=tuple(white))
+    return Step(fit, Z, slope, *_solved(two_stage(linear, tuple(stacked)), model, rules))
+
+
+def _solved(every: Fit, model: Model, rules: Rules) -> tuple[Fit, Fit, tuple[str, ...]]:
+    """Return the fit of all columns, that of those which are not at zero, and what is to be said of them."""
+    linear, notes = _weighed(every, rules)
+    at_zero = rules.at_zero
+    if rules.bounded:
+        within, _ = bounded_physical(linear, model, hac_covariance(linear))
+        at_zero = tuple(name for name in linear.columns if name not in within.columns)
+    if not at_zero:
+        return linear, linear, notes
+    white, notes = _weighed(refit(every, [name for name in every.columns if name not in at_zero]), rules)
+    return linear, white, notes
+
+
+def _weighed(fit: Fit, rules: Rules) -> tuple[Fit, tuple[str, ...]]:
+    """Return the fit with robust weights, if these are wanted, and the sentence that says so."""
+    if not rules.robust:
+        return fit, ()
+    found, weights = huber(fit)
+    return found, huber_notes(weights)
+
+
+def in_base_columns(step: Step, delays: Mapping[str, float], rounds: int) -> Fit:
+    """Return the fit in base columns: their covariance is that of the physical parameters, carried over."""
+    white, parameters = step.white, step.slope.shape[1]
+    free = [place for place in step.free if place < parameters]
+    slope, c = step.slope if len(free) == parameters else step.slope[:, free], len(free)
+    solution = replace(
+        white.solution,
+        x=step.rows.solution.x,
+        inverse=slope @ white.solution.inverse[:c, :c] @ slope.T,
+        undetermined=np.zeros(len(slope), dtype=bool),
+    )
+    rms = [float(np.sqrt(np.mean(residual**2))) for residual in step.rows.residuals]
+    weights = tuple(1.0 / max(size, float(np.finfo(float).tiny)) for size in rms)
+    # regressors for tests of further columns
+    projected = two_stage(replace(step.rows, weights=weights), step.Z).projected
+    late_std = step.spread[parameters:]
+    return replace(
+        step.rows,
+        solution=solution,
+        weights=weights,
+        projected=projected,
+        series=tuple(psi[:, :c] @ slope.T for psi in influence(white)),
+        delays=tuple(
+            (channel, delay, float(std))
+            for (channel, delay), std in zip(delays.items(), late_std, strict=True)
+        ),
+        notes=(f"instruments and physical parameters agreed after {rounds} rounds", *step.notes),
+        linear=step.linear,
+    )

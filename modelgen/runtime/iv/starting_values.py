@@ -1,0 +1,163 @@
+"""Where a fit of physical parameters begins: at the least-squares fit's, or at an output-error fit's.
+
+Noise in high derivatives may bias the composites so far that a body vanishes from them; no iteration finds
+back from there. The comparison of simulated with measured motion has no such bias, but costs more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from math import pi
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import IdentifiabilityError, ModelgenError
+from modelgen.runtime.filter_choice.filter_choice import ORDER_OF
+from modelgen.runtime.filters.derivatives import differentiate
+from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.iv.companion_simulation import nearest_sensor, possible
+from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
+from modelgen.runtime.iv.output_error import fit_response
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
+from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.simulation.closed_loop import vibration
+from modelgen.runtime.simulation.plant import Plant, make_plant
+
+FloatArray = npt.NDArray[np.float64]
+
+# A body with less than this share of the inertia that the actuator feels has vanished.
+LEAST_SHARE = 1e-3
+MOVING = ("inertia", "stiffness", "damping")
+# What has vanished is tried as a body of these shares of the inertia that the actuator feels, on a spring
+# that lets it swing at this share of the dynamics' frequency with this damping ratio.
+TRIED_SHARES = (0.1, 1.0)
+TRIED_FREQUENCY = 0.6
+TRIED_DAMPING = 0.5
+# The search for a start ends when the squared error falls by less than this share: along what the records
+# hardly tell apart it would creep on.
+NEAR_ENOUGH = 1e-4
+# Samples at both ends where differences are poor.
+EDGE = 10
+
+
+def physical_starts(first: Fit, setting: Setting) -> Iterator[Mapping[str, float]]:
+    """Yield physical parameters (SI) to start from, the cheapest first.
+
+    Parameters
+    ----------
+    first : Fit
+        Least squares, in base columns.
+    setting : Setting
+        Model, records and filters.
+    """
+    model = setting.model
+    found = _from_composites(model, first, hac_covariance)
+    vanished = _vanished(model, found)
+    if not vanished:
+        yield found
+    # noise bends the composites apart, and which chain comes closest to them hangs on their weights
+    other = _from_composites(model, first, lambda fit: printed_covariance(fit)[1])
+    if not _vanished(model, other):
+        yield other
+    for share in TRIED_SHARES:
+        nearest = _nearest(setting, found, vanished, share)
+        if nearest is not None:
+            yield nearest
+    if vanished and all(np.isfinite(list(found.values()))):
+        yield found
+
+
+def _from_composites(
+    model: Model, first: Fit, covariance_of: Callable[[Fit], FloatArray]
+) -> dict[str, float]:
+    """Return the parameters that come closest to the composites, zeros if there are none."""
+    try:
+        return simulation_parameters(model, first, covariance_of)
+    except IdentifiabilityError:
+        return dict.fromkeys(model.parameters, 0.0)
+
+
+def _nearest(
+    setting: Setting, values: Mapping[str, float], vanished: tuple[str, ...], share: float
+) -> Mapping[str, float] | None:
+    """Return the parameters whose simulated motion comes closest to the records, None if there are none."""
+    try:
+        tried = _with_tried(setting, values, vanished, share)
+        # a trial far off may leave the range of numbers; the search turns back there
+        with np.errstate(over="ignore", invalid="ignore"):
+            response = fit_response(setting.model, setting.records, tried, NEAR_ENOUGH)
+    except ModelgenError:
+        return None
+    return dict(zip(response.names, response.values.tolist(), strict=True))
+
+
+def _vanished(model: Model, values: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the inertias that are next to nothing, seen from the actuator, and the links of their bodies."""
+    try:
+        plant = make_plant(model, possible(model, values))
+        felt = plant.inertia * vibration(plant).lowest ** 2
+    except ModelgenError:
+        return tuple(name for name, role in model.roles.items() if role.role in MOVING)
+    gone = {
+        body for body, inertia in zip(plant.bodies, felt, strict=True) if inertia < LEAST_SHARE * felt.sum()
+    }
+    return tuple(
+        name
+        for name in model.parameters
+        if name in model.roles
+        and model.roles[name].role in MOVING
+        and (gone.intersection(model.roles[name].bodies) or possible(model, values)[name] != values[name])
+    )
+
+
+def _with_tried(
+    setting: Setting, values: Mapping[str, float], vanished: tuple[str, ...], share: float
+) -> dict[str, float]:
+    """Return the values with what has vanished tried anew, at this share of the inertia at the actuator."""
+    model, choice = setting.model, setting.choice
+    # only ratios of motion are wanted of it: any inertia and stiffness will do
+    alike = {name: float(role.role in ("inertia", "stiffness")) for name, role in model.roles.items()}
+    plant = make_plant(model, alike)
+    ratios = dict(zip(plant.bodies, vibration(plant).lowest.tolist(), strict=True))
+    felt = _felt_inertia(setting, plant)
+    tried = {name: value if np.isfinite(value) else 0.0 for name, value in possible(model, values).items()}
+    inertia_of = {}
+    for name, role in model.roles.items():
+        if role.role == "inertia":
+            body = role.bodies[0]
+            if name in vanished:
+                part = 1.0 if body == plant.bodies[plant.driven] else share
+                tried[name] = part * felt / (ratios[body] or 1.0) ** 2
+            inertia_of[body] = tried[name]
+    rate = 2.0 * pi * TRIED_FREQUENCY * (choice.dynamics_hz or choice.cutoff_hz)
+    for name in vanished:
+        role = model.roles[name]
+        swinging = min((inertia_of[body] for body in role.bodies if body in inertia_of), default=felt)
+        if role.role == "stiffness":
+            tried[name] = swinging * rate**2
+        elif role.role == "damping":
+            tried[name] = 2.0 * TRIED_DAMPING * swinging * rate
+    return tried
+
+
+def _felt_inertia(setting: Setting, plant: Plant) -> float:
+    """Return force over acceleration at the actuator, in the band of the filter, by their rms.
+
+    The forces of all actuators are felt there, by the ratios of their bodies' motion.
+    """
+    model, choice = setting.model, setting.choice
+    ratios = dict(zip(plant.bodies, vibration(plant).lowest.tolist(), strict=True))
+    actuators = [(entry.key, entry.body) for entry in model.actuators]
+    force = motion = 0.0
+    for record in setting.records:
+        sensor, gear = nearest_sensor(plant, plant.bodies[plant.driven], record)
+        order = 2 - ORDER_OF[sensor.measures]
+        smooth = zero_phase(record.signals[sensor.key], choice.filter_order, choice.cutoff_hz, record.fs)
+        acceleration = gear * differentiate(smooth, record.dt, order)[EDGE:-EDGE]
+        felt = sum(ratios[body] * record.signals[key] for key, body in actuators if key in record.signals)
+        smooth = zero_phase(felt, choice.filter_order, choice.cutoff_hz, record.fs)
+        force += float(np.var(smooth))
+        motion += float(np.var(acceleration))
+    return float(np.sqrt(force / motion)) if motion > 0.0 else 1.0

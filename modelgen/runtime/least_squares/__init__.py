@@ -1,0 +1,1 @@
+"""Fits of rows and their covariances: weights, delays, Huber, total least squares."""

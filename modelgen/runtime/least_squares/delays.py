@@ -1,0 +1,197 @@
+"""Time alignment: how late each force channel is, with its standard deviation, and records set right.
+
+A force record that is late by tau gives Gamma(t) = record(t + tau). The row's mismatch Y - W X changes with
+tau at a rate D, the force's derivative; with -D as one more column the same solution gives the step of tau
+and its covariance. At the end the column is taken out again by projecting it out of the regressors (Frisch
+and Waugh 1933): X and its covariance are then those of the fit that leaves tau free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
+from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.filtered_record import FilteredRecord
+from modelgen.runtime.rows.observation import Observation
+
+FloatArray = npt.NDArray[np.float64]
+# records, first values -> rows and their fit
+Run = Callable[[tuple[Record, ...], Fit | None], tuple[Observation, Fit]]
+# fit, records, channel -> how Y - W X changes with the channel's delay, one array a block
+Rates = Callable[[Fit, tuple[Record, ...], str], tuple[FloatArray, ...]]
+
+ROUNDS = 30
+# Done when a delay moves by less than this share of its standard deviation, or of a sample.
+SMALL_STEP = 0.05
+SMALLEST_STEP = 1e-4
+SMALLEST_CHANGE = 1e-6
+# A delay beyond this, in samples, is no small misalignment any more.
+LARGEST_DELAY = 20.0
+POINTS = 8
+
+
+def advanced(record: Record, delays: Mapping[str, float]) -> Record:
+    """Return the record with its channels earlier by so many seconds: what was late is on time."""
+    moved = {key: delay for key, delay in delays.items() if delay and key in record.signals}
+    if not moved:
+        return record
+    signals = dict(record.signals)
+    for key, delay in moved.items():
+        signals[key] = shifted(record.signals[key], delay * record.fs)
+    return Record(signals, record.fs, record.name, record.tag)
+
+
+def shifted(samples: FloatArray, by: float) -> FloatArray:
+    """Return samples(k + by) by Lagrange interpolation through 8 points; `by` in samples, ends repeated.
+
+    Exact for polynomials of degree 7; at a tenth of the sampling frequency off by less than 1e-4.
+    """
+    whole = int(np.floor(by))
+    nodes = np.arange(POINTS) - POINTS // 2 + 1
+    fraction = by - whole
+    padded = np.concatenate([np.full(POINTS, samples[0]), samples, np.full(POINTS, samples[-1])])
+    result = np.zeros(len(samples))
+    for node in nodes:
+        others = nodes[nodes != node]
+        weight = float(np.prod((fraction - others) / (node - others)))
+        if weight:
+            place = np.clip(np.arange(len(samples)) + whole + node + POINTS, 0, len(padded) - 1)
+            result += weight * padded[place]
+    return result
+
+
+def held(samples: FloatArray) -> FloatArray:
+    """Return what a zero-order hold makes of a command: late by half a sample, and averaged over one.
+
+    The average over a sample is taken to second order, (1, 22, 1) / 24.
+    """
+    padded = np.concatenate([samples[:1], samples, samples[-1:]])
+    averaged = (padded[:-2] + 22.0 * padded[1:-1] + padded[2:]) / 24.0
+    return shifted(averaged, -0.5)
+
+
+def with_holds(records: Sequence[Record], channels: Sequence[str]) -> tuple[Record, ...]:
+    """Return the records with the commands in `channels` replaced by what a zero-order hold makes of them."""
+    return tuple(
+        Record(
+            {key: held(s) if key in channels else s for key, s in record.signals.items()},
+            record.fs,
+            record.name,
+            record.tag,
+        )
+        for record in records
+    )
+
+
+def fit_with_delays(
+    records: tuple[Record, ...], channels: Sequence[str], run: Run, rates_of: Rates
+) -> tuple[Observation, Fit]:
+    """Estimate delays of force channels together with the parameters, by Gauss-Newton steps.
+
+    Parameters
+    ----------
+    records : tuple of Record
+    channels : sequence of str
+        Forces, each with one delay for all records.
+    run : callable
+        Takes records, and a fit to start from once there is one, to rows and their fit: one round of it.
+    rates_of : callable
+        Takes a fit, its records and a channel to what `delay_rates` returns.
+
+    Returns
+    -------
+    Observation, Fit
+        With the delays compensated; the fit names them, and its covariance leaves them free.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When the rounds do not come to rest.
+    """
+    sample = 1.0 / min(record.fs for record in records)
+    delays = dict.fromkeys(channels, 0.0)
+    start: Fit | None = None
+    for _ in range(ROUNDS):
+        moved = tuple(advanced(record, delays) for record in records)
+        observation, fit = run(moved, start)
+        rates = [rates_of(fit, moved, channel) for channel in channels]
+        larger = _with_rates(fit, rates)
+        c = len(fit.columns)
+        spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))
+        steps, before = larger.solution.x[c:], fit.solution.x if start is None else start.solution.x
+        still = np.abs(steps) < np.maximum(SMALL_STEP * spread[c:], SMALLEST_STEP * sample)
+        x = larger.solution.x[:c]
+        rest = np.abs(x - before) < np.maximum(SMALL_STEP * spread[:c], SMALLEST_CHANGE * np.abs(x))
+        if start is not None and np.all(still) and np.all(rest):
+            break
+        start = replace(fit, solution=replace(fit.solution, x=x))
+        for channel, step in zip(channels, steps, strict=True):
+            limit = LARGEST_DELAY * sample
+            delays[channel] = float(np.clip(delays[channel] + np.clip(step, -sample, sample), -limit, limit))
+    else:
+        remedy = "give the delays, or none of them, and see whether the parameters alone come out"
+        raise IdentifiabilityError.at(
+            "delays", f"parameters and delays still move after {ROUNDS} rounds", remedy
+        )
+    found = tuple(
+        (channel, delays[channel], float(std)) for channel, std in zip(channels, spread[c:], strict=True)
+    )
+    return observation, replace(_without(fit, rates), delays=found)
+
+
+def delay_rates(
+    fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice, drop: int, channel: str
+) -> tuple[FloatArray, ...]:
+    """Return d(Y - W X) / d tau of one force channel, one array a block of the fit, per s.
+
+    An advanced force changes by its derivative, which is filtered already where a row differentiates it.
+    """
+    orders = {signal.key: signal.derivative for signal in model.signals if signal.actuator == channel}
+    columns = [model.base_parameters.index(name) for name in fit.columns]
+    filtered: dict[int, FilteredRecord] = {}
+    rates = []
+    for block in fit.blocks:
+        if block.record not in filtered:
+            record, factor = records[block.record], choice.decimation[block.record]
+            filtered[block.record] = FilteredRecord(model, record, choice, factor, drop)
+        signals = filtered[block.record]
+        terms = list(model.measurement_columns[block.row])
+        for column, x in zip(columns, fit.solution.x, strict=True):
+            terms += [(-share * x, key) for share, key in model.column_terms(block.row, column)]
+        rate = np.zeros(len(signals.grid))
+        for share, key in terms:
+            if key in orders:
+                rate += share * signals.smooth(channel, orders[key] + 1)[signals.grid]
+        rates.append(rate[block.place])
+    return tuple(rates)
+
+
+def _with_rates(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:
+    """Return the fit with one more column a channel, whose coefficient is the step of its delay."""
+    extra = [-np.column_stack(columns) for columns in zip(*rates, strict=True)]
+    blocks = tuple(
+        replace(block, W=np.column_stack([block.W, more]))
+        for block, more in zip(fit.blocks, extra, strict=True)
+    )
+    names = tuple(f"delay {index}" for index in range(len(rates)))
+    Z = tuple(np.column_stack([r, more]) for r, more in zip(fit.regressors, extra, strict=True))
+    return two_stage(replace(fit, columns=fit.columns + names, blocks=blocks), Z)
+
+
+def _without(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:
+    """Return the fit with the delays' columns projected out of its regressors."""
+    c = len(fit.columns)
+    regressors = _with_rates(fit, rates).regressors
+    stacked = np.concatenate([w * r for w, r in zip(fit.weights, regressors, strict=True)])
+    share = np.linalg.lstsq(stacked[:, c:], stacked[:, :c], rcond=None)[0]
+    return with_regressors(fit, tuple(r[:, :c] - r[:, c:] @ share for r in regressors))

@@ -1,0 +1,296 @@
+"""Weighted least squares (Pham 2002, eqs. (10)-(12)) on scaled columns, by orthogonal factorisation.
+
+Every block (one row of the model on one record) has one weight, the inverse of its residual's rms. A load row
+has a zero left-hand side and is solved by zeros: weighted like the others, noise pulls its parameters there,
+and re-weighting follows until they vanish. Its weight is therefore bounded by a share of what its first
+residual, scaled by the forces, would give: enough to settle what the rows with a force leave open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import IdentifiabilityError, Problem
+from modelgen.runtime.numerics.iterative_refinement import refined
+from modelgen.runtime.rows.observation import Observation, RowBlock
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# Singular values of the scaled W below this share of the largest count as zero,
+RANK_TOLERANCE = 1e-10
+# and columns with more than this share in such a direction cannot be told from others.
+NULL_SHARE = 1e-4
+# A solution is refined where rounding may exceed this share of it, and wherever that costs next to nothing;
+# beyond this condition number refinement does not converge.
+ROUNDING = 1e-11
+FEW_ROWS = 5000
+REFINABLE = 1e6
+ROUNDS = 3
+# No residual counts as smaller than this share of the forces.
+SMALLEST_RESIDUAL = 1e-12
+# Weight of a row without a force, as a share of what its first residual gives. In simulations with noisy
+# sensors 0.1 to 0.3 leave the least bias; with 1 and more it runs away, without the row damping is lost.
+LOAD_ROW_SHARE = 0.2
+# A load row whose terms shrink to less than this when it is weighted freely is on its way to zero.
+RUNAWAY_SHRINKAGE = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class LeastSquares:
+    """X = argmin |Y - W X|: x, inverse = (W^T W)^-1; `undetermined` marks columns the rows cannot separate.
+
+    `condition_number` is that of W with columns of unit length, `condition_number_raw` that of W itself.
+    """
+
+    x: FloatArray
+    inverse: FloatArray
+    undetermined: BoolArray
+    condition_number: float
+    condition_number_raw: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A weighted least-squares fit of an observation.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Columns in the fit; `absent` are those that are zero in every row used.
+    solution : LeastSquares
+        In the order of `columns`, of the weighted rows.
+    blocks : tuple of RowBlock
+        The blocks used, with the columns of the fit; `weights` holds one weight each.
+    residuals : tuple of array
+        Unweighted Y - W X, one array a block.
+    notes : tuple of str
+        What the weighting met.
+    projected : tuple of array
+        With instrumental variables their projection on W, one array a block: the solution is then that of
+        least squares on these columns. Empty for least squares.
+    delays : tuple of (str, float, float)
+        Channel of a force, by how many s it is late, and the standard deviation of that.
+    series : tuple of array
+        What each instant of each record contributes to X's error, shape (grid, columns), where it does not
+        follow from the residuals and regressors.
+    lost : int
+        Degrees of freedom that went into making the rows white, beside the columns.
+    linear : Fit, optional
+        The fit, linear at the estimate and without bounds, that this one was carried over from (physical
+        parameters fitted in place of composites).
+    """
+
+    columns: tuple[str, ...]
+    absent: tuple[str, ...]
+    solution: LeastSquares
+    blocks: tuple[RowBlock, ...]
+    weights: tuple[float, ...]
+    residuals: tuple[FloatArray, ...]
+    notes: tuple[str, ...] = ()
+    projected: tuple[FloatArray, ...] = ()
+    delays: tuple[tuple[str, float, float], ...] = ()
+    series: tuple[FloatArray, ...] = ()
+    lost: int = 0
+    linear: Fit | None = None
+
+    @property
+    def regressors(self) -> tuple[FloatArray, ...]:
+        """What each block's Y was regressed on: W, or its instruments."""
+        return self.projected or tuple(block.W for block in self.blocks)
+
+    @property
+    def weighted_residual(self) -> FloatArray:
+        """Weighted residual of all blocks, shape (r,)."""
+        return np.concatenate([w * e for w, e in zip(self.weights, self.residuals, strict=True)])
+
+    @property
+    def weighted_measurement(self) -> FloatArray:
+        """Weighted Y of all blocks, shape (r,)."""
+        return np.concatenate([w * b.Y for w, b in zip(self.weights, self.blocks, strict=True)])
+
+    def physical(self, names: Sequence[str]) -> dict[str, float] | None:
+        """Return the physical parameters of the linear fit, None if the fit was not made in them.
+
+        What bounds hold at zero may be negative here.
+        """
+        if self.linear is None:
+            return None
+        values = dict(zip(self.linear.columns, self.linear.solution.x.tolist(), strict=True))
+        return {name: values[name] for name in names}
+
+    def all_parameters(self, names: Sequence[str]) -> FloatArray:
+        """Return the solution in the order of these names, zero for those that are no columns of the fit."""
+        values = dict(zip(self.columns, self.solution.x.tolist(), strict=True))
+        return np.array([values.get(name, 0.0) for name in names])
+
+    @property
+    def relative_error(self) -> float:
+        """Norm of Y - W X relative to that of Y, both weighted."""
+        measured = float(np.linalg.norm(self.weighted_measurement))
+        return float(np.linalg.norm(self.weighted_residual)) / measured if measured > 0.0 else np.inf
+
+
+def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
+    """Solve Y = W X on columns of unit length by QR, and the small triangle by its singular values.
+
+    Parameters
+    ----------
+    W : array, shape (r, c)
+        More rows than columns, no zero column.
+    Y : array, shape (r,)
+
+    Notes
+    -----
+    The normal equations would lose half of the digits. Where W is short of rank, the shortest solution (of
+    the scaled columns) is taken and the columns that take part in the ambiguity are marked.
+    """
+    c = W.shape[1]
+    scale = np.linalg.norm(W, axis=0)
+    triangle = np.asarray(np.linalg.qr(np.column_stack([W / scale, Y]), mode="r"))
+    U, s, Vt = np.linalg.svd(triangle[:c, :c])
+    kept = s > RANK_TOLERANCE * s[0]
+    V = Vt[kept].T
+    x = V @ (U[:, kept].T @ triangle[:c, c] / s[kept]) / scale
+    inverse = (V / s[kept] ** 2) @ V.T / np.outer(scale, scale)
+    undetermined = np.any(np.abs(Vt[~kept]) > NULL_SHARE, axis=0)
+    raw = float(np.linalg.cond(triangle[:c, :c] * scale))
+    if s[-1] * REFINABLE > s[0]:
+        # corrected seminormal equations (Björck, Linear Algebra Appl. 88, 1987, 31-48): undoes what rounding
+        # in QR, and with it the order of the rows, has moved
+        x = x + inverse @ (W.T @ (Y - W @ x))
+        rounding = _rounding(s, float(np.linalg.norm(x * scale)), float(np.abs(triangle[c:, c]).sum()))
+        if len(Y) <= FEW_ROWS or rounding > ROUNDING:
+            x = refined(W, Y, x, inverse)
+    return LeastSquares(x, inverse, undetermined, float(s[0] / s[-1]) if s[-1] > 0.0 else np.inf, raw)
+
+
+def _rounding(s: FloatArray, size: float, residual: float) -> float:
+    """Return what share of the solution rounding may cost (Wedin 1973, eq. (5.4))."""
+    condition, unit = float(s[0] / s[-1]), float(np.finfo(float).eps)
+    floor = float(np.finfo(float).tiny)
+    return unit * condition * (1.0 + condition * residual / max(float(s[0]) * size, floor))
+
+
+def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE) -> Fit:
+    """Fit matched-filtered rows: force-scaled start, weights from the residuals, load rows bounded.
+
+    With a single block this is ordinary least squares.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When no row with a force, or no more samples than columns, are left.
+    """
+    blocks, columns, absent = _used(observation)
+    if not any(block.has_force for block in blocks):
+        what = "none that holds a measured force has samples left, so nothing fixes the scale"
+        raise IdentifiabilityError.at("rows", what, "measure a force, and move without reversing for longer")
+    if len(blocks) == 1:
+        return _solve(blocks, columns, absent, (1.0,))
+    scales = _force_scales(blocks)
+    fit = _solve(blocks, columns, absent, tuple(1.0 / scale for scale in scales))
+    smallest = [
+        SMALLEST_RESIDUAL * scale if block.has_force else max(rms / load_row_share, SMALLEST_RESIDUAL * scale)
+        for block, scale, rms in zip(blocks, scales, _rms(fit.residuals), strict=True)
+    ]
+    for _ in range(ROUNDS):
+        sigmas = [max(rms, least) for rms, least in zip(_rms(fit.residuals), smallest, strict=True)]
+        fit = _solve(blocks, columns, absent, tuple(1.0 / sigma for sigma in sigmas))
+    return replace(fit, notes=_runaway_notes(fit, scales))
+
+
+def fit_paper(observation: Observation) -> Fit:
+    """Fit as the paper does: ordinary least squares, then one weight per block from its residual.
+
+    With a single block this is ordinary least squares.
+    """
+    blocks, columns, absent = _used(observation)
+    fit = _solve(blocks, columns, absent, (1.0,) * len(blocks))
+    if len(blocks) == 1:
+        return fit
+    tiny = float(np.finfo(float).tiny)
+    return _solve(blocks, columns, absent, tuple(1.0 / max(rms, tiny) for rms in _rms(fit.residuals)))
+
+
+def refit(fit: Fit, columns: Sequence[str]) -> Fit:
+    """Fit the same rows with the same weights to some of the columns only."""
+    chosen = [fit.columns.index(name) for name in columns]
+    blocks = tuple(replace(block, W=block.W[:, chosen]) for block in fit.blocks)
+    projected = tuple(array[:, chosen] for array in fit.projected)
+    return _solve(blocks, tuple(columns), fit.absent, fit.weights, projected)
+
+
+def terms_norm(block: RowBlock, x: FloatArray) -> float:
+    """Return how much the largest term W_j x_j of a block varies (its norm): what its row balances."""
+    return float(np.max(np.linalg.norm(block.W - block.W.mean(axis=0), axis=0) * np.abs(x)))
+
+
+def _used(observation: Observation) -> tuple[tuple[RowBlock, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return the blocks with samples, reduced to the columns that are not zero, and both kinds of columns."""
+    blocks = [block for block in observation.blocks if block.place.size]
+    nonzero = np.zeros(len(observation.columns), dtype=bool)
+    for block in blocks:
+        nonzero |= np.any(block.W != 0.0, axis=0)
+    rows = sum(block.place.size for block in blocks)
+    if not nonzero.any():
+        what, remedy = "its column is zero in every sample used", "move the body, or mask less"
+        raise IdentifiabilityError(*(Problem(name, what, remedy) for name in observation.columns))
+    if rows <= nonzero.sum():
+        what = f"{rows} samples are left for {len(nonzero)} columns"
+        raise IdentifiabilityError.at(
+            "records", what, "give longer records, with more motion between reversals"
+        )
+    columns = tuple(name for name, used in zip(observation.columns, nonzero, strict=True) if used)
+    absent = tuple(name for name in observation.columns if name not in columns)
+    return tuple(replace(block, W=block.W[:, nonzero]) for block in blocks), columns, absent
+
+
+def _solve(
+    blocks: tuple[RowBlock, ...],
+    columns: tuple[str, ...],
+    absent: tuple[str, ...],
+    weights: tuple[float, ...],
+    projected: tuple[FloatArray, ...] = (),
+) -> Fit:
+    regressors = projected or tuple(block.W for block in blocks)
+    W = np.concatenate([weight * array for weight, array in zip(weights, regressors, strict=True)])
+    Y = np.concatenate([weight * block.Y for weight, block in zip(weights, blocks, strict=True)])
+    solution = least_squares(W, Y)
+    residuals = tuple(block.Y - block.W @ solution.x for block in blocks)
+    return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
+
+
+def _rms(residuals: tuple[FloatArray, ...]) -> list[float]:
+    return [float(np.sqrt(np.mean(residual**2))) for residual in residuals]
+
+
+def _force_scales(blocks: tuple[RowBlock, ...]) -> list[float]:
+    """Return for every block the rms over all records of the forces, differentiated as often as its row."""
+    scale_of: dict[int, float] = {}
+    for row in dict.fromkeys(block.row for block in blocks):
+        alike = [block for block in blocks if block.row == row]
+        samples = sum(block.grid for block in alike)
+        power = sum(block.grid * block.force_scale**2 for block in alike)
+        scale_of[row] = float(np.sqrt(power / samples)) or 1.0
+    return [scale_of[block.row] for block in blocks]
+
+
+def _runaway_notes(fit: Fit, scales: list[float]) -> tuple[str, ...]:
+    """Return one note per load row whose terms would shrink if its weight were not bounded."""
+    freely = tuple(
+        1.0 / max(rms, SMALLEST_RESIDUAL * scale)
+        for rms, scale in zip(_rms(fit.residuals), scales, strict=True)
+    )
+    probe = _solve(fit.blocks, fit.columns, fit.absent, freely)
+    return tuple(
+        f"{block.record_name}, row {block.row_name} holds no force and, weighted by its residual, would pull "
+        "its parameters towards zero; its weight is bounded, but noise of the sensors biases what it decides"
+        for block in fit.blocks
+        if not block.has_force
+        and terms_norm(block, probe.solution.x) < RUNAWAY_SHRINKAGE * terms_norm(block, fit.solution.x)
+    )

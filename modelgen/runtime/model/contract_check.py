@@ -1,0 +1,273 @@
+"""What a generated module must offer: every public name, its shape, and that the names refer to each other.
+
+`module_problems` collects one problem per violation, so that a broken module is reported whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from modelgen.errors import Problem
+from modelgen.runtime.model.column_check import column_problems, is_number, is_terms
+
+VERSION = 1
+REMEDY = "generate the module again with this version of modelgen"
+MEASURES = ("position", "velocity", "acceleration")
+FUNCTIONS = ("sign", "forward", "backward", "cube")
+ROLE_NAMES = ("inertia", "viscous", "coulomb", "offset", "stiffness", "damping", "stiffness3")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A named test of one value."""
+
+    description: str
+    test: Callable[[Any], bool]
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) and value != ""
+
+
+def _is_texts(value: Any) -> bool:
+    return isinstance(value, tuple) and all(_is_text(item) for item in value)
+
+
+def _is_names(value: Any) -> bool:
+    return _is_texts(value) and len(dict.fromkeys(value)) == len(value)
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def _is_combination(value: Any) -> bool:
+    return isinstance(value, tuple) and all(
+        isinstance(pair, tuple) and len(pair) == 2 and _is_count(pair[0]) and is_number(pair[1])
+        for pair in value
+    )
+
+
+def _maps_texts(test: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, Mapping) and all(_is_text(k) and test(v) for k, v in value.items())
+
+
+def _or_none(test: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    return lambda value: value is None or test(value)
+
+
+def _one_of(choices: tuple[str, ...]) -> Kind:
+    return Kind(f"one of {', '.join(choices)}", lambda value: isinstance(value, str) and value in choices)
+
+
+TEXT = Kind("a non-empty string", _is_text)
+TEXT_OR_NONE = Kind("a non-empty string or None", _or_none(_is_text))
+TEXTS = Kind("a tuple of strings", _is_texts)
+COUNT = Kind("an integer, zero or more", _is_count)
+PAIR_OR_NONE = Kind("a pair of strings or None", _or_none(lambda value: _is_names(value) and len(value) == 2))
+LEVER = Kind("a positive number", lambda value: is_number(value) and value > 0.0)
+NAMES = Kind("a tuple of different strings", _is_names)
+
+VALUES: dict[str, Kind] = {
+    "CHAIN": TEXT,
+    "TITLE": Kind("a string", lambda value: isinstance(value, str)),
+    "SENSOR_SET": TEXT,
+    "SPEC_SHA256": TEXT,
+    "PARAMETERS": NAMES,
+    "BASE_PARAMETERS": Kind(
+        "a non-empty tuple of different strings", lambda value: _is_names(value) and value != ()
+    ),
+    "IDENTIFIABLE": NAMES,
+    "KNOWN": Kind("a mapping of names to finite numbers", _maps_texts(is_number)),
+    "ABSENT": Kind("a mapping of names to strings", _maps_texts(_is_text)),
+    "COMPOSITES": Kind("a mapping of names to strings", _maps_texts(_is_text)),
+    "UNITS": Kind("a mapping of names to strings", _maps_texts(_is_text)),
+    "PARAMETER_SETS": Kind(
+        "a mapping of names to mappings of names to finite numbers", _maps_texts(_maps_texts(is_number))
+    ),
+    "ROLES": Kind("a mapping of names to dicts", _maps_texts(lambda value: isinstance(value, Mapping))),
+}
+ENTRIES: dict[str, dict[str, Kind]] = {
+    "SENSORS": {
+        "key": TEXT,
+        "body": TEXT_OR_NONE,
+        "deflection": PAIR_OR_NONE,
+        "measures": _one_of(MEASURES),
+        "unit": TEXT,
+    },
+    "ACTUATORS": {"key": TEXT, "body": TEXT, "unit": TEXT, "lever": LEVER},
+    "SIGNALS": {
+        "key": TEXT,
+        "sensor": TEXT_OR_NONE,
+        "actuator": TEXT_OR_NONE,
+        "derivative": COUNT,
+        "unit": TEXT,
+    },
+    "FEATURES": {
+        "key": TEXT,
+        "function": _one_of(FUNCTIONS),
+        "of": Kind(
+            "a signal's key or (coefficient, key) pairs", lambda value: _is_text(value) or is_terms(value)
+        ),
+        "times": TEXT_OR_NONE,
+    },
+    "ROWS": {
+        "name": TEXT,
+        "origin": TEXT,
+        "bodies": TEXTS,
+        "differentiated": COUNT,
+        "order": COUNT,
+        "reversals": TEXTS,
+        "unit": TEXT,
+        "lever": LEVER,
+    },
+    "FRICTION": {
+        "body": TEXT,
+        "state": COUNT,
+        "coulomb_plus": TEXT_OR_NONE,
+        "coulomb_minus": TEXT_OR_NONE,
+        "offset": TEXT_OR_NONE,
+        "asymmetric": Kind("True or False", lambda value: isinstance(value, bool)),
+    },
+    "CUBIC_SPRINGS": {
+        "parameter": TEXT,
+        "deflection": Kind("(coordinate, coefficient) pairs", _is_combination),
+    },
+}
+# Only chains with such springs have it.
+OPTIONAL = ("CUBIC_SPRINGS",)
+ROLE = {"role": _one_of(ROLE_NAMES), "bodies": TEXTS}
+FUNCTION_NAMES = (
+    "features",
+    "measurement",
+    "regressor",
+    "columns",
+    "base_from_physical",
+    "base_jacobian",
+    "physical_from_base",
+    "state_space",
+    "identify",
+)
+
+
+def module_problems(module: Any) -> tuple[Problem, ...]:
+    """Return one problem per violation of the contract; none for a module the runtime can use."""
+    where = getattr(module, "__file__", None) or getattr(module, "__name__", None) or "model"
+    version = getattr(module, "CONTRACT_VERSION", None)
+    if version != VERSION:
+        what = "is absent" if version is None else f"is {version!r}, this modelgen reads {VERSION}"
+        return (Problem(f"{where}: CONTRACT_VERSION", what, REMEDY),)
+    found = _shape_problems(module)
+    # references and columns can only be followed once every entry has its shape
+    found = found or _reference_problems(module)
+    found = found or column_problems(module)
+    return tuple(Problem(f"{where}: {place}", what, REMEDY) for place, what in found)
+
+
+def _shape_problems(module: Any) -> list[tuple[str, str]]:
+    """Return (place, what is wrong) for names that are absent or of the wrong shape."""
+    found: list[tuple[str, str]] = []
+    for name, kind in VALUES.items():
+        value = getattr(module, name, None)
+        if value is None:
+            found.append((name, "is absent"))
+        elif not kind.test(value):
+            found.append((name, f"is not {kind.description}"))
+    for name, kinds in ENTRIES.items():
+        entries = getattr(module, name, () if name in OPTIONAL else None)
+        if not isinstance(entries, tuple):
+            found.append((name, "is absent" if entries is None else "is not a tuple of dicts"))
+            continue
+        for index, entry in enumerate(entries):
+            found += _entry_problems(f"{name}[{index}]", entry, kinds)
+    roles = getattr(module, "ROLES", None)
+    for name, entry in roles.items() if isinstance(roles, Mapping) else ():
+        found += _entry_problems(f"ROLES[{name!r}]", entry, ROLE)
+    for name in FUNCTION_NAMES:
+        if not callable(getattr(module, name, None)):
+            found.append((f"{name}()", "is absent"))
+    return found
+
+
+def _entry_problems(place: str, entry: Any, kinds: Mapping[str, Kind]) -> list[tuple[str, str]]:
+    if not isinstance(entry, Mapping):
+        return [(place, "is not a dict")]
+    found = [(f"{place}[{key!r}]", "is absent") for key in kinds if key not in entry]
+    found += [(f"{place}[{key!r}]", "is unknown") for key in entry if key not in kinds]
+    for key, kind in kinds.items():
+        if key in entry and not kind.test(entry[key]):
+            found.append((f"{place}[{key!r}]", f"is {entry[key]!r}, not {kind.description}"))
+    return found
+
+
+def _reference_problems(module: Any) -> list[tuple[str, str]]:
+    """Return (place, what is wrong) for keys that are used twice or name nothing."""
+    found = _repeated("SENSORS and ACTUATORS", [entry["key"] for entry in module.SENSORS + module.ACTUATORS])
+    found += _repeated(
+        "SIGNALS and FEATURES", [entry["key"] for entry in module.SIGNALS + module.FEATURES] + ["1"]
+    )
+    found += _repeated("ROWS", [row["name"] for row in module.ROWS])
+    found += _repeated("PARAMETERS and KNOWN", [*module.PARAMETERS, *module.KNOWN])
+    if not module.ROWS:
+        found.append(("ROWS", "is empty"))
+    if not module.SIGNALS:
+        found.append(("SIGNALS", "is empty"))
+    for index, sensor in enumerate(module.SENSORS):
+        if (sensor["body"] is None) == (sensor["deflection"] is None):
+            found.append((f"SENSORS[{index}]", "needs either a body or a deflection"))
+    found += _spring_problems(module)
+    for place, name, allowed, kind in _references(module):
+        if name not in allowed:
+            found.append((place, f"names {name!r}, which is no {kind}"))
+    return found
+
+
+def _spring_problems(module: Any) -> list[tuple[str, str]]:
+    """Return what is wrong with the cubic springs: one for each such parameter, on bodies that exist."""
+    springs = getattr(module, "CUBIC_SPRINGS", ())
+    cubic = [name for name, entry in module.ROLES.items() if entry["role"] == "stiffness3"]
+    named = [entry["parameter"] for entry in springs]
+    found = [("CUBIC_SPRINGS", f"lacks {name!r}") for name in cubic if name not in named]
+    found += [("CUBIC_SPRINGS", f"names {n!r}, which is no cubic stiffness") for n in named if n not in cubic]
+    bodies = sum(len(entry["bodies"]) for entry in module.ROLES.values() if entry["role"] == "inertia")
+    for index, entry in enumerate(springs):
+        if any(place >= bodies for place, _ in entry["deflection"]):
+            found.append((f"CUBIC_SPRINGS[{index}]", f"has a coordinate beyond the {bodies} bodies"))
+    return found
+
+
+def _repeated(place: str, keys: list[str]) -> list[tuple[str, str]]:
+    twice = [key for key in dict.fromkeys(keys) if keys.count(key) > 1]
+    return [(place, f"use {key!r} twice") for key in twice]
+
+
+def _references(module: Any) -> list[tuple[str, str, tuple[str, ...], str]]:
+    """Return (place, name, allowed names, kind of thing) for every name that must point somewhere."""
+    sensors = tuple(entry["key"] for entry in module.SENSORS)
+    actuators = tuple(entry["key"] for entry in module.ACTUATORS)
+    signals = tuple(entry["key"] for entry in module.SIGNALS)
+    physical = (*module.PARAMETERS, *module.KNOWN)
+    refs: list[tuple[str, str | None, tuple[str, ...], str]] = []
+    for i, entry in enumerate(module.SIGNALS):
+        refs.append((f"SIGNALS[{i}]['sensor']", entry["sensor"], sensors, "sensor"))
+        refs.append((f"SIGNALS[{i}]['actuator']", entry["actuator"], actuators, "actuator"))
+    for i, entry in enumerate(module.FEATURES):
+        keys = (entry["of"],) if isinstance(entry["of"], str) else tuple(key for _, key in entry["of"])
+        refs += [(f"FEATURES[{i}]['of']", key, signals, "signal") for key in keys]
+        refs.append((f"FEATURES[{i}]['times']", entry["times"], signals, "signal"))
+    for i, entry in enumerate(module.ROWS):
+        refs += [(f"ROWS[{i}]['reversals']", key, signals, "signal") for key in entry["reversals"]]
+    for i, entry in enumerate(module.FRICTION):
+        names = (entry["coulomb_plus"], entry["coulomb_minus"], entry["offset"])
+        refs += [(f"FRICTION[{i}]", name, physical, "parameter") for name in names]
+    refs += [("IDENTIFIABLE", name, module.PARAMETERS, "parameter") for name in module.IDENTIFIABLE]
+    refs += [("ABSENT", name, module.PARAMETERS, "parameter") for name in module.ABSENT]
+    refs += [("ROLES", name, physical, "parameter") for name in module.ROLES]
+    refs += [("PARAMETERS", name, tuple(module.ROLES), "key of ROLES") for name in module.PARAMETERS]
+    for name in dict.fromkeys((*module.PARAMETERS, *module.BASE_PARAMETERS)):
+        refs.append(("UNITS", name, tuple(module.UNITS), "key of UNITS"))
+    for title, values in module.PARAMETER_SETS.items():
+        refs += [(f"PARAMETER_SETS[{title!r}]", name, physical, "parameter") for name in values]
+    return [(place, name, allowed, kind) for place, name, allowed, kind in refs if name is not None]

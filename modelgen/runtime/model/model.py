@@ -1,0 +1,287 @@
+"""Model: the validated view of a generated module, and the doors through which one comes in.
+
+The module speaks of itself in plain tuples and dicts (so that it needs NumPy alone); here the same entries
+become small frozen records. `contract_check` says what a module must offer, `module_file` executes a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+from modelgen.runtime.model.contract_check import module_problems
+from modelgen.runtime.model.module_file import execute_file, execute_text
+
+FloatArray = npt.NDArray[np.float64]
+# (coefficient, signal or feature key) pairs to be summed; the key "1" is the constant
+Terms = tuple[tuple[float, str], ...]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What one sensor reads: `measures` of a body, or of the deflection between a pair of bodies."""
+
+    key: str
+    body: str | None
+    deflection: tuple[str, str] | None
+    measures: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A measured or known force (or torque) on a body.
+
+    `lever` is the body's motion when the chain moves as a rigid one: force times lever is comparable across
+    gears. A row has the lever of its first body.
+    """
+
+    key: str
+    body: str
+    unit: str
+    lever: float
+
+
+@dataclass(frozen=True)
+class Signal:
+    """An array the model asks for: a derivative of one sensor's or actuator's own reading.
+
+    Without sensor and actuator the record must bring the signal itself (a direction of motion, ``sign_c``).
+    """
+
+    key: str
+    sensor: str | None
+    actuator: str | None
+    derivative: int
+    unit: str
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A nonlinear function ("sign", "forward", "backward", "cube") of signals, times a signal or None."""
+
+    key: str
+    function: str
+    of: str | Terms
+    times: str | None
+
+
+@dataclass(frozen=True)
+class RowInfo:
+    """One row of the regressor: where it comes from, and the velocities whose reversals spoil it nearby."""
+
+    name: str
+    origin: str
+    bodies: tuple[str, ...]
+    differentiated: int
+    order: int
+    reversals: tuple[str, ...]
+    unit: str
+    lever: float
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Coulomb friction and offset of a body: one column of E in the state space; `state` is its velocity."""
+
+    body: str
+    state: int
+    coulomb_plus: str | None
+    coulomb_minus: str | None
+    offset: str | None
+    asymmetric: bool
+
+
+@dataclass(frozen=True)
+class CubicSpring:
+    """A force of `parameter` times the cube of a deflection: (coordinate, coefficient) pairs."""
+
+    parameter: str
+    deflection: tuple[tuple[int, float], ...]
+
+
+@dataclass(frozen=True)
+class Role:
+    """What a physical parameter is (inertia, viscous, coulomb, ...) and the bodies it acts on."""
+
+    role: str
+    bodies: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A generated module, checked: y = D x with y = measurement, D = regressor, x the base parameters.
+
+    The attributes are those of the module under their lower-case names; see its docstring for the rows.
+    `measurement_columns` holds one `Terms` per row, `regressor_columns` per row a mapping of column index to
+    `Terms`: what is linear in which signal, so that filters may act on signals instead of columns.
+    """
+
+    module: Any
+    chain: str
+    title: str
+    sensor_set: str
+    spec_sha256: str
+    sensors: tuple[Sensor, ...]
+    actuators: tuple[Actuator, ...]
+    parameters: tuple[str, ...]
+    known: Mapping[str, float]
+    base_parameters: tuple[str, ...]
+    identifiable: tuple[str, ...]
+    absent: Mapping[str, str]
+    composites: Mapping[str, str]
+    units: Mapping[str, str]
+    roles: Mapping[str, Role]
+    parameter_sets: Mapping[str, Mapping[str, float]]
+    signals: tuple[Signal, ...]
+    features: tuple[Feature, ...]
+    rows: tuple[RowInfo, ...]
+    friction: tuple[Friction, ...]
+    measurement_columns: tuple[Terms, ...]
+    regressor_columns: tuple[Mapping[int, Terms], ...]
+    cubic_springs: tuple[CubicSpring, ...] = ()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Keys a record must bring: every sensor and actuator in use, and signals that have neither."""
+        return tuple(dict.fromkeys(signal.sensor or signal.actuator or signal.key for signal in self.signals))
+
+    @property
+    def direction_keys(self) -> tuple[str, ...]:
+        """Signals whose sign matters: under a sign, forward or backward feature, or a row's reversals."""
+        used = [feature.of for feature in self.features if feature.function != "cube"]
+        used += [key for row in self.rows for key in row.reversals]
+        return tuple(signal.key for signal in self.signals if signal.key in used)
+
+    def column_terms(self, row: int, column: int) -> Terms:
+        """Return the terms of one entry of the regressor; empty where it is zero."""
+        return self.regressor_columns[row].get(column, ())
+
+    def measurement(self, signals: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the left-hand side y, shape (N, rows)."""
+        return cast(FloatArray, self.module.measurement(signals))
+
+    def regressor(self, signals: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the regressor D, shape (N, rows, columns)."""
+        return cast(FloatArray, self.module.regressor(signals))
+
+    def base_from_physical(self, parameters: Mapping[str, float]) -> FloatArray:
+        """Return the base parameters, shape (columns,), from physical ones (name to value, SI)."""
+        return cast(FloatArray, self.module.base_from_physical(parameters))
+
+    def base_jacobian(self, parameters: Mapping[str, float]) -> FloatArray:
+        """Return d base / d parameters, shape (columns, parameters), at physical parameters (SI)."""
+        return cast(FloatArray, self.module.base_jacobian(parameters))
+
+    def fit_physical(self, base: FloatArray, start: FloatArray) -> tuple[dict[str, float], float]:
+        """Return parameters that give the base parameters, and the misfit; models with composites only.
+
+        `start`, shape (parameters,), holds logarithms of the parameters (area sines for offsets).
+        """
+        try:
+            return cast(tuple[dict[str, float], float], self.module.fit_physical(base, start))
+        except np.linalg.LinAlgError:
+            return dict.fromkeys(self.parameters, np.nan), np.inf
+
+    def physical_from_base(self, base: npt.ArrayLike) -> dict[str, float]:
+        """Return the identifiable physical parameters (name to value, SI) from the base ones.
+
+        NaN where composites are so far from those of any chain that the iteration breaks down.
+        """
+        try:
+            return cast(dict[str, float], self.module.physical_from_base(np.asarray(base, dtype=float)))
+        except np.linalg.LinAlgError:
+            return dict.fromkeys(self.identifiable, np.nan)
+
+    def state_space(
+        self, parameters: Mapping[str, float], directions: Mapping[str, int] | None = None
+    ) -> Any:
+        """Return the named tuple (A, B, C, D, E, F) of Pham 2002, eqs. (17)-(19), corrected.
+
+        `directions` maps a body to +1 or -1 where its friction is asymmetric.
+        """
+        return self.module.state_space(parameters, directions)
+
+    def __repr__(self) -> str:
+        columns = ", ".join(self.base_parameters)
+        return f"Model({self.chain}, {self.sensor_set}: {len(self.rows)} rows, {columns})"
+
+
+def model_from_module(module: Any) -> Model:
+    """Return the checked view of a generated module (or of any object with the same names).
+
+    Raises
+    ------
+    DataError
+        With one problem per violation of the contract.
+    """
+    problems = module_problems(module)
+    if problems:
+        raise DataError(*problems)
+    columns = module.columns()
+    return Model(
+        module=module,
+        chain=module.CHAIN,
+        title=module.TITLE,
+        sensor_set=module.SENSOR_SET,
+        spec_sha256=module.SPEC_SHA256,
+        sensors=tuple(Sensor(**entry) for entry in module.SENSORS),
+        actuators=tuple(Actuator(**entry) for entry in module.ACTUATORS),
+        parameters=module.PARAMETERS,
+        known=MappingProxyType(dict(module.KNOWN)),
+        base_parameters=module.BASE_PARAMETERS,
+        identifiable=module.IDENTIFIABLE,
+        absent=MappingProxyType(dict(module.ABSENT)),
+        composites=MappingProxyType(dict(module.COMPOSITES)),
+        units=MappingProxyType(dict(module.UNITS)),
+        roles=MappingProxyType({name: Role(**entry) for name, entry in module.ROLES.items()}),
+        parameter_sets=MappingProxyType(
+            {name: MappingProxyType(dict(values)) for name, values in module.PARAMETER_SETS.items()}
+        ),
+        signals=tuple(Signal(**entry) for entry in module.SIGNALS),
+        features=tuple(Feature(**entry) for entry in module.FEATURES),
+        rows=tuple(RowInfo(**entry) for entry in module.ROWS),
+        friction=tuple(Friction(**entry) for entry in module.FRICTION),
+        measurement_columns=tuple(columns["measurement"]),
+        regressor_columns=tuple(MappingProxyType(dict(row)) for row in columns["regressor"]),
+        cubic_springs=tuple(CubicSpring(**entry) for entry in getattr(module, "CUBIC_SPRINGS", ())),
+    )
+
+
+def model_from_text(text: str, name: str = "model") -> Model:
+    """Return the model of a generated module's text that is in no file; the text is executed.
+
+    Raises
+    ------
+    DataError
+        When the text cannot be executed or violates the contract.
+    """
+    return model_from_module(execute_text(text, name))
+
+
+def load_model(path: str | Path, trust: bool = False) -> Model:
+    """Execute a generated module's file and return its model.
+
+    Only a file that modelgen generated is executed, and only as it was generated: its header, its digest and
+    the allow-list of what a module consists of are checked first (`modelgen.generated_module.module_check`).
+
+    Parameters
+    ----------
+    path : str or Path
+        The ``.py`` file.
+    trust : bool
+        Execute the file without these checks.
+
+    Raises
+    ------
+    DataError
+        When the file is absent, not generated, cannot be executed or violates the contract.
+    """
+    return model_from_module(execute_file(Path(path), trust=trust))

@@ -1,0 +1,1 @@
+"""Linear algebra on arrays: triangles, banded least squares, refinement; numba and threads."""

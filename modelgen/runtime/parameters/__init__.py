@@ -1,0 +1,1 @@
+"""From base parameters to physical ones: solutions, bounds, and what is refused."""

@@ -1,0 +1,176 @@
+"""Physical sense: inertia, stiffness, damping and friction not below zero, and what that bound costs.
+
+The bounded estimate minimises the same weighted residual (`scipy.optimize.lsq_linear` on the triangle of the
+weighted rows). A bound that is active is a sign, not a cure: the records ask for a value that nature does not
+have, so the price is told, and a parameter at its bound has no interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.least_squares.wls import Fit, refit
+from modelgen.runtime.model.model import Model
+
+FloatArray = npt.NDArray[np.float64]
+
+PHYSICAL = "physical"
+# Never negative in nature.
+POSITIVE_ROLES = ("inertia", "stiffness", "viscous", "coulomb", "damping")
+DRAWS = 200
+# A parameter that lies this close to its bound (in columns of unit length, against Y) is at it.
+AT_BOUND = 1e-9
+
+
+@dataclass(frozen=True)
+class BoundCost:
+    """What bounds did: `active` pairs of parameter at zero and the value it would have had without.
+
+    `residual_increase` is by what share the norm of the weighted residual grew, `deviations` how far from the
+    unbounded estimate this is in standard deviations (root of the Wald statistic of the active ones).
+    """
+
+    bounded: tuple[str, ...]
+    active: tuple[tuple[str, float], ...]
+    residual_increase: float
+    deviations: float
+
+
+def bounded_below_or_above(model: Model) -> tuple[FloatArray, FloatArray]:
+    """Return the bounds of the base parameters, shape (columns,) each, that follow from physical signs.
+
+    What is never negative (nor positive) for any inertia, stiffness, damping and friction above zero is
+    bounded by zero; offsets and cubic stiffness are free. Decided on 200 random points over ten decades.
+    """
+    rng = np.random.default_rng(0)
+    bounded = bounded_names(model)
+    positive = np.array([name in bounded for name in model.parameters])
+    size = 10.0 ** rng.uniform(-5.0, 5.0, (DRAWS, len(model.parameters)))
+    sign = np.where(positive, 1.0, rng.choice([-1.0, 1.0], size.shape))
+    points = [dict(zip(model.parameters, row, strict=True)) for row in (size * sign).tolist()]
+    values = np.array([model.base_from_physical(point) for point in points])
+    lower = np.where(np.all(values >= 0.0, axis=0), 0.0, -np.inf)
+    upper = np.where(np.all(values <= 0.0, axis=0), 0.0, np.inf)
+    return lower, upper
+
+
+def bounded_fit(fit: Fit, model: Model, covariance: FloatArray) -> tuple[Fit, BoundCost]:
+    """Return the fit within the bounds, without the columns at zero, and what the bounds cost.
+
+    Parameters
+    ----------
+    fit : Fit
+        Without bounds; least squares or instrumental variables.
+    model : Model
+    covariance : array, shape (c, c)
+        Of that fit.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When nothing is left above zero.
+    """
+    lower, upper = bounded_below_or_above(model)
+    places = [model.base_parameters.index(name) for name in fit.columns]
+    return _fit_within(fit, lower[places], upper[places], covariance)
+
+
+def bounded_physical(fit: Fit, model: Model, covariance: FloatArray) -> tuple[Fit, BoundCost]:
+    """Return the same for a fit whose columns are physical parameters, and further ones without bounds."""
+    bounded = bounded_names(model)
+    lower = np.array([0.0 if name in bounded else -np.inf for name in fit.columns])
+    return _fit_within(fit, lower, np.full(len(lower), np.inf), covariance)
+
+
+def bounded_names(model: Model) -> tuple[str, ...]:
+    """Return the physical parameters that are never negative."""
+    roles = model.roles
+    return tuple(n for n in model.parameters if n in roles and roles[n].role in POSITIVE_ROLES)
+
+
+def _fit_within(
+    fit: Fit, lower: FloatArray, upper: FloatArray, covariance: FloatArray
+) -> tuple[Fit, BoundCost]:
+    from scipy.optimize import lsq_linear
+
+    names = tuple(
+        name
+        for name, low, high in zip(fit.columns, lower, upper, strict=True)
+        if np.isfinite(low) or np.isfinite(high)
+    )
+    x = fit.solution.x
+    if np.all(x >= lower) and np.all(x <= upper):
+        return fit, BoundCost(names, (), 0.0, 0.0)
+    R = np.concatenate([w * r for w, r in zip(fit.weights, fit.regressors, strict=True)])
+    Y = fit.weighted_measurement
+    scale = np.linalg.norm(R, axis=0)
+    triangle = np.asarray(np.linalg.qr(np.column_stack([R / scale, Y]), mode="r"))
+    c = len(x)
+    # with a width that excludes zero alone a variable cannot leave it, so both ends are given as they are
+    solved = lsq_linear(triangle[:c, :c], triangle[:c, c], (lower * scale, upper * scale), method="bvls")
+    small = AT_BOUND * float(np.linalg.norm(Y))
+    at_zero = [
+        bool(abs(value) <= small and (low == 0.0 or high == 0.0))
+        for value, low, high in zip(solved.x, lower, upper, strict=True)
+    ]
+    free = [name for name, zero in zip(fit.columns, at_zero, strict=True) if not zero]
+    if not free:
+        remedy = "check the signs of channels and forces, or identify without bounds"
+        raise IdentifiabilityError.at("bounds", "leave nothing above zero", remedy)
+    bounded = refit(fit, free)
+    active = np.flatnonzero(at_zero)
+    before, after = (float(np.linalg.norm(one.weighted_residual)) for one in (fit, bounded))
+    wald = float(x[active] @ np.linalg.pinv(covariance[np.ix_(active, active)]) @ x[active])
+    cost = BoundCost(
+        names,
+        tuple((fit.columns[k], float(x[k])) for k in active),
+        after / before - 1.0 if before > 0.0 else 0.0,
+        float(np.sqrt(max(wald, 0.0))),
+    )
+    return replace(bounded, notes=fit.notes, delays=fit.delays), cost
+
+
+def bound_reasons(cost: BoundCost, fit: Fit) -> dict[str, str]:
+    """Return why the parameters at their bound, and composites that vanish with them, have no number."""
+    active = {
+        name: f"lies at its bound, 0: without bounds it would be {value:.4g}; there is no interval for it"
+        for name, value in cost.active
+    }
+    vanished = [name for name, value in zip(fit.columns, fit.solution.x, strict=True) if value == 0.0]
+    why = f"is zero with {_listed(list(active))} at the bound"
+    return dict.fromkeys(vanished, why) | active if active else {}
+
+
+def bound_advice(cost: BoundCost, significant: float = 3.0) -> tuple[Advice, ...]:
+    """Return the warning that bounds contradict the records, where they do by more than chance."""
+    if cost.deviations <= significant:
+        return ()
+    return (
+        Advice(
+            "bounds",
+            ", ".join(name for name, _ in cost.active),
+            f"at zero is {cost.deviations:.1f} standard deviations from what the records say",
+            "the model, a sign or a delay is wrong: bounds hide that, they do not mend it",
+        ),
+    )
+
+
+def bound_sentence(cost: BoundCost) -> str:
+    """Return what the bounds cost in one sentence."""
+    if not cost.active:
+        return f"Bounds (never negative: {_listed(cost.bounded)}): none is active, they cost nothing."
+    active = _listed([f"{name} (without bounds {value:.4g})" for name, value in cost.active])
+    return (
+        f"Bounds: at zero are {active}; the weighted residual grows by "
+        f"{100.0 * cost.residual_increase:.3g} %, {cost.deviations:.2g} standard deviations."
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names)

@@ -1,0 +1,186 @@
+"""Columns that move together: which combinations of their parameters the records see, in numbers and words.
+
+The collinearity diagnostics of Belsley, Kuh and Welsch (1980, ch. 3): condition indexes of the columns scaled
+to unit length, and the share of every parameter's variance that comes from the directions of a large one.
+The columns in such a direction are regrouped as base parameters are (Gautier 1991): one of them is expressed
+by the others, and what is left are combinations that the records do see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.least_squares.wls import Fit
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+# A condition index above this is a near dependence (Belsley, Kuh and Welsch: 30 and more), and a parameter
+# takes part in it if it owes this share of its variance to it.
+LARGEST_INDEX = 30.0
+VARIANCE_SHARE = 0.5
+# What a column adds to a combination is left unsaid below this share (of columns of equal length).
+SMALLEST_SHARE = 0.05
+# The parameter that the others are combined with is the first one of at least this share in a direction.
+PIVOT_SHARE = 0.3
+# Beyond this the columns are as good as equal, and no variance can be worked out from them.
+HIGHEST_INDEX = 1e9
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A sum of parameters that the records see: `terms` pairs of coefficient and name, its value, its std."""
+
+    terms: tuple[tuple[float, str], ...]
+    value: float
+    std: float
+
+    @property
+    def text(self) -> str:
+        """The sum as one writes it, "J_c + 0.3 F_vc"."""
+        said = ""
+        for coefficient, name in self.terms:
+            number = f"{abs(coefficient):.2g}"
+            size = "" if number == "1" else f"{number} "
+            sign = " - " if coefficient < 0.0 else " + "
+            said += f"{sign}{size}{name}" if said else f"{'-' if coefficient < 0.0 else ''}{size}{name}"
+        return said
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """Columns that move together, their condition index, and the combinations of them that are seen."""
+
+    columns: tuple[str, ...]
+    condition_index: float
+    combinations: tuple[Combination, ...]
+
+    @property
+    def text(self) -> str:
+        """What is seen of the columns, in words and numbers."""
+        listed = joined(self.columns)
+        if not self.combinations:
+            return f"{listed} cannot be told apart"
+        verb = "is" if len(self.combinations) == 1 else "are"
+        seen = joined(
+            [f"{c.text} = {c.value:.4g} (standard deviation {c.std:.2g})" for c in self.combinations]
+        )
+        return f"{listed} move together: only {seen} {verb} seen"
+
+    def others(self, name: str) -> str:
+        """The other columns, in words."""
+        return joined([column for column in self.columns if column != name])
+
+
+def dependences(fit: Fit, covariance: FloatArray, largest_index: float = LARGEST_INDEX) -> list[Dependence]:
+    """Return the groups of columns that are nearly, or exactly, dependent; none where all is well.
+
+    Parameters
+    ----------
+    fit : Fit
+    covariance : array, shape (c, c)
+        Of the fit's parameters.
+    largest_index : float
+        Condition index from which a direction counts.
+    """
+    scale, s, V = _scaled_directions(fit)
+    index = s[0] / np.maximum(s, s[0] / (10.0 * HIGHEST_INDEX))
+    weak = index > largest_index
+    if not weak.any():
+        return []
+    variance = (V * index) ** 2
+    share = variance[:, weak].sum(axis=1) / variance.sum(axis=1)
+    involved = np.flatnonzero(share > VARIANCE_SHARE)
+    if involved.size < 2:
+        return []
+    null = _echelon(V[np.ix_(involved, weak)].T)
+    return [
+        _dependence(fit, covariance, scale, involved[group], null[:, group], float(index[weak].max()))
+        for group in _groups(null)
+    ]
+
+
+def _scaled_directions(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the lengths of the weighted columns, and singular values and vectors of them at unit length."""
+    W = np.concatenate([w * r for w, r in zip(fit.weights, fit.regressors, strict=True)])
+    scale = np.linalg.norm(W, axis=0)
+    triangle = np.linalg.qr(W / np.where(scale > 0.0, scale, 1.0), mode="r")
+    _, s, Vt = np.linalg.svd(triangle)
+    return scale, s, Vt.T
+
+
+def _echelon(null: FloatArray) -> FloatArray:
+    """Return the same directions (rows), each with a column of its own that is 1 in it and 0 in the others.
+
+    Where the columns are involved in fewer dependences than there are directions, these come out as zeros and
+    are left out.
+    """
+    rows = null.copy()
+    done: list[int] = []
+    for _ in range(min(rows.shape)):
+        left = [k for k in range(len(rows)) if k not in done]
+        size = np.abs(rows[left])
+        if size.max() < SMALLEST_SHARE:
+            break
+        place, pivot = _pivot(size)
+        row = left[place]
+        rows[row] /= rows[row, pivot]
+        others = [k for k in range(len(rows)) if k != row]
+        rows[others] -= np.outer(rows[others, pivot], rows[row])
+        done.append(row)
+    return np.asarray(rows[done])
+
+
+def _pivot(size: FloatArray) -> tuple[int, int]:
+    """Return row and column of the pivot: of the first column that is no small one, its largest entry."""
+    columns = np.flatnonzero(size.max(axis=0) > PIVOT_SHARE * size.max())
+    column = int(columns[0])
+    return int(np.argmax(size[:, column])), column
+
+
+def _groups(null: FloatArray) -> list[IntArray]:
+    """Return the columns of each set that shares dependences, as arrays of indexes; single ones left out."""
+    touched = np.abs(null) > SMALLEST_SHARE
+    group = np.arange(null.shape[1])
+    for row in touched:
+        members = np.flatnonzero(row)
+        if members.size:
+            group[np.isin(group, group[members])] = group[members].min()
+    found = [np.flatnonzero(group == label).astype(np.int64) for label in np.unique(group)]
+    return [members for members in found if members.size > 1]
+
+
+def _dependence(
+    fit: Fit, covariance: FloatArray, scale: FloatArray, columns: IntArray, null: FloatArray, index: float
+) -> Dependence:
+    """Return one group; `null` holds its directions in echelon form, on columns of unit length."""
+    null = null[np.any(np.abs(null) > SMALLEST_SHARE, axis=1)]
+    pivots = [int(np.flatnonzero(np.abs(row - 1.0) < 1e-9)[0]) for row in null]
+    combinations = []
+    for k, column in enumerate(columns):
+        if k in pivots:
+            continue
+        # x_k and, for every pivot p, -n_k / n_p x_p: n x_k and n x_p may change together without being seen
+        gradient = np.zeros(len(fit.columns))
+        gradient[column] = 1.0
+        for row, p in zip(null, pivots, strict=True):
+            if abs(row[k]) > SMALLEST_SHARE:
+                gradient[columns[p]] = -float(row[k]) * scale[columns[p]] / scale[column]
+        # as one writes it: in the model's order, the first without a factor
+        gradient /= gradient[np.flatnonzero(gradient)[0]]
+        terms = tuple((float(gradient[place]), fit.columns[place]) for place in np.flatnonzero(gradient))
+        variance = float(gradient @ covariance @ gradient)
+        combinations.append(
+            Combination(terms, float(gradient @ fit.solution.x), float(np.sqrt(max(variance, 0.0))))
+        )
+    names = tuple(fit.columns[int(column)] for column in columns)
+    return Dependence(names, index, tuple(combinations))
+
+
+def joined(words: Sequence[str]) -> str:
+    """Return words as one lists them: "a, b and c"."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,82 @@
+"""Composites are nonlinear in the physical parameters: other values of these may fit them just as well."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.parameters.physical_parameters import Covariances, all_from_composites, fit_composites
+
+FloatArray = npt.NDArray[np.float64]
+
+STARTS = 24
+SEED = 2002
+# Spread of the starts, in the logarithms of the parameters: a factor of about 20 either way.
+SPREAD = 3.0
+# Two solutions differ where a parameter differs by more than this share.
+DIFFERENT = 1e-2
+# A solution fits as well if its misfit exceeds the best by no more (95 % of chi-square, one degree).
+AS_GOOD = 3.84
+
+
+def other_solutions(
+    model: Model, base: FloatArray, covariances: Covariances, physical: Sequence[Parameter]
+) -> tuple[Mapping[str, float], ...]:
+    """Search from seeded random starts; return the solutions that differ from the one reported.
+
+    Parameters
+    ----------
+    model : Model
+    base : array, shape (columns,)
+        Base parameters, NaN where not identified (then nothing is searched).
+    covariances : Covariances
+    physical : sequence of Parameter
+        The solution reported.
+
+    Returns
+    -------
+    tuple of mappings
+        Inertias, stiffnesses and the like positive, misfit as good as the reported one's.
+    """
+    if not all_from_composites(model) or not np.all(np.isfinite(base)):
+        return ()
+    reported = {entry.name: entry.value for entry in physical}
+    if list(reported) != list(model.parameters):
+        return ()
+    limit = fit_composites(model, base, covariances.total, reported).misfit + AS_GOOD
+    rng = np.random.default_rng(SEED)
+    found: list[Mapping[str, float]] = []
+    for _ in range(STARTS):
+        start, _ = model.fit_physical(base, _near(reported, rng))
+        solved = fit_composites(model, base, covariances.total, start)
+        values = {name: solved.values[name] for name in reported}
+        new = all(_differ(values, other) for other in [reported, *found])
+        if new and solved.misfit <= limit and _possible(model, values):
+            found.append(values)
+    return tuple(found)
+
+
+def solution_notes(others: Sequence[Mapping[str, float]]) -> tuple[str, ...]:
+    """Return one sentence per further solution."""
+    return tuple(
+        "other values fit as well: " + ", ".join(f"{name} {value:.6g}" for name, value in values.items())
+        for values in others
+    )
+
+
+def _near(values: Mapping[str, float], rng: np.random.Generator) -> FloatArray:
+    """Return a start in the logarithms that `fit_physical` works in, around the values reported."""
+    magnitude = np.log(np.maximum(np.abs(np.array(list(values.values()))), 1e-30))
+    return np.asarray(magnitude + rng.normal(0.0, SPREAD, len(values)))
+
+
+def _possible(model: Model, values: Mapping[str, float]) -> bool:
+    return all(value > 0.0 or model.roles[name].role == "offset" for name, value in values.items())
+
+
+def _differ(values: Mapping[str, float], other: Mapping[str, float]) -> bool:
+    return any(abs(value - other[name]) > DIFFERENT * abs(other[name]) for name, value in values.items())

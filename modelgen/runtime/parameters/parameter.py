@@ -1,0 +1,28 @@
+"""Parameter: one number found, with its standard deviations."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number found, in `unit`.
+
+    `std` is its standard deviation; it adds up (in squares) from `noise_std`, what the residuals explain, and
+    `drift_std`, how far the value drifts with cut-off and weights. `printed_std` is that of eq. (11).
+    """
+
+    name: str
+    unit: str
+    value: float
+    std: float
+    noise_std: float
+    drift_std: float
+    printed_std: float
+
+    @property
+    def relative_std(self) -> float:
+        """Standard deviation in % of the value's magnitude (Pham 2002, eq. (12))."""
+        return 100.0 * self.std / abs(self.value) if self.value else math.inf

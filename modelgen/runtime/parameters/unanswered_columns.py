@@ -1,0 +1,138 @@
+"""What a record cannot answer although the equations could: friction without steady motion, encoder zeros.
+
+A number comes out of least squares in any case, with a small standard deviation even. These checks look at
+the record instead, and give the reason for which a parameter is not to be believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from modelgen.runtime.filter_choice.filter_choice import ORDER_OF, FilterChoice
+from modelgen.runtime.filters.power_spectrum import power_spectrum, share_below
+from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.records.record import Record
+
+# Steady motion: this share of the velocity's power below this share of the dynamics' frequency.
+STEADY_SHARE = 0.01
+STEADY_BAND = 1.0 / 20.0
+
+
+def not_identifiable(
+    model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit
+) -> dict[str, str]:
+    """Return the base columns that the records cannot answer, with the reason; in the order of the columns.
+
+    Columns of the fit among them stay in it as nuisances: without them their share would fall to others.
+    """
+    reasons = {name: "its column is zero in every sample used" for name in fit.absent}
+    for name, lost in zip(fit.columns, fit.solution.undetermined, strict=True):
+        if lost:
+            reasons[name] = "cannot be told from other parameters in these records (W is short of rank)"
+    unsteady = friction_without_steady_motion(model, records, choice)
+    for name, reason in columns_that_vanish(model, unsteady).items():
+        reasons.setdefault(name, reason)
+    for name, reason in offsets_of_encoder_zeros(model, records, fit).items():
+        reasons.setdefault(name, reason)
+    return {name: reasons[name] for name in model.base_parameters if name in reasons}
+
+
+def friction_without_steady_motion(
+    model: Model, records: Sequence[Record], choice: FilterChoice
+) -> dict[str, str]:
+    """Return the friction parameters to ground of bodies that only ever vibrate, with the reason.
+
+    While a body vibrates, friction is small beside inertial forces, and what is fitted is mostly their error.
+    """
+    limit_hz = STEADY_BAND * (choice.dynamics_hz or choice.cutoff_hz)
+    reasons: dict[str, str] = {}
+    for body, sensor in _slowest_sensors(model).items():
+        shares = [_steady_share(record, sensor, limit_hz) for record in records]
+        if max(shares) >= STEADY_SHARE:
+            continue
+        names = ", ".join(record.name for record in records)
+        reason = (
+            f"no constant-velocity motion of {body} in record {names}: {100.0 * max(shares):.2g} % of its "
+            f"velocity's power lies below {limit_hz:.3g} Hz, where 1 % is needed"
+        )
+        for name, role in model.roles.items():
+            if role.role in ("viscous", "coulomb") and role.bodies == (body,):
+                reasons[name] = reason
+    return reasons
+
+
+def offsets_of_encoder_zeros(model: Model, records: Sequence[Record], fit: Fit) -> dict[str, str]:
+    """Return the offsets that only take up unrelated zeros of encoders, with the reason.
+
+    A constant in a link's deflection acts as stiffness times that constant. Where this exceeds, in a row that
+    holds a measured force, every force in the record, it cannot be a load: it is a difference of encoder
+    zeros, held by both bodies' offsets. (Rows without a force may see it multiplied by gear ratios.)
+    """
+    reasons: dict[str, str] = {}
+    for block in fit.blocks:
+        if block.differentiated or not block.has_force:
+            continue
+        record = records[block.record]
+        forces = [
+            record.signals[actuator.key] for actuator in model.actuators if actuator.key in record.signals
+        ]
+        largest = max((float(np.max(np.abs(force))) for force in forces), default=0.0)
+        for index, name in enumerate(fit.columns):
+            role = model.roles.get(name)
+            if role is None or role.role != "stiffness":
+                continue
+            mean = abs(float(fit.solution.x[index] * np.mean(block.W[:, index])))
+            if mean <= largest:
+                continue
+            reason = (
+                f"the link {'-'.join(role.bodies)} would carry {mean:.3g} on average in record {record.name} "
+                f"and no force there exceeds {largest:.3g}: the encoders' zeros are unrelated"
+            )
+            for offset, other in model.roles.items():
+                if other.role == "offset" and other.bodies[0] in role.bodies:
+                    reasons.setdefault(offset, reason)
+    return reasons
+
+
+def columns_that_vanish(model: Model, reasons: Mapping[str, str]) -> dict[str, str]:
+    """Return the base parameters that are zero where these physical ones are, with the first one's reason.
+
+    Parameters
+    ----------
+    model : Model
+    reasons : mapping of str to str
+        Physical parameter to the reason why it is not to be believed.
+    """
+    rng = np.random.default_rng(0)
+    point = dict(zip(model.parameters, rng.uniform(1.0, 2.0, len(model.parameters)).tolist(), strict=True))
+    without = model.base_from_physical({**point, **dict.fromkeys(reasons, 0.0)})
+    found: dict[str, str] = {}
+    for name, rest, slopes in zip(model.base_parameters, without, model.base_jacobian(point), strict=True):
+        acting = [
+            p for p, slope in zip(model.parameters, slopes, strict=True) if slope != 0.0 and p in reasons
+        ]
+        if rest == 0.0 and acting:
+            found[name] = reasons[acting[0]]
+    return found
+
+
+def _slowest_sensors(model: Model) -> Mapping[str, Sensor]:
+    """Return for every sensed body its sensor of the lowest order, which shows slow motion best."""
+    best: dict[str, Sensor] = {}
+    for sensor in model.sensors:
+        body = sensor.body
+        if body is None or sensor.key not in model.channels:
+            continue
+        if body not in best or ORDER_OF[sensor.measures] < ORDER_OF[best[body].measures]:
+            best[body] = sensor
+    return best
+
+
+def _steady_share(record: Record, sensor: Sensor, limit_hz: float) -> float:
+    derivative = 1 - ORDER_OF[sensor.measures]
+    # an accelerometer does not tell a constant velocity; its own constant is no motion
+    spectrum = power_spectrum(record.signals[sensor.key], record.fs, derivative, keep_mean=derivative >= 0)
+    return share_below(*spectrum, limit_hz)

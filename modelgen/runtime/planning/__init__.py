@@ -1,0 +1,1 @@
+"""Before the experiment: predicted precision, sensor sets ranked, excitations designed."""

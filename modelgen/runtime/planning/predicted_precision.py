@@ -1,0 +1,211 @@
+"""The precision that a planned experiment promises, of every physical parameter.
+
+Covariance and bias of the base parameters follow in closed form (`information`). The step to the physical
+ones is the estimator's own: where base parameters are composites it is nonlinear and weighted by the
+estimate's covariance, which is taken from a few noisy records, and so is what the estimator would refuse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from math import hypot, sqrt
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.parameters.physical_parameters import (
+    Covariances,
+    all_from_composites,
+    physical_parameters,
+)
+from modelgen.runtime.planning.closed_form_information import Information, information
+from modelgen.runtime.planning.planned_experiment import Experiment
+from modelgen.runtime.results.estimate import Estimate
+
+FloatArray = npt.NDArray[np.float64]
+
+# Noisy copies of the experiment whose estimates say how composites are weighted: some at first, then twice as
+# many until the factor that they give is known well enough, or as many at most ...
+FIRST_COPIES = 16
+WEIGHING = 64
+FACTOR_ERROR = 0.05
+# ... and no correction for that.
+AS_IS = (1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Precision:
+    """What is predicted of one physical parameter; `std` and `bias` in % of its magnitude."""
+
+    name: str
+    value: float
+    std: float
+    bias: float
+
+    @property
+    def error(self) -> float:
+        """Root of std^2 + bias^2, in %."""
+        return hypot(self.std, self.bias)
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """What an experiment promises; `refused` maps the physical parameters it leaves open to the reason."""
+
+    information: Information
+    precisions: tuple[Precision, ...]
+    refused: Mapping[str, str]
+
+    @property
+    def worst(self) -> float:
+        """Largest error in % of the parameters that are not refused."""
+        return max((entry.error for entry in self.precisions), default=0.0)
+
+
+def predict(planned: Experiment) -> Predicted:
+    """Return what the experiment promises.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When the experiment does not determine all base parameters.
+    """
+    noise = {key: instrument.std for key, instrument in planned.instruments.items()}
+    found = information(
+        planned.model,
+        planned.parameters,
+        planned.records(None),
+        noise,
+        planned.choice,
+        planned.weights,
+        instruments=planned.method == "iv",
+    )
+    return _physical(planned, found, _copies(planned))
+
+
+def _copies(planned: Experiment) -> list[Estimate]:
+    """Return the estimates from as many noisy copies as it takes."""
+    if not all_from_composites(planned.model):
+        return [estimate_once(planned, 0)]
+    estimates = [estimate_once(planned, seed) for seed in range(FIRST_COPIES)]
+    copies = FIRST_COPIES
+    while copies < WEIGHING and _factor_error(planned.model, estimates) > FACTOR_ERROR:
+        for seed in range(copies, 2 * copies):
+            # one that gives nothing at all says nothing about weights
+            with suppress(IdentifiabilityError):
+                estimates.append(estimate_once(planned, seed))
+        copies *= 2
+    return estimates
+
+
+def estimate_once(planned: Experiment, seed: int) -> Estimate:
+    """Return the estimate from one noisy copy of the experiment, with the planned filter."""
+    choice, model = planned.choice, planned.model
+    return identify(
+        model,
+        planned.records(seed),
+        planned.method,
+        cutoff_hz=choice.cutoff_hz,
+        filter_order=choice.filter_order,
+        decimation=choice.decimation[0],
+        direction_cutoff_hz=choice.direction_cutoff_hz,
+        # the drift widens intervals, but moves values only where composites are weighted with it
+        drift_check=all_from_composites(model),
+        delays="none",
+    )
+
+
+def _physical(planned: Experiment, found: Information, estimates: Sequence[Estimate]) -> Predicted:
+    """Take the estimator's step from base to physical parameters, weighted as estimates are on average."""
+    model = planned.model
+    true = {**model.known, **planned.parameters}
+    first = estimates[0]
+    weight = _average_weight(estimates)
+    given = np.isfinite(first.base)
+    expected = found.values + found.bias
+    spread = found.covariance[np.ix_(given, given)]
+    # weighted by the first; the deviations to be carried on are the predicted ones
+    covariances = Covariances(weight, spread, weight, spread)
+    nuisance = dict(zip(found.columns, expected.tolist(), strict=True))
+    base = np.where(given, expected, np.nan)
+    solved = physical_parameters(model, base, covariances, first.not_identifiable, nuisance)[0]
+    refused = {
+        name: next((e.not_identifiable[name] for e in estimates if name in e.not_identifiable), "is refused")
+        for name in model.parameters
+        if 2 * sum(name in one.physical for one in estimates) <= len(estimates)
+    }
+    own = {name: _effect(*pairs) for name, pairs in _own_and_averaged(model, estimates).items()}
+    precisions = tuple(
+        Precision(
+            entry.name, true[entry.name], *_percent(entry, true[entry.name], own.get(entry.name, AS_IS))
+        )
+        for entry in solved
+        if entry.name not in refused
+    )
+    return Predicted(found, precisions, refused)
+
+
+def _alike(estimates: Sequence[Estimate]) -> list[Estimate]:
+    """Return the estimates that hold the same base parameters as the first."""
+    return [one for one in estimates if one.covariance.shape == estimates[0].covariance.shape]
+
+
+def _average_weight(estimates: Sequence[Estimate]) -> FloatArray:
+    """Return the covariance that composites are weighted with on average."""
+    alike = _alike(estimates)
+    return sum((one.covariance for one in alike), np.zeros_like(alike[0].covariance)) / len(alike)
+
+
+def _own_and_averaged(
+    model: Model, estimates: Sequence[Estimate]
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Return every parameter as estimated, by each one's own weights, and by the average ones instead.
+
+    An estimate is weighted by its own drift with the settings, which goes along with its own error. What that
+    changes shows beside the same estimates weighted as on average: the two are nearly alike.
+    """
+    alike = _alike(estimates)
+    if len(alike) < 2:
+        return {}
+    weight = _average_weight(estimates)
+    average = Covariances(weight, weight, weight, weight)
+    pairs: dict[str, list[tuple[float, float]]] = {}
+    for one in alike:
+        solved = physical_parameters(model, one.base, average, one.not_identifiable, one.nuisance)[0]
+        for entry in solved:
+            if entry.name in one.physical:
+                pairs.setdefault(entry.name, []).append((one.physical[entry.name], entry.value))
+    return {name: (np.array(values)[:, 0], np.array(values)[:, 1]) for name, values in pairs.items()}
+
+
+def _effect(own: FloatArray, averaged: FloatArray) -> tuple[float, float]:
+    """Return what own weights do to a parameter: the factor of its deviation, and its shift."""
+    if own.size < 2 or averaged.std() == 0.0:
+        return AS_IS
+    return float(own.std() / averaged.std()), float((own - averaged).mean())
+
+
+def _factor_error(model: Model, estimates: Sequence[Estimate]) -> float:
+    """Return the largest relative standard error of such a factor, of parameters that most estimates give.
+
+    The ratio of deviations of n pairs that correlate by r is known to sqrt((1 - r^2) / n).
+    """
+    errors = [0.0]
+    for own, averaged in _own_and_averaged(model, estimates).values():
+        if 2 * own.size > len(estimates) and min(own.std(), averaged.std()) > 0.0:
+            r = float(np.corrcoef(own, averaged)[0, 1])
+            errors.append(sqrt(max(0.0, 1.0 - r * r) / own.size))
+    return max(errors)
+
+
+def _percent(entry: Parameter, true: float, own: tuple[float, float]) -> tuple[float, float]:
+    """Return standard deviation and bias in % of the true magnitude."""
+    size = abs(true) or np.nan
+    share, shift = own
+    return 100.0 * share * entry.noise_std / size, 100.0 * (entry.value + shift - true) / size

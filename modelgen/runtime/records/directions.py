@@ -1,0 +1,98 @@
+"""Where the direction of motion of a body comes from that has no position or velocity sensor.
+
+A model that needs such a direction asks the record for a signal ``sign_BODY``. A record that does not bring
+it can name a source instead: another sensor that moves with the body, a reference, or the body's own
+accelerometer, integrated (the only integral in modelgen; its sign is all that is used).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.filters.derivatives import differentiate
+from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record, missing_name
+
+FloatArray = npt.NDArray[np.float64]
+
+# Order of the low-pass in front of a differentiated source.
+FILTER_ORDER = 4
+
+
+def wanted_directions(model: Model) -> tuple[str, ...]:
+    """Return the directions (``sign_BODY``) that a model asks of its records."""
+    return tuple(s.key for s in model.signals if s.sensor is None and s.actuator is None)
+
+
+def direction_problems(model: Model, records: Sequence[Record], sources: Mapping[str, str]) -> list[Problem]:
+    """Return one problem per direction that is neither in a record nor given a source that is."""
+    wanted = wanted_directions(model)
+    problems = [missing_name("directions", "direction", key, wanted) for key in sources if key not in wanted]
+    for record in records:
+        for key in wanted:
+            source = sources.get(key)
+            if source is not None and source not in record.signals:
+                problems.append(missing_name(f"{record.name}: directions", "channel", source, record.signals))
+            elif source is None and key not in record.signals:
+                body = key.removeprefix("sign_")
+                problems.append(
+                    Problem(
+                        f"{record.name}: channel {key}",
+                        f"is missing: no sensor gives the direction in which {body} moves",
+                        f"name a channel that moves with {body} (a sensor, a reference position, or the "
+                        f"accelerometer of {body}), for example --direction {key}={_example(model)}",
+                    )
+                )
+    return problems
+
+
+def with_directions(
+    model: Model, records: Sequence[Record], sources: Mapping[str, str], cutoff_hz: float
+) -> tuple[Record, ...]:
+    """Return the records with the directions that their named sources give.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+    sources : mapping of str to str
+        ``sign_BODY`` -> channel. A position (and any channel that is no sensor of the model, such as a
+        reference position) is differentiated once; a velocity is taken as it is; an acceleration is
+        integrated from rest, its mean taken off: such a record should begin and end at the same velocity.
+    cutoff_hz : float
+        Low-pass in front of the sign, in Hz.
+
+    Raises
+    ------
+    DataError
+        When a source is no channel of a record.
+    """
+    problems = direction_problems(model, records, sources)
+    if problems:
+        raise DataError(*problems)
+    return tuple(_extended(model, record, sources, cutoff_hz) for record in records)
+
+
+def _extended(model: Model, record: Record, sources: Mapping[str, str], cutoff_hz: float) -> Record:
+    if not sources:
+        return record
+    found = {key: np.sign(_velocity(model, record, channel, cutoff_hz)) for key, channel in sources.items()}
+    return Record({**record.signals, **found}, record.fs, record.name, record.tag)
+
+
+def _velocity(model: Model, record: Record, channel: str, cutoff_hz: float) -> FloatArray:
+    measures = {sensor.key: sensor.measures for sensor in model.sensors}.get(channel, "position")
+    smooth = zero_phase(record.signals[channel], FILTER_ORDER, cutoff_hz, record.fs)
+    if measures == "acceleration":
+        steps = (smooth - smooth.mean()) * record.dt
+        return np.asarray(np.concatenate([[0.0], np.cumsum(0.5 * (steps[1:] + steps[:-1]))]))
+    return differentiate(smooth, record.dt, 0 if measures == "velocity" else 1)
+
+
+def _example(model: Model) -> str:
+    return model.sensors[0].key

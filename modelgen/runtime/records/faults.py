@@ -1,0 +1,108 @@
+"""What is wrong with the times and zeros of a file's channels, each with its size; changes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.records.sampling_frequency import UNIFORM
+
+FloatArray = npt.NDArray[np.float64]
+
+GAP = 1.5  # of the median step: a longer one means that samples are missing
+NOTED_OFFSET = 0.02  # of a channel's rms: a smaller mean is not worth a line
+POSITIONS = ("rad", "m")
+ACCELERATIONS = ("rad/s^2", "m/s^2")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something a record should not have: `kind` is what --mend calls it, `what` says where and how much."""
+
+    kind: str
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.what}"
+
+
+def time_faults(clock: str, times: FloatArray) -> tuple[Finding, ...]:
+    """Return duplicate and backward time stamps, gaps, and uneven steps of a column of times in s."""
+    if times.size < 3 or not np.all(np.isfinite(times)):
+        return ()
+    steps = np.diff(times)
+    step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    if step == 0.0:
+        return (Finding("duplicates", f"{clock} does not increase at all"),)
+    findings = []
+    repeated = np.flatnonzero(steps == 0.0)
+    if repeated.size:
+        what = f"{clock} repeats {repeated.size} time stamp(s), first at sample {repeated[0] + 1}"
+        findings.append(Finding("duplicates", what))
+    backward = np.flatnonzero(steps < 0.0)
+    if backward.size:
+        what = f"{clock} runs backward at {backward.size} sample(s), by up to {-steps[backward].min():.6g} s"
+        findings.append(Finding("duplicates", f"{what}, first at sample {backward[0] + 1}"))
+    gaps = np.flatnonzero(steps > GAP * step)
+    if gaps.size:
+        missing = int(np.sum(np.round(steps[gaps] / step) - 1))
+        what = f"{clock} has {gaps.size} gap(s), {missing} samples missing, longest {steps[gaps].max():.6g} s"
+        findings.append(Finding("gaps", f"{what}, first at sample {gaps[0] + 1}"))
+    regular = steps[(steps > 0.0) & (steps <= GAP * step)]
+    uneven = float(np.max(np.abs(regular - step)))
+    if uneven > UNIFORM * step:
+        share = 100.0 * uneven / step
+        findings.append(Finding("uneven", f"{clock} steps by {step:.6g} s, uneven by up to {share:.3g} %"))
+    return tuple(findings)
+
+
+def clock_faults(times: Mapping[str, FloatArray]) -> tuple[Finding, ...]:
+    """Return how channels' columns of times differ from the first one's: start, step and length."""
+    findings = []
+    keys = list(times)
+    first = times[keys[0]]
+    for key in keys[1:]:
+        other = times[key]
+        if same_clock(first, other):
+            continue
+        if min(first.size, other.size) < 2:
+            findings.append(Finding("clocks", f"{key} has {other.size} samples, {keys[0]} has {first.size}"))
+            continue
+        shift = float(other[0] - first[0])
+        steps = [float(np.median(np.diff(t))) for t in (first, other)]
+        lengths = f"{other.size} samples against {first.size}"
+        what = f"{key} starts {shift:.6g} s after {keys[0]}, steps by {steps[1]:.6g} s against {steps[0]:.6g}"
+        findings.append(Finding("clocks", f"{what}, {lengths}"))
+    return tuple(findings)
+
+
+def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> tuple[Finding, ...]:
+    """Return the means of accelerations (zero, where a motion starts and ends at rest), and unlike zeros."""
+    findings = []
+    for key, samples in signals.items():
+        if units.get(key) not in ACCELERATIONS:
+            continue
+        rms, mean = float(np.std(samples)), float(np.mean(samples))
+        if abs(mean) > NOTED_OFFSET * rms > 0.0:
+            what = f"{key} has a mean of {mean:.4g} {units[key]}, {100.0 * abs(mean) / rms:.3g} % of its rms"
+            findings.append(Finding(f"offset={key}", what))
+    for unit in POSITIONS:
+        keys = [key for key in signals if units.get(key) == unit]
+        for key in keys[1:]:
+            apart = float(signals[key][0] - signals[keys[0]][0])
+            spread = float(np.ptp(signals[keys[0]]))
+            if abs(apart) > NOTED_OFFSET * spread > 0.0:
+                what = f"{key} starts {apart:.4g} {unit} from {keys[0]}, which moves over {spread:.4g} {unit}"
+                findings.append(Finding(f"offset={key}", what))
+    return tuple(findings)
+
+
+def same_clock(first: FloatArray, other: FloatArray) -> bool:
+    """Tell whether two columns of times are one and the same to within a thousandth of a step."""
+    if first.size != other.size or first.size < 2 or not np.all(np.isfinite(first)):
+        return np.array_equal(first, other, equal_nan=True)
+    step = abs(float(np.median(np.diff(first)))) or 1.0
+    return bool(np.max(np.abs(first - other)) <= UNIFORM * step)

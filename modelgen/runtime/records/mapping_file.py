@@ -1,0 +1,187 @@
+"""Mapping file: which column of a data file is which channel, as TOML that a person may edit.
+
+[time]
+column = "time"
+unit = "ms"
+period_s = 0.5                     # of the excitation, where it is periodic
+
+[channels.q_m]
+column = "theta"
+factor = 0.017453292519943295      # deg -> rad
+negate = false
+
+mend = ["duplicates"]
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.files.units import unit_from_text
+
+TABLES = {"time": ("column", "unit", "fs_hz", "period_s"), "channel": ("column", "factor", "negate", "unit")}
+
+
+@dataclass(frozen=True)
+class MappingFile:
+    """What a mapping file says, in the words of `modelgen.runtime.records.read_record.read_record`."""
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    scales: Mapping[str, float | str] = field(default_factory=dict)
+    time: str | None = None
+    time_unit: str | None = None
+    fs_hz: float | None = None
+    mend: tuple[str, ...] = ()
+    period_s: float | None = None
+
+
+def load_mapping(path: str | Path) -> MappingFile:
+    """Read a mapping file.
+
+    Raises
+    ------
+    DataError
+        With one problem per mistake in it.
+    """
+    source = Path(path)
+    try:
+        document = tomllib.loads(source.read_text(encoding="utf-8"))
+    except OSError as error:
+        what = f"cannot be read ({error.strerror})"
+        raise DataError.at(str(source), what, "check the path; modelgen import FILE writes one") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DataError.at(str(source), f"is no TOML ({error})", "correct it there") from error
+    problems = _shape_problems(str(source), document)
+    if problems:
+        raise DataError(*problems)
+    channels = document.get("channels", {})
+    time = document.get("time", {})
+    return MappingFile(
+        {key: ("-" if entry.get("negate") else "") + entry["column"] for key, entry in channels.items()},
+        {key: entry["factor"] for key, entry in channels.items() if "factor" in entry},
+        time.get("column"),
+        time.get("unit"),
+        time.get("fs_hz"),
+        tuple(document.get("mend", ())),
+        time.get("period_s"),
+    )
+
+
+@dataclass(frozen=True)
+class Proposed:
+    """A channel and the column proposed for it (None: none fits), with the unit stated there and why."""
+
+    key: str
+    unit: str
+    column: str | None
+    stated: str | None
+    why: str
+
+
+def mapping_text(
+    source: str,
+    proposed: tuple[Proposed, ...],
+    time: str | None,
+    time_unit: str | None,
+    fs_hz: float | None,
+    mends: tuple[str, ...],
+) -> str:
+    """Return the text of a mapping file; what nobody could decide stands there as a comment."""
+    lines = [f"# Channels of {source} for: modelgen identify DATA --model MODULE.py --map-file THIS_FILE"]
+    lines += ["# Check every line, and correct what was taken wrongly.", ""]
+    if mends:
+        lines += ["# Found wrong with the file; remove the # before what is to be mended:"]
+        lines += [f"# mend = {json.dumps(list(dict.fromkeys(mends)))}", ""]
+    if time is not None or fs_hz is not None:
+        lines.append("[time]")
+        lines += [f"column = {_quoted(time)}"] if time is not None else []
+        lines += [f"unit = {_quoted(time_unit or 's')}"] if time is not None else []
+        lines += [f"fs_hz = {fs_hz!r}"] if fs_hz is not None else []
+        lines.append("")
+    for entry in proposed:
+        lines += [*_channel_lines(entry), ""]
+    return "\n".join(lines)
+
+
+def _channel_lines(entry: Proposed) -> list[str]:
+    if entry.column is None:
+        wanted = f" in {entry.unit}" if entry.unit else ""
+        return [
+            f"# {entry.key}{wanted}: no column fits; {entry.why}",
+            f"# [channels.{entry.key}]",
+            '# column = "..."',
+        ]
+    lines = [f"[channels.{entry.key}]  # {entry.why}", f"column = {_quoted(entry.column)}"]
+    unit = unit_from_text(entry.stated or "")
+    if unit is not None and (not entry.unit or unit.si == entry.unit):
+        lines.append(f"factor = {unit.factor!r}  # {_comment(entry.stated)} -> {unit.si}")
+    elif unit is not None:
+        wanted = f"{entry.unit} wanted: multiply by {entry.unit} per {unit.si}"
+        lines.append(f"factor = {unit.factor!r}  # {_comment(entry.stated)} -> {unit.si}; {wanted}")
+    else:
+        stated = f"the unit {_comment(entry.stated)} is not known" if entry.stated else "no unit is stated"
+        lines.append(f"factor = 1.0  # {stated}{f'; {entry.unit} wanted' if entry.unit else ''}")
+    return [*lines, "negate = false"]
+
+
+def _quoted(text: str | None) -> str:
+    """Return a TOML string; JSON's escapes are TOML's."""
+    return json.dumps(text or "", ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _comment(text: str | None) -> str:
+    return "".join(letter for letter in text or "" if letter.isprintable())
+
+
+def _shape_problems(where: str, document: Mapping[str, Any]) -> list[Problem]:
+    problems = [
+        Problem(f"{where}: {key}", "is not known", "write [time], [channels.KEY] or mend = [...]")
+        for key in document
+        if key not in ("time", "channels", "mend")
+    ]
+    channels = document.get("channels", {})
+    if not isinstance(channels, Mapping) or not channels:
+        problems.append(Problem(f"{where}: channels", "is missing", "write a table [channels.KEY] a channel"))
+        channels = {}
+    for key, entry in channels.items():
+        problems += _table_problems(f"{where}: channels.{key}", entry, "channel")
+        if isinstance(entry, Mapping) and not isinstance(entry.get("column"), str):
+            remedy = 'write column = "NAME"'
+            problems.append(Problem(f"{where}: channels.{key}.column", "is missing or no text", remedy))
+    if "time" in document:
+        problems += _table_problems(f"{where}: time", document["time"], "time")
+    mend = document.get("mend", [])
+    if not isinstance(mend, list) or not all(isinstance(item, str) for item in mend):
+        problems.append(Problem(f"{where}: mend", "is no list of texts", 'write mend = ["duplicates"]'))
+    return problems
+
+
+def _table_problems(where: str, table: Any, kind: str) -> list[Problem]:
+    if not isinstance(table, Mapping):
+        return [Problem(where, "is no table", f"write [{where.rpartition(': ')[2]}]")]
+    problems = [
+        Problem(f"{where}.{key}", "is not known", f"choose from {', '.join(TABLES[kind])}")
+        for key in table
+        if key not in TABLES[kind]
+    ]
+    checks = {"column": (str, "a text"), "unit": (str, "a text"), "negate": (bool, "true or false")}
+    for key, (expected, words) in checks.items():
+        if key in table and not isinstance(table[key], expected):
+            problems.append(Problem(f"{where}.{key}", f"is {table[key]!r}", f"give {words}"))
+    for key in ("factor", "fs_hz", "period_s"):
+        value = table.get(key, 1.0)
+        if key == "factor" and isinstance(value, str) and value:
+            continue  # the name of a scalar that the file holds
+        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        if not number or value == 0.0 or (key != "factor" and value < 0.0):
+            problems.append(
+                Problem(f"{where}.{key}", f"is {value!r}", "give a finite number other than zero")
+            )
+    return problems

@@ -1,0 +1,150 @@
+"""Which column is which channel: a proposal from names and units, for a person to check."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from modelgen.runtime.files.source import Source, is_time_name
+from modelgen.runtime.files.units import unit_from_text
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.mapping_file import Proposed
+
+# words in the names of columns, in the languages of the instruments seen so far
+QUANTITIES = {
+    "position": ("pos", "position", "angle", "theta", "phi", "q", "x", "enc", "encoder", "winkel", "lage"),
+    "velocity": ("vel", "velo", "velocity", "speed", "omega", "w", "v", "rpm", "drehzahl", "geschw"),
+    "acceleration": ("acc", "accel", "acceleration", "a", "beschl", "beschleunigung"),
+    "force": ("torque", "trq", "force", "gamma", "tau", "f", "i", "iq", "current", "drehmoment", "strom"),
+}
+# what a loop was told, which is easily taken for what was measured
+TOLD = (
+    "set",
+    "setpoint",
+    "sp",
+    "cmd",
+    "command",
+    "commanded",
+    "ref",
+    "reference",
+    "target",
+    "desired",
+    "soll",
+)
+BODIES = {
+    "m": ("m", "mot", "motor", "drive", "antrieb", "mx"),
+    "c": ("c", "load", "last", "charge", "table", "carriage", "abtrieb", "my", "l"),
+}
+# a force is often logged as the current or voltage that makes it
+DRIVES = {"N m": ("A", "V"), "N": ("A", "V")}
+LEAST_SCORE = 2.0
+REFERENCE = "reference"
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    key: str
+    unit: str
+    measures: str
+    body: str
+
+
+def propose(source: Source, model: Model | None) -> tuple[Proposed, ...]:
+    """Return a column for every channel of the model; without a model, a key for every column."""
+    clocks = {source.clock, *source.clocks.values()}
+    columns = [name for name in source.names if name not in clocks and not is_time_name(name)]
+    if model is None:
+        keys = _keys(columns)
+        return tuple(
+            Proposed(key, "", column, source.units.get(column), "named after its column")
+            for key, column in zip(keys, columns, strict=True)
+        )
+    wanted = [want for want in _wanted(model) if want.key in model.channels] + _references(model)
+    scores = {
+        (want.key, column): _score(want, column, source.units.get(column))
+        for want in wanted
+        for column in columns
+    }
+    chosen: dict[str, str] = {}
+    ranked = sorted(scores, key=lambda pair: -scores[pair])
+    for key, column in ranked:
+        if scores[key, column] >= LEAST_SCORE and key not in chosen and column not in chosen.values():
+            chosen[key] = column
+    needed = [want for want in wanted if want.measures != REFERENCE or want.key in chosen]
+    return tuple(_proposed(want, chosen.get(want.key), source, columns) for want in needed)
+
+
+def _proposed(want: _Wanted, column: str | None, source: Source, columns: Sequence[str]) -> Proposed:
+    if column is None:
+        return Proposed(want.key, want.unit, None, None, f"columns: {', '.join(columns)}")
+    stated = source.units.get(column)
+    unit = unit_from_text(stated or "")
+    agrees = unit is not None and unit.si == want.unit
+    why = f"{want.measures} of {want.body}: by its name" + (" and unit" if agrees else "")
+    return Proposed(want.key, want.unit, column, stated, why)
+
+
+def _wanted(model: Model) -> list[_Wanted]:
+    sensors = [
+        _Wanted(s.key, s.unit, s.measures, s.body or "-".join(s.deflection or ())) for s in model.sensors
+    ]
+    forces = [_Wanted(a.key, a.unit, "force", a.body) for a in model.actuators]
+    others = [
+        _Wanted(s.key, s.unit, "direction", s.key.partition("_")[2])
+        for s in model.signals
+        if s.sensor is None and s.actuator is None
+    ]
+    return [*sensors, *forces, *others]
+
+
+def _references(model: Model) -> list[_Wanted]:
+    """Return the reference of the loop, which a file need not hold: it serves to simulate the loop."""
+    units = {"N m": "rad", "N": "m"}
+    return [_Wanted("reference", units.get(a.unit, ""), REFERENCE, a.body) for a in model.actuators[:1]]
+
+
+def _score(want: _Wanted, column: str, stated: str | None) -> float:
+    """Return how well a column fits: its whole name, its words for quantity and body, and its unit."""
+    if column.lower() == want.key.lower():
+        return 20.0
+    words = _words(column)
+    told = any(word in TOLD or word.startswith(("soll", "setpoint")) for word in words)
+    if want.measures == REFERENCE:
+        unit = unit_from_text(stated or "")
+        return 3.0 if told and (unit is None or unit.si == want.unit) else 0.0
+    # a force is often logged as what was asked for
+    score = -1.0 * told if want.measures == "force" else -4.0 * told
+    score += 2.0 * any(word in QUANTITIES.get(want.measures, ()) for word in words)
+    others = [name for name in QUANTITIES if name != want.measures]
+    score -= 1.5 * any(word in QUANTITIES[name] for name in others for word in words if len(word) > 2)
+    body_words = BODIES.get(want.body, (want.body.lower(),))
+    score += 2.0 * any(word in body_words for word in words)
+    score -= 2.0 * any(word in BODIES[name] for name in BODIES if name != want.body for word in words)
+    score += 2.0 * (column.lower().endswith(want.key.lower()) or want.key.lower() in column.lower())
+    unit = unit_from_text(stated or "")
+    if unit is not None:
+        if unit.si == want.unit:
+            score += 3.0
+        else:
+            score += 1.0 if unit.si in DRIVES.get(want.unit, ()) else -4.0
+    return score
+
+
+def _words(name: str) -> list[str]:
+    """Split "MAIN.fActPosMotor" into act, pos, motor and what else is there."""
+    spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
+    return [word.lower() for word in re.split(r"[^A-Za-z]+", spaced) if word]
+
+
+def _keys(columns: Sequence[str]) -> list[str]:
+    """Return one channel key a column: letters, digits and _, each of its own."""
+    keys: dict[str, None] = {}
+    for column in columns:
+        text = re.sub(r"\W+", "_", column.rpartition(".")[2], flags=re.ASCII).strip("_") or "channel"
+        text = text if text[0].isalpha() else f"channel_{text}"
+        key, count = text[:60], 2
+        while key in keys:
+            key, count = f"{text[:57]}_{count}", count + 1
+        keys[key] = None
+    return list(keys)

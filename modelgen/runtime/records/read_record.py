@@ -1,0 +1,285 @@
+"""Files -> Record: which column is which channel, in which unit, sampled how fast."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.files.formats import open_source
+from modelgen.runtime.files.source import Columns, Source
+from modelgen.runtime.files.units import Unit, split_name, unit_from_text
+from modelgen.runtime.records.faults import Finding, clock_faults, same_clock, time_faults, zero_faults
+from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.records.repair import Track, check_mends, join_clocks, mend_offsets, mend_times
+from modelgen.runtime.records.sampling_frequency import sampling_frequency
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A record with what its file was taken for, what was found wrong with it, and what was mended."""
+
+    record: Record
+    took: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    mended: tuple[str, ...]
+
+
+def read_record(
+    path: str | Path,
+    mapping: Mapping[str, str] | None = None,
+    scales: Mapping[str, float | str] | None = None,
+    fs: float | None = None,
+    time: str | None = None,
+    name: str | None = None,
+    tag: str | None = None,
+    needed: Sequence[str] | None = None,
+    time_unit: str | None = None,
+    mend: Sequence[str] = (),
+    units: Mapping[str, str] | None = None,
+) -> Record:
+    """Read one record from a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A text table (``.csv``, ``.txt``, ``.tsv``) as people or instruments write it, ``.npz``, ``.mat``, and
+        with the extra `io` ``.parquet``, ``.h5``, ``.mf4`` and ``.tdms``.
+    mapping : mapping of str to str, optional
+        Channel key to the file's column, a leading minus negates:
+        ``{"q_m": "theta_mx", "q_c": "-theta_my"}``. A channel that is not mapped keeps its own key.
+    scales : mapping of str to (float or str), optional
+        Factor a channel is multiplied by, to bring it to SI units: a number, or the name of a scalar that the
+        file holds. Without one, a unit that the file states is converted.
+    fs : float, optional
+        Sampling frequency in Hz. Otherwise what the file states (a scalar ``fs``), or the column of times.
+    time : str, optional
+        Column of times; by default the one named so (``t``, ``time``, ``Zeit``). It must agree with the
+        sampling frequency that is given or stated, see `modelgen.runtime.records.sampling_frequency`.
+    name, tag : str, optional
+        Of the record; by default those the file states, else the file's name without suffix.
+    needed : sequence of str, optional
+        Keys to put into the record, usually ``model.channels``; by default the keys of `mapping`, and without
+        a mapping every column but that of the times.
+    time_unit : str, optional
+        Unit of the times; by default what the file states, else s.
+    mend : sequence of str, optional
+        What to mend, see `modelgen.runtime.records.repair`; nothing is mended that is not named here.
+    units : mapping of str to str, optional
+        SI unit of the channels, where the caller knows it (the model does).
+
+    Raises
+    ------
+    DataError
+        With one problem per mistake: the file, an absent column, a cell that is no number, non-uniform times,
+        a sampling frequency that is missing or contradicted.
+    """
+    return read(path, mapping, scales, fs, time, name, tag, needed, time_unit, mend, units).record
+
+
+def read(
+    path: str | Path | Source,
+    mapping: Mapping[str, str] | None = None,
+    scales: Mapping[str, float | str] | None = None,
+    fs: float | None = None,
+    time: str | None = None,
+    name: str | None = None,
+    tag: str | None = None,
+    needed: Sequence[str] | None = None,
+    time_unit: str | None = None,
+    mend: Sequence[str] = (),
+    units: Mapping[str, str] | None = None,
+) -> Reading:
+    """Read one record and tell what was taken for what; the parameters are those of `read_record`.
+
+    A `Source` that is open already may stand for its file.
+    """
+    source = path if isinstance(path, Source) else open_source(Path(path))
+    path = source.path
+    clock = time or source.clock
+    if needed is None:
+        times_of = {clock, *source.clocks.values()}
+        needed = tuple(mapping or (column for column in source.names if column not in times_of))
+    picks, problems = _picks(source, needed, mapping or {}, scales or {})
+    if time is not None and time not in source.names:
+        problems.append(missing_name(f"{path}: times", "column", time, source.names))
+    if problems:
+        raise DataError(*problems)
+    check_mends(mend, [pick.key for pick in picks])
+    stated = source.fs if fs is None else fs
+    clocks = {pick.key: clock if time else source.clocks.get(pick.column, clock) for pick in picks}
+    loaded = _load(source, picks, [c for c in clocks.values() if c], time is None and stated is not None)
+    signals = {pick.key: _in_si(loaded[pick.column], pick.factor) for pick in picks}
+    factor = _time_factor(source, time_unit, next(iter(clocks.values()), None))
+    times = {key: _times(source, loaded, c, signals[key], time is not None) for key, c in clocks.items()}
+    track, findings = _together(source, clocks, times, factor, signals, mend)
+    si_units = {pick.key: pick.unit.si for pick in picks if pick.unit} | dict(units or {})
+    offsets = mend_offsets(track.signals, si_units, mend) if mend else track
+    label = next((c for c in clocks.values() if c), None)
+    where = f"{path}: column {label}" if track.times.size else str(path)
+    rate = sampling_frequency(where, stated, track.times if track.times.size else None)
+    record = Record(
+        offsets.signals,
+        rate,
+        name=name or source.name or source.path.stem,
+        tag=source.tag if tag is None else tag,
+    )
+    findings += zero_faults(track.signals, si_units)
+    mended = track.said if offsets is track else (*track.said, *offsets.said)
+    return Reading(record, _took(source, picks, units or {}), findings, mended)
+
+
+def available_channels(path: str | Path) -> tuple[str, ...]:
+    """Return the names of a data file's columns, the times included.
+
+    Raises
+    ------
+    DataError
+        When the file is absent or of no known format.
+    """
+    return open_source(Path(path)).names
+
+
+@dataclass(frozen=True)
+class _Pick:
+    """A channel of the record: the file's column times a factor; `unit` is what the file states for it."""
+
+    key: str
+    column: str
+    factor: float
+    unit: Unit | None = None
+    scaled: bool = False
+
+
+def _picks(
+    source: Source, keys: Sequence[str], mapping: Mapping[str, str], scales: Mapping[str, float | str]
+) -> tuple[list[_Pick], list[Problem]]:
+    """Return the channels to read, and one problem per column or factor that is absent or wrong."""
+    picks, problems = [], []
+    for key in keys:
+        place = mapping.get(key, key)
+        column = _column(source, place.removeprefix("-"))
+        if column not in source.names:
+            problems.append(missing_name(f"{source.path}: channel {key}", "column", column, source.names))
+        unit = unit_from_text(source.units.get(column, ""))
+        factor = scales.get(key, unit.factor if unit else 1.0)
+        if isinstance(factor, str):
+            if factor not in source.scalars:
+                problems.append(
+                    missing_name(f"{source.path}: scale of {key}", "scalar", factor, source.scalars)
+                )
+            factor = source.scalars.get(factor, 1.0)
+        if not math.isfinite(factor) or factor == 0.0:
+            remedy = "give a finite number other than zero"
+            problems.append(Problem(f"{source.path}: scale of {key}", f"is {factor!r}", remedy))
+        signed = -factor if place.startswith("-") else factor
+        picks.append(_Pick(key, column, signed, unit, key in scales))
+    # a misspelt scale would silently leave a channel in the wrong unit
+    asked = dict.fromkeys((*keys, *mapping))
+    problems += [
+        missing_name(f"{source.path}: scale of {key}", "channel", key, asked)
+        for key in scales
+        if key not in asked
+    ]
+    if not keys:
+        problems.append(Problem(str(source.path), "has no columns to read", "give a file that holds samples"))
+    return picks, problems
+
+
+def _column(source: Source, name: str) -> str:
+    """Return the column of a name; a title may be given with its unit, as it stands in the file."""
+    return name if name in source.names or split_name(name)[0] not in source.names else split_name(name)[0]
+
+
+def _load(source: Source, picks: Sequence[_Pick], clocks: Sequence[str], optional: bool) -> Columns:
+    """Load the picked columns and the times, which may be unreadable where nobody asked for them."""
+    columns = dict.fromkeys(pick.column for pick in picks)
+    wanted = dict.fromkeys((*columns, *(clock for clock in clocks if clock in source.names)))
+    try:
+        return source.load(tuple(wanted))
+    except DataError:
+        if not clocks or not optional or any(clock in columns for clock in clocks):
+            raise
+        return source.load(tuple(columns))
+
+
+def _in_si(values: npt.NDArray[Any], factor: float) -> npt.NDArray[Any]:
+    # what is no real number (a flag, a complex value) is left for the record to refuse
+    return values * np.float64(factor) if factor != 1.0 and values.dtype.kind in "iuf" else values
+
+
+def _time_factor(source: Source, given: str | None, clock: str | None) -> float:
+    """Return what the times are multiplied by to be in s."""
+    text = given or source.units.get(clock or "", "")
+    unit = unit_from_text(text)
+    if given and (unit is None or unit.si != "s"):
+        raise DataError.at("--time-unit", f"{given!r} is no unit of time", "give s, ms, us or ns")
+    return unit.factor if unit and unit.si == "s" else 1.0
+
+
+def _times(
+    source: Source, loaded: Columns, clock: str | None, samples: npt.NDArray[Any], given: bool
+) -> npt.NDArray[np.float64] | None:
+    """Return the times as the file has them, or None where it has none of the channel's length."""
+    if clock is None or clock not in loaded:
+        return None
+    if loaded[clock].size == samples.size and loaded[clock].dtype.kind in "iuf":
+        return loaded[clock].astype(float)
+    if not given:
+        return None
+    what = f"has {loaded[clock].size} samples of type {loaded[clock].dtype}, the channels have {samples.size}"
+    raise DataError.at(f"{source.path}: column {clock}", what, "name the column of times of these channels")
+
+
+def _together(
+    source: Source,
+    clocks: Mapping[str, str | None],
+    times: Mapping[str, npt.NDArray[np.float64] | None],
+    factor: float,
+    signals: Mapping[str, npt.NDArray[Any]],
+    mend: Sequence[str],
+) -> tuple[Track, tuple[Finding, ...]]:
+    """Return the channels on common times, mended as asked, and what was found wrong with the times."""
+    keys = list(signals)
+    first = times[keys[0]]
+    known = {key: found * factor for key, found in times.items() if found is not None}
+    if first is None or len(known) < len(keys):
+        return Track(np.empty(0), signals), ()
+    distinct = {str(clocks[key]): known[key] for key in keys}
+    findings = tuple(f for name, column in distinct.items() for f in time_faults(name, column))
+    if all(same_clock(known[keys[0]], column) for column in distinct.values()):
+        track = Track(known[keys[0]], signals)
+    else:
+        apart = clock_faults(known)
+        findings = (*findings, *apart)
+        if "clocks" not in mend:
+            remedy = "bring them together with --mend clocks, or map channels of one column of times"
+            raise DataError(*(Problem(str(source.path), finding.what, remedy) for finding in apart))
+        alone = {key: mend_times(Track(known[key], {key: signals[key]}), mend) for key in keys}
+        track = join_clocks({key: (part.times, part.signals[key]) for key, part in alone.items()})
+    return mend_times(track, mend) if mend else track, findings
+
+
+def _took(source: Source, picks: Sequence[_Pick], wanted: Mapping[str, str]) -> tuple[str, ...]:
+    """Return what was taken for what: the file's layout, and every unit that was converted or is doubtful."""
+    said = list(source.took)
+    for pick in picks:
+        text = source.units.get(pick.column, "")
+        if pick.unit is None:
+            if text and not pick.scaled:
+                said.append(
+                    f"{pick.key}: column {pick.column} is in {text!r}, an unknown unit; not converted"
+                )
+            continue
+        if not pick.scaled and pick.unit.factor != 1.0:
+            said.append(f"{pick.key}: column {pick.column} converted from {text} to {pick.unit.si}")
+        asked = wanted.get(pick.key)
+        if asked and asked != pick.unit.si and not pick.scaled:
+            said.append(f"{pick.key}: column {pick.column} is in {pick.unit.si}, the model wants {asked}")
+    return tuple(said)

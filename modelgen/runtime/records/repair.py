@@ -1,0 +1,148 @@
+"""Mending a record, only where its owner asks for it; every change is told with its size.
+
+- duplicates: drop samples whose time stamp does not come after the one before;
+- gaps: keep the longest stretch without a gap;
+- fill: interpolate linearly across gaps;
+- uneven: interpolate (cubic) onto equal steps;
+- clocks: interpolate (cubic) channels with times of their own onto those of the fastest;
+- offset=KEY: subtract a position's first reading, or any other channel's mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.records.faults import GAP, POSITIONS
+
+FloatArray = npt.NDArray[np.float64]
+
+MENDS = ("duplicates", "gaps", "fill", "uneven", "clocks")
+OFFSET = "offset="
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Channels with common times in s, shape (n,) each; `said` tells what was changed."""
+
+    times: FloatArray
+    signals: Mapping[str, FloatArray]
+    said: tuple[str, ...] = ()
+
+
+def check_mends(mends: Iterable[str], keys: Iterable[str]) -> None:
+    """Raise one DataError for everything that is no mend or names no channel."""
+    known = list(keys)
+    problems = []
+    for mend in mends:
+        if mend.startswith(OFFSET):
+            if mend.removeprefix(OFFSET) not in known:
+                remedy = f"name a channel: {', '.join(known)}"
+                problems.append(Problem(f"--mend {mend}", "names no channel of the record", remedy))
+        elif mend not in MENDS:
+            remedy = f"choose from {', '.join(MENDS)}, {OFFSET}KEY"
+            problems.append(Problem(f"--mend {mend}", "is no mend", remedy))
+    if problems:
+        raise DataError(*problems)
+
+
+def mend_times(track: Track, mends: Iterable[str]) -> Track:
+    """Return the track with its times mended, in the order: duplicates, gaps or fill, uneven."""
+    wanted = tuple(mends)
+    if "duplicates" in wanted:
+        track = _without_duplicates(track)
+    if "gaps" in wanted:
+        track = _longest_stretch(track)
+    if "fill" in wanted:
+        track = _evenly(track, cubic=False, why="gaps filled")
+    if "uneven" in wanted:
+        track = _evenly(track, cubic=True, why="uneven steps made even")
+    return track
+
+
+def mend_offsets(signals: Mapping[str, FloatArray], units: Mapping[str, str], mends: Iterable[str]) -> Track:
+    """Return the channels without the offsets asked for; the track's times are empty."""
+    mended, said = dict(signals), []
+    for mend in mends:
+        if mend.startswith(OFFSET):
+            key = mend.removeprefix(OFFSET)
+            position = units.get(key) in POSITIONS
+            offset = float(mended[key][0] if position else np.mean(mended[key]))
+            mended[key] = mended[key] - offset
+            said.append(f"{'first reading' if position else 'mean'} {offset:.6g} taken off {key}")
+    return Track(np.empty(0), mended, tuple(said))
+
+
+def join_clocks(tracks: Mapping[str, tuple[FloatArray, FloatArray]]) -> Track:
+    """Return channels, each with times of its own, on the times of the fastest, where all of them overlap."""
+    steps = {key: float(np.median(np.diff(times))) for key, (times, _) in tracks.items()}
+    fastest = min(steps, key=lambda key: steps[key])
+    start = max(float(times[0]) for times, _ in tracks.values())
+    stop = min(float(times[-1]) for times, _ in tracks.values())
+    grid = tracks[fastest][0]
+    grid = grid[(grid >= start - 1e-9 * steps[fastest]) & (grid <= stop + 1e-9 * steps[fastest])]
+    if grid.size < 2:
+        what, remedy = "the channels' times do not overlap", "check their columns of times"
+        raise DataError.at("--mend clocks", what, remedy)
+    signals, said = {}, []
+    for key, (times, values) in tracks.items():
+        on_grid = times.size >= grid.size and bool(np.isin(grid, times).all())
+        signals[key] = values[np.searchsorted(times, grid)] if on_grid else _cubic(times, values, grid)
+        if not on_grid:
+            shift = 1e3 * float(times[0] - tracks[fastest][0][0])
+            said.append(f"{key} interpolated to the times of {fastest} (it started {shift:.6g} ms later)")
+    return Track(grid, signals, tuple(said))
+
+
+def _without_duplicates(track: Track) -> Track:
+    latest = np.maximum.accumulate(track.times)
+    keep = np.r_[True, track.times[1:] > latest[:-1]]
+    dropped = int(np.sum(~keep))
+    said = (f"{dropped} samples with a repeated or backward time stamp dropped",) if dropped else ()
+    return _part(track, keep, said)
+
+
+def _longest_stretch(track: Track) -> Track:
+    steps = np.diff(track.times)
+    cuts = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    if not cuts.size:
+        return track
+    edges = np.r_[0, cuts, track.times.size]
+    longest = int(np.argmax(np.diff(edges)))
+    keep = np.zeros(track.times.size, dtype=bool)
+    keep[edges[longest] : edges[longest + 1]] = True
+    said = f"cut at {cuts.size} gap(s): samples {edges[longest]} to {edges[longest + 1] - 1} kept"
+    return _part(track, keep, (said,))
+
+
+def _part(track: Track, keep: npt.NDArray[np.bool_], said: tuple[str, ...]) -> Track:
+    signals = {key: values[keep] for key, values in track.signals.items()}
+    return Track(track.times[keep], signals, track.said + said)
+
+
+def _evenly(track: Track, cubic: bool, why: str) -> Track:
+    times = track.times
+    if np.any(np.diff(times) <= 0.0):
+        remedy = "mend that first: --mend duplicates"
+        raise DataError.at("times", "repeat or run backward and cannot be interpolated", remedy)
+    step = float(np.median(np.diff(times)))
+    # the mean step where no sample is missing: a clock that is read out in coarse digits drifts otherwise
+    count = round(float(times[-1] - times[0]) / step)
+    grid = times[0] + (times[-1] - times[0]) / count * np.arange(count + 1)
+    signals = {
+        key: _cubic(times, values, grid) if cubic else np.interp(grid, times, values)
+        for key, values in track.signals.items()
+    }
+    added = grid.size - times.size
+    said = f"{why}: {times.size} samples became {grid.size}" + (f", {added} interpolated" if added else "")
+    return Track(grid, signals, (*track.said, said))
+
+
+def _cubic(times: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:
+    from scipy.interpolate import CubicSpline
+
+    return np.asarray(CubicSpline(times, values)(grid), dtype=float)

@@ -1,0 +1,1 @@
+"""The estimate, its checks, and their formats."""

@@ -1,0 +1,140 @@
+"""Chunk: a stretch of a record with its halos; no state passes from one to the next.
+
+Chunks can therefore be worked on in any order, by threads, processes and machines, and the sum of their
+factors is that of the whole record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+from modelgen.runtime.records.channels import Channels, not_finite, read_continued
+from modelgen.runtime.rows.signal_plan import SignalPlan
+
+FloatArray = npt.NDArray[np.float64]
+
+# Samples between halos; and at least so many halos, lest they dominate.
+CHUNK_SAMPLES = 1 << 18
+HALOS = 8
+
+
+class Chunk:
+    """Samples kept of a stretch of a record, and what lies around them.
+
+    Attributes
+    ----------
+    first, count : int
+        First sample kept, and how many, each `factor` samples after the other.
+    index : int
+        Position of the first one on the grid of the record.
+    start, stop : int
+        Samples of the record from the first to behind the last one kept.
+    """
+
+    def __init__(
+        self, source: Channels, plan: SignalPlan, first: int, index: int, count: int, halo: int
+    ) -> None:
+        self.source = source
+        self.plan = plan
+        self.first = first
+        self.index = index
+        self.count = count
+        self.start, self.stop = first, first + (count - 1) * plan.filtering.factor + 1
+        self.halo = halo
+        self._channels: dict[str, FloatArray] = {}
+        self._directions: dict[str, FloatArray] = {}
+
+    def read(self, channel: str, start: int, stop: int) -> FloatArray:
+        """Return samples of a channel, at most the plan's margins and `halo` beyond the chunk."""
+        if channel not in self.plan.full_rate_channels:
+            return read_continued(self.source, channel, start, stop)
+        before, behind = self.plan.margins
+        low = self.start - before - self.halo
+        if channel not in self._channels:
+            self._channels[channel] = read_continued(
+                self.source, channel, low, self.stop + behind + self.halo
+            )
+        return self._channels[channel][start - low : stop - low]
+
+    def not_finite(self, channel: str, start: int, stop: int) -> DataError:
+        """Return the error that names the sample of a channel that is not finite."""
+        return not_finite(self.source, channel, start, stop)
+
+    def direction(self, key: str, start: int, stop: int) -> FloatArray:
+        """Return samples of a velocity whose sign is a direction of motion."""
+        before, behind = self.plan.feature_operator.margins
+        low = self.start - max(before, self.halo)
+        if key not in self._directions:
+            self._directions[key] = self.plan.direction(self, key, low, self.stop + max(behind, self.halo))
+        return self._directions[key][start - low : stop - low]
+
+    def signals(self) -> KeptSignals:
+        """Return every signal, feature and the constant "1" at the samples kept; made when asked for."""
+        return KeptSignals(self)
+
+
+class KeptSignals(Mapping[str, FloatArray]):
+    """Signals, features and the constant "1" of a chunk at the samples kept, each made when first asked for.
+
+    `force_power` holds, per number of differentiations, the sum of the squared forces that have been made.
+    """
+
+    def __init__(self, chunk: Chunk) -> None:
+        self.chunk = chunk
+        self.force_power: dict[int, float] = {}
+        self._made: dict[str, FloatArray] = {"1": np.full(chunk.count, chunk.plan.constant)}
+
+    def __getitem__(self, key: str) -> FloatArray:
+        plan, chunk = self.chunk.plan, self.chunk
+        if key in plan.signals:
+            channel, column = plan.signals[key]
+            if channel not in self._made:
+                self._made[channel] = plan.table(chunk, channel, chunk.first, chunk.count)
+                for times, place in plan.forces.get(channel, {}).items():
+                    lever = plan.levers[channel]
+                    power = float(np.sum((lever * self._made[channel][:, place]) ** 2))
+                    self.force_power[times] = self.force_power.get(times, 0.0) + power
+            return self._made[channel][:, column]
+        if key not in self._made:
+            self._made[key] = plan.feature(chunk, key, chunk.first, chunk.count)
+        return self._made[key]
+
+    def forget(self, row: int) -> None:
+        """Let go what no row after this one needs."""
+        for name in [name for name in self._made if self.chunk.plan.last_use.get(name, -1) == row]:
+            del self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.chunk.plan.signals, *self.chunk.plan.features, "1"))
+
+    def __len__(self) -> int:
+        return len(self.chunk.plan.signals) + len(self.chunk.plan.features) + 1
+
+
+def chunks(
+    source: Channels, plan: SignalPlan, grid: range, halo: int = 0, samples: int | None = None
+) -> Iterator[Chunk]:
+    """Cut the grid of samples kept into chunks.
+
+    Parameters
+    ----------
+    source : Channels
+    plan : SignalPlan
+    grid : range
+        Samples of the record that are kept.
+    halo : int
+        Samples beyond the plan's margins that the masks look at.
+    samples : int, optional
+        Samples in a chunk; changes memory and speed, never the result.
+    """
+    size = samples or max(CHUNK_SAMPLES, HALOS * (max(plan.margins) + halo))
+    # whole blocks: the products are then the same whatever the size of a chunk
+    block = plan.feature_operator.block
+    count = -(-size // block) * block // plan.filtering.factor
+    for index in range(0, len(grid), count):
+        kept = grid[index : index + count]
+        yield Chunk(source, plan, kept[0], index, len(kept), halo)

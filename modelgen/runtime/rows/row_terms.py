@@ -1,0 +1,54 @@
+"""RowTerms: the entries of one row of a model that are not zero, evaluated at samples kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.model.model import Model, Terms
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RowTerms:
+    """One row y = D x: the base parameters it touches, their terms, and those of y."""
+
+    row: int
+    columns: tuple[int, ...]
+    entries: tuple[Terms, ...]
+
+    def evaluate(self, signals: Mapping[str, FloatArray]) -> FloatArray:
+        """Return 1, the columns touched, and y, one a line of the array, shape (columns + 2, n)."""
+        lines = np.empty((len(self.entries) + 1, len(signals["1"])))
+        lines[0] = 1.0
+        for line, terms in zip(lines[1:], self.entries, strict=True):
+            _sum_into(line, terms, signals)
+        return lines
+
+
+def row_terms(model: Model) -> tuple[RowTerms, ...]:
+    """Return the terms of every row of a model."""
+    return tuple(
+        RowTerms(row, tuple(touched), (*touched.values(), model.measurement_columns[row]))
+        for row, touched in enumerate(model.regressor_columns)
+    )
+
+
+def _sum_into(line: FloatArray, terms: Terms, signals: Mapping[str, FloatArray]) -> None:
+    """Fill a line with the sum of its terms; the usual short sums without temporaries."""
+    if not terms:
+        line[:] = 0.0
+        return
+    (coefficient, key), *rest = terms
+    np.multiply(signals[key], coefficient, out=line)
+    for coefficient, key in rest:
+        if coefficient == 1.0:
+            line += signals[key]
+        elif coefficient == -1.0:
+            line -= signals[key]
+        else:
+            line += coefficient * signals[key]

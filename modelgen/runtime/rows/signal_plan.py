@@ -1,0 +1,261 @@
+"""SignalPlan: the operators that take the channels of a record to the signals and features of a model.
+
+Each channel is filtered once, all its derivatives together; only features are filtered as signals of their
+own, because they are formed at the full rate from what is not linear.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+from modelgen.runtime.filters.block_numba import LoopBlocks
+from modelgen.runtime.filters.block_numpy import largest
+from modelgen.runtime.filters.derivatives import differentiate
+from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
+from modelgen.runtime.filters.two_sided_kernel import Sections, squared_gain
+from modelgen.runtime.model.model import Feature, Model, Signal
+from modelgen.runtime.rows.filter_sections import Filtering
+from modelgen.runtime.rows.filtered_record import DIFFERENCE_GAIN, ROUNDING
+
+FloatArray = npt.NDArray[np.float64]
+
+# An unfiltered derivative is off this near to the ends of what it is made from, per order.
+DIFFERENCE_MARGIN = 8
+# A few samples already tell that a derivative is more than rounding error.
+FEW = 101
+
+
+class Stretch(Protocol):
+    """A stretch of a record and what lies around it, continued beyond the ends of the record."""
+
+    def read(self, channel: str, start: int, stop: int) -> FloatArray:
+        """Return samples of a channel."""
+
+    def not_finite(self, channel: str, start: int, stop: int) -> DataError:
+        """Return the error that names the sample of a channel that is not finite."""
+
+    def direction(self, key: str, start: int, stop: int) -> FloatArray:
+        """Return samples of a velocity whose sign is a direction of motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class SignalPlan:
+    """What is to be done with each channel; made once for a model and a filtering.
+
+    Attributes
+    ----------
+    operators : dict
+        Channel to the operator that gives the derivatives the rows are linear in.
+    signals : dict
+        Signal key to (channel, column of its operator's output).
+    features : dict
+        Feature key to the feature.
+    feature_operator : FusedOperator
+        Filters and decimates a feature.
+    directions : dict
+        Velocity key to (channel, its operator at the full rate); None where the record brings the direction.
+    forces : dict
+        Channel of a force to {times that rows are differentiated: column of its operator's output}.
+    levers : dict
+        Channel of a force to what makes it comparable across gears, see `Actuator` in `runtime.model`.
+    full_rate_channels : frozenset
+        Channels that directions and features are formed from.
+    last_use : dict
+        Channel or feature to the last row that needs it: a long chain is worked on from end to end, and
+        nothing is kept longer than that.
+    constant : float
+        What the filter leaves of the constant 1.
+    margins : tuple of int
+        Samples that are looked at before and behind those kept.
+    fast : bool
+        Whether compiled code is used.
+    """
+
+    model: Model
+    filtering: Filtering
+    operators: dict[str, FusedOperator]
+    signals: dict[str, tuple[str, int]]
+    features: dict[str, Feature]
+    feature_operator: FusedOperator
+    directions: dict[str, tuple[str, FusedOperator | None]]
+    forces: dict[str, dict[int, int]]
+    levers: dict[str, float]
+    full_rate_channels: frozenset[str]
+    last_use: dict[str, int]
+    constant: float
+    margins: tuple[int, int]
+    fast: bool
+
+    def table(self, stretch: Stretch, channel: str, start: int, count: int) -> FloatArray:
+        """Return the derivatives of a channel at count samples kept, the first at `start`."""
+        return self._filtered(stretch, channel, self.operators[channel], start, count)
+
+    def feature(self, stretch: Stretch, key: str, start: int, count: int) -> FloatArray:
+        """Return a feature at count samples kept, the first at `start`."""
+        before, behind = self.feature_operator.margins
+        stop = start + (count - 1) * self.filtering.factor + 1
+        feature, low, high = self.features[key], start - before, stop + behind
+        signs = isinstance(feature.of, str) and feature.function == "sign" and feature.times is None
+        if signs:
+            samples = stretch.direction(str(feature.of), low, high)
+        else:
+            samples = self._feature(feature, stretch, low, high)
+        return self.feature_operator.apply(samples, before, count, signs)[:, 0]
+
+    def direction(self, stretch: Stretch, key: str, start: int, stop: int) -> FloatArray:
+        """Return a velocity whose sign is a direction of motion, at the full rate, shape (stop - start,)."""
+        channel, operator = self.directions[key]
+        if operator is not None:
+            return self._filtered(stretch, channel, operator, start, stop - start)[:, 0]
+        return self._checked(stretch, channel, start, stop)
+
+    def _filtered(
+        self, stretch: Stretch, channel: str, operator: FusedOperator, start: int, count: int
+    ) -> FloatArray:
+        """Return what an operator makes of a channel, shape (count, derivatives)."""
+        before, behind = operator.margins
+        low, high = start - before, start + (count - 1) * operator.factor + 1 + behind
+        found, reading = operator.checked(stretch.read(channel, low, high), before, count)
+        if not np.isfinite(reading):
+            raise stretch.not_finite(channel, low, high)
+        for column, derivative in enumerate(operator.derivatives):
+            self._without_rounding(found[:, column], reading, derivative)
+        return found
+
+    def _checked(self, stretch: Stretch, channel: str, start: int, stop: int) -> FloatArray:
+        """Return samples of a channel as they are."""
+        samples = stretch.read(channel, start, stop)
+        if not np.isfinite(largest(samples)):
+            raise stretch.not_finite(channel, start, stop)
+        return samples
+
+    def _without_rounding(self, found: FloatArray, reading: float, derivative: int) -> None:
+        """Set a derivative to zero where it is nothing but the rounding error of its channel."""
+        if derivative == 0:
+            return
+        rounding = ROUNDING * (DIFFERENCE_GAIN * self.filtering.fs) ** derivative * reading
+        if largest(found[::FEW]) <= rounding and largest(found) <= rounding:
+            found[:] = 0.0
+
+    def _feature(self, feature: Feature, stretch: Stretch, start: int, stop: int) -> FloatArray:
+        """Return a feature at the full rate, from directions and unfiltered signals."""
+        factor = 1.0 if feature.times is None else self._raw(feature.times, stretch, start, stop)
+        if not isinstance(feature.of, str):
+            total = np.zeros(stop - start)
+            for coefficient, key in feature.of:
+                total += coefficient * self._raw(key, stretch, start, stop)
+            return np.asarray(total**3 * factor)
+        velocity = stretch.direction(feature.of, start, stop)
+        if feature.function == "sign":
+            value = np.sign(velocity)
+        else:
+            value = (velocity > 0.0 if feature.function == "forward" else velocity < 0.0).astype(float)
+        return value if feature.times is None else np.asarray(value * factor)
+
+    def _raw(self, key: str, stretch: Stretch, start: int, stop: int) -> FloatArray:
+        signal = next(signal for signal in self.model.signals if signal.key == key)
+        margin = DIFFERENCE_MARGIN * signal.derivative
+        samples = self._checked(stretch, channel_of(signal), start - margin, stop + margin)
+        slope = differentiate(samples, 1.0 / self.filtering.fs, signal.derivative)
+        return slope[margin : len(slope) - margin]
+
+
+def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) -> SignalPlan:
+    """Return the plan of a model's signals; `fast` as for `fused_operator`.
+
+    Raises
+    ------
+    DataError
+        When a filter is too slow for its sampling frequency.
+    """
+    used = _used_keys(model)
+
+    def operator(sections: Sections, orders: tuple[int, ...], factor: int) -> FusedOperator:
+        return fused_operator(sections, filtering.fs, orders, factor, filtering.stencil, fast=fast)
+
+    orders: dict[str, list[int]] = {}
+    signals: dict[str, tuple[str, int]] = {}
+    sections: dict[str, Sections] = {}
+    for signal in model.signals:
+        if signal.key not in used:
+            continue
+        channel = channel_of(signal)
+        signals[signal.key] = (channel, len(orders.setdefault(channel, [])))
+        orders[channel].append(signal.derivative)
+        sections[channel] = filtering.sensors if signal.sensor else filtering.forces
+    forces: dict[str, dict[int, int]] = {}
+    counts = tuple(dict.fromkeys(row.differentiated for row in model.rows))
+    for force in dict.fromkeys(s.actuator for s in model.signals if s.actuator in orders):
+        own = orders[str(force)]
+        own += [times for times in counts if times not in own]
+        forces[str(force)] = {times: own.index(times) for times in counts}
+    operators = {c: operator(sections[c], tuple(orders[c]), filtering.factor) for c in orders}
+    features = {feature.key: feature for feature in model.features if feature.key in used}
+    feature_operator = operator(filtering.features, (0,), filtering.factor)
+    directions: dict[str, tuple[str, FusedOperator | None]] = {}
+    direction_keys = frozenset(model.direction_keys)
+    for signal in model.signals:
+        if signal.key in direction_keys:
+            brought = signal.sensor is None and signal.actuator is None
+            smooth = None if brought else operator(filtering.directions, (signal.derivative,), 1)
+            directions[signal.key] = (channel_of(signal), smooth)
+    deepest = DIFFERENCE_MARGIN * max(signal.derivative for signal in model.signals)
+    beside = [one.margins for _, one in directions.values() if one is not None]
+    full_rate = np.max([(deepest, deepest), *beside], axis=0) + feature_operator.margins
+    margins = np.max([full_rate, *(one.margins for one in operators.values())], axis=0)
+    # a constant times one pass forward and one backward
+    gain = float(squared_gain(np.asarray(filtering.features, dtype=float), np.zeros(1))[0])
+    return SignalPlan(
+        model,
+        filtering,
+        operators,
+        signals,
+        features,
+        feature_operator,
+        directions,
+        forces,
+        {actuator.key: actuator.lever for actuator in model.actuators},
+        _full_rate_channels(model, directions),
+        _last_use(model),
+        gain,
+        (int(margins[0]), int(margins[1])),
+        isinstance(feature_operator.blocks, LoopBlocks),
+    )
+
+
+def channel_of(signal: Signal) -> str:
+    """Return the record's channel that a signal derives from."""
+    return signal.sensor or signal.actuator or signal.key
+
+
+def _full_rate_channels(
+    model: Model, directions: dict[str, tuple[str, FusedOperator | None]]
+) -> frozenset[str]:
+    """Return the channels that directions and features are formed from."""
+    channel = {signal.key: channel_of(signal) for signal in model.signals}
+    found = [name for name, _ in directions.values()]
+    for feature in model.features:
+        keys = [feature.of] if isinstance(feature.of, str) else [key for _, key in feature.of]
+        found += [channel[key] for key in (*keys, *([feature.times] if feature.times else []))]
+    return frozenset(found)
+
+
+def _last_use(model: Model) -> dict[str, int]:
+    """Return the last row that needs each channel or feature."""
+    channel = {signal.key: channel_of(signal) for signal in model.signals}
+    last: dict[str, int] = {}
+    for row, touched in enumerate(model.regressor_columns):
+        for terms in (*touched.values(), model.measurement_columns[row]):
+            last |= {channel.get(key, key): row for _, key in terms}
+    return last
+
+
+def _used_keys(model: Model) -> frozenset[str]:
+    """Return the keys that some row is linear in."""
+    terms = [*model.measurement_columns, *(t for row in model.regressor_columns for t in row.values())]
+    return frozenset(key for pairs in terms for _, key in pairs)

@@ -1,0 +1,1 @@
+"""The direct model in closed loop: plant, controller, drive, excitation, sensors."""

@@ -1,0 +1,210 @@
+"""Plant, controller, drive and excitation -> the motion, and all exact signals at the sample instants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.records.record import missing_name
+from modelgen.runtime.simulation.closed_loop import PositionVelocityController, closed_loop, open_loop
+from modelgen.runtime.simulation.drive import VELOCITIES, Drive, whole_steps
+from modelgen.runtime.simulation.excitation import Excitation
+from modelgen.runtime.simulation.plant import Plant
+from modelgen.runtime.stick_slip.compiled_steps import Sampling, follow_controller
+from modelgen.runtime.stick_slip.exact_steps import integrate
+from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, refinement
+from modelgen.runtime.stick_slip.sampled_controller import follow_ticks
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """States, shape (N, 2 bodies), modes, shape (N, sticking), and what drove them.
+
+    `forces` holds those of all actuators, shape (N, columns of B); `command` is what the controller asks for,
+    shape (N,).
+    """
+
+    states: FloatArray
+    modes: npt.NDArray[np.int8]
+    events: tuple[Event, ...]
+    forces: FloatArray
+    command: FloatArray
+
+
+def move(
+    plant: Plant,
+    controller: PositionVelocityController,
+    drive: Drive,
+    excitation: Excitation,
+    initial: FloatArray,
+    oversample: int,
+) -> Motion:
+    """Return the motion at every `oversample`-th step of the excitation.
+
+    The controller drives the plant's own actuator; the forces of further ones are the excitation's.
+    `initial` holds all positions, then all velocities, shape (2 bodies,); a current loop starts at no force.
+    """
+    run = _sampled if drive.sampled else _continuous
+    return run(plant, controller, drive, excitation, np.r_[initial, [0.0] * drive.lags], oversample)
+
+
+def _continuous(
+    plant: Plant,
+    controller: PositionVelocityController,
+    drive: Drive,
+    excitation: Excitation,
+    initial: FloatArray,
+    oversample: int,
+) -> Motion:
+    rate = controller.rate_gain * excitation.reference_rate
+    inputs = controller.kp * excitation.reference + controller.kv * rate + excitation.feedforward
+    further = _further(plant, excitation)
+    system = closed_loop(plant, controller, drive.bandwidth_hz, tuple(further))
+    inputs = np.column_stack((inputs, *further.values()))
+    path = integrate(system, initial, inputs, 1.0 / excitation.rate_hz, oversample)
+    n = len(plant.bodies)
+    x = path.states[:, : 2 * n]
+    q, v = x[:, plant.driven], x[:, n + plant.driven]
+    # summed up from differences: the large numbers of a long travel cancel before they are multiplied
+    r, r_rate, feedforward = (
+        array[::oversample] for array in (excitation.reference, rate, excitation.feedforward)
+    )
+    command = controller.kp * (r - q) + controller.kv * (r_rate - v) + feedforward
+    forces = _forces(plant, path.states[:, -1] if drive.lags else command, further, oversample)
+    return Motion(x, path.modes, path.events, forces, command)
+
+
+def _sampled(
+    plant: Plant,
+    controller: PositionVelocityController,
+    drive: Drive,
+    excitation: Excitation,
+    initial: FloatArray,
+    oversample: int,
+) -> Motion:
+    """The controller acts at its own rate, at a whole number of internal steps."""
+    further = _further(plant, excitation)
+    system = open_loop(plant, drive.bandwidth_hz, tuple(further))
+    internal_hz = excitation.rate_hz
+    tick_hz = drive.rate_hz or internal_hz / oversample
+    refine = refinement(system, 1.0 / internal_hz)
+    per_tick = whole_steps("rate_hz", 1.0 / tick_hz, internal_hz)
+    delay = refine * whole_steps("delay_s", drive.delay_s, internal_hz)
+    flow = Flow(system, 1.0 / (internal_hz * refine))
+    n, k = len(plant.bodies), np.arange(0, excitation.reference.size, oversample) * refine
+    law = (
+        controller.kp,
+        controller.kv,
+        drive.encoder_step,
+        drive.limit,
+        float(VELOCITIES[drive.velocity]),
+        float(plant.driven),
+        float(n + plant.driven),
+        1.0 / tick_hz,
+        flow.step_s,
+    )
+    reference = np.column_stack(
+        (excitation.reference, controller.rate_gain * excitation.reference_rate, excitation.feedforward)
+    )[::per_tick]
+    sampling = Sampling(law, reference, per_tick * refine, delay)
+    steps = (excitation.reference.size - 1) * refine
+    stride = oversample * refine
+    if further:
+        fine, nodes = np.arange(steps + 1) / refine, np.arange(excitation.reference.size)
+        known = np.column_stack([np.interp(fine, nodes, samples) for samples in further.values()])
+        path, commands = follow_ticks(flow, initial, sampling, known, stride)
+    else:
+        path, commands = follow_controller(flow, initial, sampling, stride, steps)
+    command = commands[k // sampling.per_tick]
+    held = np.where(k >= delay, commands[np.maximum(k - delay, 0) // sampling.per_tick], 0.0)
+    forces = _forces(plant, path.states[:, -1] if drive.lags else held, further, oversample)
+    return Motion(path.states[:, : 2 * n], path.modes, path.events, forces, command)
+
+
+def _further(plant: Plant, excitation: Excitation) -> dict[int, FloatArray]:
+    """Return the forces of further actuators that do not rest, by column of B."""
+    where = f"excitation {excitation.name}: forces"
+    strange = [
+        Problem(where, f"name {key}, which the controller drives", "give it as feedforward")
+        if key == plant.force
+        else missing_name(where, "further actuator", key, plant.further)
+        for key in excitation.forces
+        if key not in plant.further
+    ]
+    if strange:
+        raise DataError(*strange)
+    found = {plant.further[key]: samples for key, samples in excitation.forces.items() if samples.any()}
+    if found and plant.model.cubic_springs:
+        what = "has cubic springs, and forces of several actuators to follow"
+        raise DataError.at("simulation", what, "give the links no stiffness3, or one actuator a force")
+    return found
+
+
+def _forces(
+    plant: Plant, driving: FloatArray, further: Mapping[int, FloatArray], oversample: int
+) -> FloatArray:
+    """Return the forces of all actuators at the sample instants, shape (N, columns of B)."""
+    forces = np.zeros((len(driving), len(plant.model.actuators)))
+    forces[:, plant.actuator] = driving
+    for column, samples in further.items():
+        forces[:, column] = samples[::oversample]
+    return forces
+
+
+def true_signals(plant: Plant, motion: Motion) -> dict[str, FloatArray]:
+    """Return the exact signals at the sample instants, channels of the record first."""
+    model, n = plant.model, len(plant.bodies)
+    x, modes, forces = motion.states, motion.modes, motion.forces
+    acceleration, friction, sensed = _outputs(plant, x, modes, forces)
+    true = {entry.key: forces[:, i] for i, entry in enumerate(model.actuators)}
+    true |= {sensor.key: sensed[:, i] for i, sensor in enumerate(model.sensors)}
+    for i, body in enumerate(plant.bodies):
+        for prefix, array in (("q", x[:, i]), ("v", x[:, n + i]), ("a", acceleration[:, i])):
+            true.setdefault(f"{prefix}_{body}", array)
+        true.setdefault(f"sign_{body}", np.sign(x[:, n + i]))
+    for j, entry in enumerate(model.friction):
+        true.setdefault(f"friction_{entry.body}", friction[:, j])
+    for i, j in enumerate(plant.sticking):
+        true.setdefault(f"mode_{model.friction[j].body}", modes[:, i].astype(float))
+    true.setdefault(f"command_{model.actuators[plant.actuator].key}", motion.command)
+    return true
+
+
+def _outputs(
+    plant: Plant, x: FloatArray, modes: npt.NDArray[np.int8], forces: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return accelerations of the bodies, friction forces and sensor readings, one column each."""
+    n = len(plant.bodies)
+    acceleration = np.empty((len(x), n))
+    friction = np.tile(plant.offsets, (len(x), 1))
+    sensed = np.empty((len(x), len(plant.model.sensors)))
+    springs = np.zeros_like(x)
+    for spring in plant.cubic_forces():
+        springs += np.outer((x @ spring.deflection) ** 3, spring.push)
+    by_springs = springs[:, n:] @ plant.felt_accelerations().T
+    # a number for every mode: rows of it need no sorting
+    codes = modes @ 3 ** np.arange(modes.shape[1])
+    for code in np.unique(codes):
+        rows = codes == code
+        mode = modes[rows.argmax()]
+        space = plant.space(tuple(int(sign) for sign in mode))
+        free = x[rows] @ space.A.T + forces[rows] @ space.B.T + springs[rows]
+        f = friction[rows]
+        for j, body, sign in zip(plant.sticking, plant.coulomb_bodies, mode, strict=True):
+            if sign:
+                f[:, j] += body.plus if sign > 0 else -body.minus
+            else:
+                f[:, j] = free[:, body.velocity] * body.inertia  # what holds it
+        acceleration[rows] = (free + f @ space.E.T)[:, n:]
+        # exactly, where the line above leaves rounding errors
+        held = [b.velocity - n for b, sign in zip(plant.coulomb_bodies, mode, strict=True) if sign == 0]
+        acceleration[np.ix_(rows, held)] = 0.0
+        sensed[rows] = x[rows] @ space.C.T + forces[rows] @ space.D.T + f @ space.F.T + by_springs[rows]
+        friction[rows] = f
+    return acceleration, friction, sensed

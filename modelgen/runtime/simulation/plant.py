@@ -1,0 +1,219 @@
+"""Plant: a model with checked parameter values, ready for the direct model, Pham 2002, (17)-(19)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from numbers import Real
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.model.model import Friction, Model
+from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.stick_slip.linear_mode import CoulombBody, CubicForce, Mode
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A chain in motion: x' = A x + B Gamma + E f + springs; x is positions, then velocities, as `bodies`.
+
+    Attributes
+    ----------
+    parameters : mapping
+        Every physical parameter, known ones included (SI).
+    inertia : ndarray, shape (bodies,)
+    actuator : int
+        Column of B of the actuator that the controller drives; the forces of the others are given, or 0.
+    driven : int
+        Index of its body.
+    """
+
+    model: Model
+    parameters: Mapping[str, float]
+    bodies: tuple[str, ...]
+    inertia: FloatArray
+    actuator: int
+    driven: int
+
+    def value(self, name: str | None) -> float:
+        """Return a parameter's value; 0 where the chain has no such parameter."""
+        return 0.0 if name is None else self.parameters[name]
+
+    @property
+    def sticking(self) -> tuple[int, ...]:
+        """Columns of E whose bodies have modes: Coulomb friction, or friction that depends on direction."""
+        return tuple(
+            j
+            for j, friction in enumerate(self.model.friction)
+            if friction.asymmetric or self.value(friction.coulomb_plus) > 0.0
+        )
+
+    @property
+    def coulomb_bodies(self) -> tuple[CoulombBody, ...]:
+        """The bodies that have modes, in the order of `sticking`."""
+        return tuple(self._coulomb_body(self.model.friction[j]) for j in self.sticking)
+
+    def _coulomb_body(self, friction: Friction) -> CoulombBody:
+        inertia = float(self.inertia[friction.state - len(self.bodies)])
+        plus, minus = self.value(friction.coulomb_plus), self.value(friction.coulomb_minus)
+        return CoulombBody(friction.state, inertia, plus, minus)
+
+    @property
+    def offsets(self) -> FloatArray:
+        """Constant part of the friction f, shape (columns of E,)."""
+        return np.array([self.value(friction.offset) for friction in self.model.friction])
+
+    @property
+    def force(self) -> str:
+        """Key of the actuator that the controller drives."""
+        return self.model.actuators[self.actuator].key
+
+    @property
+    def further(self) -> Mapping[str, int]:
+        """The other actuators: key to column of B."""
+        return {entry.key: i for i, entry in enumerate(self.model.actuators) if i != self.actuator}
+
+    def cubic_forces(self, lags: int = 0) -> tuple[CubicForce, ...]:
+        """Return what cubic springs add to x', with room for so many states behind the velocities."""
+        n = len(self.bodies)
+        found = []
+        for spring in self.model.cubic_springs:
+            lever = np.zeros(n)
+            for place, coefficient in spring.deflection:
+                lever[place] = coefficient
+            push = -self.value(spring.parameter) * lever / self.inertia
+            none = np.zeros(lags)
+            found.append(CubicForce(np.r_[lever, np.zeros(n), none], np.r_[np.zeros(n), push, none]))
+        return tuple(found)
+
+    def felt_accelerations(self) -> FloatArray:
+        """Return what every sensor reads per acceleration of each body, shape (sensors, bodies).
+
+        The direct model holds it only multiplied by the equations of motion: C is it times the lower half of
+        A, likewise with B and E, whatever the parameters; random ones make the equations independent.
+        """
+        if not self.model.cubic_springs:
+            return np.zeros((len(self.model.sensors), len(self.bodies)))
+        draws = np.random.default_rng(0).uniform(1.0, 2.0, len(self.parameters))
+        space = self.model.state_space(dict(zip(self.parameters, draws.tolist(), strict=True)), {})
+        motion = np.hstack((space.A, space.B, space.E))[len(self.bodies) :]
+        read = np.hstack((space.C, space.D, space.F))
+        found = np.linalg.lstsq(motion.T, read.T, rcond=None)[0].T
+        accelerometers = [[float(sensor.measures == "acceleration")] for sensor in self.model.sensors]
+        return np.asarray(found * np.array(accelerometers), dtype=float)
+
+    def space(self, mode: Mode) -> Any:
+        """Return (A, B, C, D, E, F) in a mode, given in the order of `sticking`."""
+        friction = self.model.friction
+        # a body at rest has no viscous friction: either direction will do
+        directions = {
+            friction[j].body: -1 if sign < 0 else 1 for j, sign in zip(self.sticking, mode, strict=True)
+        }
+        return self.model.state_space(self.parameters, directions)
+
+
+def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | None = None) -> Plant:
+    """Return the plant of a model with these parameter values.
+
+    Parameters
+    ----------
+    model : Model
+        The generated module's view.
+    parameters : mapping of str to float
+        Physical parameters (SI); known ones may be left out, names that the chain does not have are ignored.
+    actuator : str, optional
+        Key of the actuator to be used; by default the first.
+
+    Raises
+    ------
+    DataError
+        With one problem per parameter that is missing or impossible; for a chain without an actuator.
+    """
+    column = _actuator_column(model, actuator)
+    values = {**model.known, **parameters}
+    problems = [_value_problem(model, name, values.get(name)) for name in _needed(model)]
+    if any(problems):
+        raise DataError(*(problem for problem in problems if problem))
+    values = {name: float(values[name]) for name in _needed(model)}
+    bodies, inertia = _bodies(model, values)
+    driven = bodies.index(model.actuators[column].body)
+    return Plant(model, MappingProxyType(values), bodies, inertia, column, driven)
+
+
+def measured_forces(plant: Plant, record: Record) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return the measured force of the actuator that the controller drives, and those of the others by key.
+
+    Raises
+    ------
+    DataError
+        With one problem per force that the record lacks.
+    """
+    keys = (plant.force, *plant.further)
+    lacking = [missing_name(record.name, "force", key, record.signals) for key in keys if key not in
+               record.signals]  # fmt: skip
+    if lacking:
+        raise DataError(*lacking)
+    return record.signals[plant.force], {key: record.signals[key] for key in plant.further}
+
+
+def body_order(model: Model) -> tuple[str, ...]:
+    """Return the bodies in the order of the state."""
+    return _bodies(model, dict.fromkeys(_needed(model), 1.0))[0]
+
+
+def _needed(model: Model) -> tuple[str, ...]:
+    return tuple(dict.fromkeys((*model.parameters, *model.known)))
+
+
+def _actuator_column(model: Model, actuator: str | None) -> int:
+    keys = [entry.key for entry in model.actuators]
+    if not keys:
+        remedy = "give a body an actuator in the spec"
+        raise DataError.at(f"model {model.chain}", "has no actuator, so nothing can drive it", remedy)
+    if actuator is not None and actuator not in keys:
+        raise DataError.at("actuator", f"there is no {actuator!r}", f"choose one of {', '.join(keys)}")
+    return keys.index(actuator or keys[0])
+
+
+def _value_problem(model: Model, name: str, value: Any) -> Problem | None:
+    """Return what is wrong with a parameter's value: absent, no number, or physically impossible."""
+    where = f"parameters: {name}"
+    unit = model.units.get(name, "SI")
+    if value is None:
+        return Problem(where, "is missing", f"give its value in {unit}")
+    if not isinstance(value, Real) or isinstance(value, bool) or not isfinite(value):
+        return Problem(where, f"is {value!r}", f"give a finite number in {unit}")
+    role = model.roles[name].role if name in model.roles else ""
+    if role == "inertia" and value <= 0.0:
+        return Problem(where, f"is {float(value)!r} {unit}", "an inertia must be positive")
+    if role == "coulomb" and value < 0.0:
+        return Problem(where, f"is {float(value)!r} {unit}", "a friction force must be zero or positive")
+    return None
+
+
+def _bodies(model: Model, values: Mapping[str, float]) -> tuple[tuple[str, ...], FloatArray]:
+    """Return the bodies in the order of the state, and their inertias.
+
+    A body is the row of velocities that answers to its inertia, whatever the values of the other parameters.
+    """
+    ones = dict.fromkeys(values, 1.0)
+    directions = {friction.body: 1 for friction in model.friction}
+    light = model.state_space(ones, directions)
+    count = len(light.A) // 2
+    names, inertia = [""] * count, np.ones(count)
+    for name, role in model.roles.items():
+        if role.role != "inertia":
+            continue
+        heavy = model.state_space({**ones, name: 2.0}, directions)
+        changed = [(getattr(light, key) != getattr(heavy, key)).any(axis=1) for key in ("A", "B", "E")]
+        rows = np.flatnonzero(np.any(changed, axis=0)) - count
+        for row, body in zip(rows, role.bodies, strict=True):
+            names[row], inertia[row] = body, values[name]
+    return tuple(names), inertia

@@ -1,0 +1,69 @@
+"""What an instrument makes of the truth: a bias, white noise, then rounding to its resolution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import pi
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.directions import wanted_directions
+from modelgen.runtime.records.record import missing_name
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def encoder_step(lines: int) -> float:
+    """Return the resolution in rad of a rotary encoder with four counts a line: 2 pi / (4 lines)."""
+    return 2.0 * pi / (4.0 * lines)
+
+
+def instrument_keys(model: Model) -> tuple[str, ...]:
+    """Return the channels that come from an instrument: sensors, then actuators."""
+    sensors = tuple(sensor.key for sensor in model.sensors)
+    return sensors + tuple(actuator.key for actuator in model.actuators)
+
+
+def check_levels(model: Model, option: str, levels: Mapping[str, float], *, signed: bool = False) -> None:
+    """Raise DataError for a level of a channel that does not exist, or (if not `signed`) below zero."""
+    lowest = -np.inf if signed else 0.0
+    remedy = "give a finite number" if signed else "give zero or a positive number"
+    keys = instrument_keys(model)
+    problems = [missing_name(option, "channel", key, keys) for key in levels if key not in keys]
+    problems += [
+        Problem(f"{option}: {key}", f"is {level!r}", remedy)
+        for key, level in levels.items()
+        if not (lowest <= level < np.inf and level > -np.inf)
+    ]
+    if problems:
+        raise DataError(*problems)
+
+
+def readings(
+    model: Model,
+    true: Mapping[str, FloatArray],
+    noise: Mapping[str, float],
+    resolution: Mapping[str, float],
+    seed: int,
+    bias: Mapping[str, float] | None = None,
+) -> dict[str, FloatArray]:
+    """Return what the instruments read, and the directions of motion that the model asks for.
+
+    Every instrument draws its noise from a stream of its own: another channel's noise does not change it.
+    """
+    keys = instrument_keys(model)
+    streams = np.random.default_rng(seed).spawn(len(keys))
+    measured = {}
+    for key, stream in zip(keys, streams, strict=True):
+        reading = true[key]
+        if bias and bias.get(key):
+            reading = reading + bias[key]
+        if noise.get(key):
+            reading = reading + noise[key] * stream.standard_normal(reading.size)
+        if resolution.get(key):
+            reading = resolution[key] * np.round(reading / resolution[key])
+        measured[key] = reading
+    return measured | {key: true[key] for key in wanted_directions(model)}

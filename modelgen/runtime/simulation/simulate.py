@@ -1,0 +1,212 @@
+"""The direct model in closed loop: parameters and an excitation -> a record, as the sensors would read it.
+
+Equations (17)-(19) of Pham 2002, corrected, with true Coulomb friction: the motion between stick and slip
+events is exact (`stick_slip`), and so are torques, accelerations and friction at the sample instants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.closed_loop import PositionVelocityController, default_controller
+from modelgen.runtime.simulation.default_excitation import default_excitation
+from modelgen.runtime.simulation.drive import Drive
+from modelgen.runtime.simulation.excitation import Excitation, check_fs
+from modelgen.runtime.simulation.motion import move, true_signals
+from modelgen.runtime.simulation.plant import Plant, make_plant
+from modelgen.runtime.simulation.sensor_readings import check_levels, readings
+from modelgen.runtime.stick_slip.hybrid_system import Event
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a simulation was made with: every parameter's value, and the options in use."""
+
+    parameters: Mapping[str, float]
+    controller: PositionVelocityController
+    actuator: str
+    fs: float
+    oversample: int
+    noise: Mapping[str, float]
+    resolution: Mapping[str, float]
+    seed: int
+    bias: Mapping[str, float]
+    drive: Drive
+
+
+@dataclass(frozen=True)
+class ModeChange:
+    """At `time_s` the body starts to slip forward (+1), backward (-1), or sticks (0)."""
+
+    time_s: float
+    body: str
+    mode: int
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A simulated experiment.
+
+    Attributes
+    ----------
+    record : Record
+        What sensors and actuators read, with noise and resolution; and the signals ``sign_BODY`` that the
+        model asks for.
+    true : mapping of str to ndarray, shape (N,)
+        The same channels without noise; ``command_ACTUATOR``, what the controller asks for; of every body
+        ``q_BODY``, ``v_BODY``, ``a_BODY``, ``sign_BODY``; of bodies with friction or offset
+        ``friction_BODY``, the force; of those that can stick ``mode_BODY`` (+1, -1, 0). Where a channel has
+        one of these names, it comes first.
+    reference : Excitation
+    changes : tuple of ModeChange
+        Every change between slip and stick, at its exact time.
+    settings : Settings
+    """
+
+    record: Record
+    true: Mapping[str, FloatArray]
+    reference: Excitation
+    changes: tuple[ModeChange, ...]
+    settings: Settings
+
+
+def simulate(
+    model: Model,
+    parameters: Mapping[str, float],
+    excitation: str | Excitation = "chirp",
+    *,
+    fs: float = 5000.0,
+    duration_s: float | None = None,
+    noise: Mapping[str, float] | None = None,
+    resolution: Mapping[str, float] | None = None,
+    bias: Mapping[str, float] | None = None,
+    seed: int = 0,
+    oversample: int = 32,
+    controller: PositionVelocityController | None = None,
+    drive: Drive | None = None,
+    actuator: str | None = None,
+    initial_state: npt.ArrayLike | None = None,
+) -> Simulation:
+    """Simulate a chain with true Coulomb friction under position and velocity control.
+
+    Parameters
+    ----------
+    model : Model
+        The generated module's view.
+    parameters : mapping of str to float
+        Physical parameters (SI); known ones may be left out.
+    excitation : str or Excitation
+        "chirp", "trapezoid" (levels as in `default_excitation`), or the user's own.
+    fs : float
+        Sampling frequency in Hz.
+    duration_s : float, optional
+        Of "chirp" and "trapezoid", by default 2 s; an Excitation has its own.
+    noise : mapping of str to float, optional
+        Standard deviation (SI) of white noise on a sensor's or actuator's channel, unseen by the controller.
+    resolution : mapping of str to float, optional
+        Step (SI) to which a channel is rounded after the noise, see `readings.encoder_step`.
+    bias : mapping of str to float, optional
+        Constant error (SI) of a channel, such as an accelerometer's.
+    seed : int
+        Of the noise. Every channel draws from a stream of its own.
+    oversample : int
+        Internal steps per sample. An Excitation has its own.
+    controller : PositionVelocityController, optional
+        By default slow against the lowest elastic mode.
+    drive : Drive, optional
+        Sampling, delay, current loop, limit and encoder of the controller; by default none of them.
+    actuator : str, optional
+        Key of the actuator that the controller drives, by default the first; the others follow the
+        `forces` of an Excitation, or rest at 0.
+    initial_state : array_like, shape (2 bodies,), optional
+        All positions, then all velocities, in the order of the spec; by default at rest at 0.
+
+    Raises
+    ------
+    DataError
+        For parameters, channels or options that do not fit the model, for a chain without an
+        actuator, and for a closed loop that is unstable.
+    """
+    plant = make_plant(model, parameters, actuator)
+    loop = controller or default_controller(plant)
+    drive = drive or Drive()
+    noise, resolution, bias = dict(noise or {}), dict(resolution or {}), dict(bias or {})
+    check_levels(model, "noise", noise)
+    check_levels(model, "resolution", resolution)
+    check_levels(model, "bias", bias, signed=True)
+    if seed < 0:
+        raise DataError.at("seed", f"is {seed}", "give a whole number, 0 or more")
+    if isinstance(excitation, str):
+        excitation = default_excitation(
+            excitation,
+            model,
+            parameters,
+            fs,
+            duration_s=2.0 if duration_s is None else duration_s,
+            controller=loop,
+            actuator=actuator,
+            oversample=oversample,
+        )
+    elif duration_s is not None:
+        raise DataError.at("duration_s", "is given beside an Excitation, which has its own", "leave it out")
+    oversample = _oversample(excitation, fs)
+    motion = move(plant, loop, drive, excitation, _initial_state(plant, initial_state), oversample)
+    true = true_signals(plant, motion)
+    measured = readings(model, true, noise, resolution, seed, bias)
+    record = Record(measured, fs, excitation.name, excitation.name)
+    key = model.actuators[plant.actuator].key
+    settings = Settings(
+        plant.parameters,
+        loop,
+        key,
+        fs,
+        oversample,
+        MappingProxyType(noise),
+        MappingProxyType(resolution),
+        seed,
+        MappingProxyType(bias),
+        drive,
+    )
+    changes = tuple(_mode_change(plant, event) for event in motion.events)
+    return Simulation(record, MappingProxyType(true), excitation, changes, settings)
+
+
+def record_with_reference(simulation: Simulation) -> Record:
+    """Return the record with what the loop was told: ``reference``, ``reference_rate``, ``feedforward``."""
+    record, told, step = simulation.record, simulation.reference, simulation.settings.oversample
+    names = ("reference", "reference_rate", "feedforward")
+    signals = {name: getattr(told, name)[::step][: record.n] for name in names}
+    return replace(record, signals={**record.signals, **signals})
+
+
+def _oversample(excitation: Excitation, fs: float) -> int:
+    check_fs(fs)
+    ratio = excitation.rate_hz / fs
+    if ratio < 0.5 or abs(ratio - round(ratio)) > 1e-9 * ratio:
+        what = f"has {excitation.rate_hz:g} Hz, no whole multiple of fs = {fs:g} Hz"
+        raise DataError.at(f"excitation {excitation.name}", what, "make both fit")
+    return round(ratio)
+
+
+def _initial_state(plant: Plant, given: npt.ArrayLike | None) -> FloatArray:
+    size = 2 * len(plant.bodies)
+    state = np.zeros(size) if given is None else np.array(given, dtype=float)
+    if state.shape != (size,) or not np.isfinite(state).all():
+        remedy = f"give {size} finite numbers: positions, then velocities, of {', '.join(plant.bodies)}"
+        raise DataError.at("initial_state", f"has shape {state.shape} or is not finite", remedy)
+    return state
+
+
+def _mode_change(plant: Plant, event: Event) -> ModeChange:
+    column = plant.sticking[event.body]
+    return ModeChange(event.time_s, plant.model.friction[column].body, event.mode)

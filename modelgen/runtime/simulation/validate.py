@@ -1,0 +1,287 @@
+"""Closed-loop validation: one reference into the real and the simulated loop, then signal against signal.
+
+Section IV.C of Pham 2002, figures 3 and 4. Sensors and force are compared as they are; a position's velocity
+and acceleration come from the same filter and differences on both sides, so that the filter is no error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.filters.derivatives import differentiate
+from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
+from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
+from modelgen.runtime.simulation.drive import Drive
+from modelgen.runtime.simulation.excitation import Excitation
+from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
+from modelgen.runtime.simulation.simulate import simulate
+
+FloatArray = npt.NDArray[np.float64]
+
+ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
+NAMES = ("position", "velocity", "acceleration")
+FILTER_ORDER = 4
+# Cut-off of the derivatives as a share of the sampling frequency, unless it is given.
+CUTOFF_SHARE = 0.1
+REACH_TOLERANCE = 1e-3
+# Internal steps per sample of a continuous controller.
+OVERSAMPLE = 8
+
+
+@dataclass(frozen=True, eq=False)
+class SignalCheck:
+    """One signal, measured and simulated, shape (n,) each, in `unit`, from sample `start` on.
+
+    `kind` is position, velocity, acceleration, force or tracking error; `derived` says that it was
+    differentiated from a sensor's reading.
+    """
+
+    channel: str
+    kind: str
+    unit: str
+    derived: bool
+    start: int
+    measured: FloatArray
+    simulated: FloatArray
+
+    @property
+    def relative_error(self) -> float:
+        """Norm of measured - simulated over norm of measured, in %."""
+        size = float(np.linalg.norm(self.measured))
+        return 100.0 * self._error / size if size else float("inf")
+
+    @property
+    def fit(self) -> float:
+        """100 (1 - norm of the error over norm of the measured variation), in %; 100 is perfect."""
+        size = float(np.linalg.norm(self.measured - self.measured.mean()))
+        return 100.0 * (1.0 - self._error / size) if size else float("-inf")
+
+    @property
+    def rms_error(self) -> float:
+        """Root mean square of measured - simulated, in `unit`."""
+        return self._error / float(np.sqrt(self.measured.size))
+
+    @property
+    def _error(self) -> float:
+        return float(np.linalg.norm(self.measured - self.simulated))
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """All signals of one record; `held_out` says that the parameters were not identified from it."""
+
+    record: str
+    held_out: bool
+    fs: float
+    cutoff_hz: float
+    checks: tuple[SignalCheck, ...]
+
+    def check(self, channel: str, kind: str) -> SignalCheck:
+        """Return the check of a channel; `kind` tells a sensor's own reading from what derives from it."""
+        return next(c for c in self.checks if (c.channel, c.kind) == (channel, kind))
+
+
+def validate(
+    model: Model,
+    parameters: Mapping[str, float],
+    records: Sequence[Record],
+    controller: PositionVelocityController,
+    *,
+    drive: Drive | None = None,
+    actuator: str | None = None,
+    used: Sequence[str] = (),
+    cutoff_hz: float | None = None,
+    oversample: int | None = None,
+) -> tuple[Validation, ...]:
+    """Simulate every record's reference in closed loop and compare.
+
+    The forces of further actuators enter as measured.
+
+    Parameters
+    ----------
+    model : Model
+    parameters : mapping of str to float
+        All physical parameters (SI); known ones may be left out.
+    records : sequence of Record
+        With the channels of the model and ``reference`` (of the driven body, in its unit); ``reference_rate``
+        and ``feedforward`` where the controller uses them.
+    controller, drive, actuator
+        As in `modelgen.simulate`: the loop in which the records were made.
+    used : sequence of str
+        Names of the records that the parameters were identified from; the others are held out.
+    cutoff_hz : float, optional
+        Of the low-pass in Hz (order 4, forward and backward) before a reading is differentiated, on both
+        sides; by default a tenth of the sampling frequency.
+    oversample : int, optional
+        Internal steps per sample: 8, or 1 with a sampled controller.
+
+    Raises
+    ------
+    DataError
+        When a channel or a force is missing, or parameters or loop do not suit the model.
+    """
+    problems = [
+        missing_name(record.name, "channel", key, record.signals)
+        for record in records
+        for key in (*model.channels, "reference")
+        if key not in record.signals
+    ]
+    if not records:
+        problems = [Problem("records", "there are none", "give at least one Record")]
+    if problems:
+        raise DataError(*problems)
+    plant = make_plant(model, parameters, actuator)
+    drive = drive or Drive()
+    steps = oversample or (1 if drive.sampled else OVERSAMPLE)
+    return tuple(
+        _validate(plant, record, controller, drive, steps, record.name not in used, cutoff_hz)
+        for record in records
+    )
+
+
+def _validate(
+    plant: Plant,
+    record: Record,
+    controller: PositionVelocityController,
+    drive: Drive,
+    oversample: int,
+    held_out: bool,
+    cutoff_hz: float | None,
+) -> Validation:
+    cutoff = CUTOFF_SHARE * record.fs if cutoff_hz is None else cutoff_hz
+    if not 0.0 < cutoff < 0.5 * record.fs:
+        remedy = f"give a frequency between 0 and half the sampling frequency, {0.5 * record.fs:g} Hz"
+        raise DataError.at("cutoff_hz", f"is {cutoff:g}", remedy)
+    key = plant.model.actuators[plant.actuator].key
+    simulated = simulate(
+        plant.model,
+        plant.parameters,
+        _excitation(plant, record, controller, oversample),
+        fs=record.fs,
+        controller=controller,
+        drive=drive,
+        actuator=key,
+        initial_state=initial_state(plant, record, cutoff),
+    ).true
+    checks: list[SignalCheck] = []
+    for sensor in plant.model.sensors:
+        if sensor.key in record.signals:
+            checks += _sensor_checks(sensor, record, simulated[sensor.key], cutoff)
+    tracking = _tracking(plant, record, simulated)
+    if tracking is not None:
+        checks.append(tracking)
+    unit = plant.model.actuators[plant.actuator].unit
+    checks.append(SignalCheck(key, "force", unit, False, 0, record.signals[key], simulated[key]))
+    return Validation(record.name, held_out, record.fs, cutoff, tuple(checks))
+
+
+def _excitation(
+    plant: Plant, record: Record, controller: PositionVelocityController, oversample: int
+) -> Excitation:
+    given, nodes = record.signals, np.arange(record.n)
+    times = np.arange((record.n - 1) * oversample + 1) / oversample
+    zero = np.zeros(record.n)
+    rate = given.get("reference_rate", zero)
+    if "reference_rate" not in given and controller.rate_gain:
+        rate = differentiate(given["reference"], record.dt)
+    _, further = measured_forces(plant, record)
+    arrays = (given["reference"], rate, given.get("feedforward", zero), *further.values())
+    r, r_rate, feedforward, *others = (np.interp(times, nodes, array) for array in arrays)
+    forces = dict(zip(further, others, strict=True))
+    return Excitation(r, r_rate, feedforward, record.fs * oversample, record.name, forces)
+
+
+def initial_state(plant: Plant, record: Record, cutoff_hz: float) -> FloatArray:
+    """Return where the chain was and how fast it went at the first sample.
+
+    A body without an encoder or tachometer goes along with the driven one, as without elasticity.
+    """
+    n = len(plant.bodies)
+    found: dict[tuple[str, int], float] = {}
+    for sensor in plant.model.sensors:
+        order = ORDER_OF[sensor.measures]
+        if sensor.body is not None and sensor.key in record.signals and order < 2:
+            smooth = zero_phase(record.signals[sensor.key], FILTER_ORDER, cutoff_hz, record.fs)
+            found[sensor.body, order] = float(smooth[0])
+            if order == 0:
+                found.setdefault((sensor.body, 1), float(differentiate(smooth, record.dt)[0]))
+    driven, gears = plant.bodies[plant.driven], vibration(plant).lowest
+    state = np.zeros(2 * n)
+    for i, body in enumerate(plant.bodies):
+        for order in (0, 1):
+            state[order * n + i] = found.get((body, order), gears[i] * found.get((driven, order), 0.0))
+    return state
+
+
+def _sensor_checks(
+    sensor: Sensor, record: Record, simulated: FloatArray, cutoff_hz: float
+) -> list[SignalCheck]:
+    """Return the reading itself, and what derives from it up to the acceleration."""
+    measured, first = record.signals[sensor.key], ORDER_OF[sensor.measures]
+    checks = [SignalCheck(sensor.key, sensor.measures, sensor.unit, False, 0, measured, simulated)]
+    smooth = [zero_phase(array, FILTER_ORDER, cutoff_hz, record.fs) for array in (measured, simulated)]
+    for k in range(1, 3 - first):
+        reach = support_samples(FILTER_ORDER, cutoff_hz, record.fs, k, REACH_TOLERANCE)
+        if 2 * reach >= record.n:
+            break
+        pair = [differentiate(array, record.dt, k)[reach : record.n - reach] for array in smooth]
+        unit = _differentiated(sensor.unit, k)
+        checks.append(SignalCheck(sensor.key, NAMES[first + k], unit, True, reach, *pair))
+    return checks
+
+
+def _differentiated(unit: str, times: int) -> str:
+    """Return the unit of a derivative: rad -> rad/s -> rad/s^2."""
+    base, _, per = unit.partition("/")
+    order = times + {"": 0, "s": 1}.get(per, 0)
+    return base if order == 0 else f"{base}/s" if order == 1 else f"{base}/s^{order}"
+
+
+def _tracking(plant: Plant, record: Record, simulated: Mapping[str, FloatArray]) -> SignalCheck | None:
+    """Return reference - position of the driven body, where that has an encoder."""
+    driven = plant.bodies[plant.driven]
+    for sensor in plant.model.sensors:
+        if (sensor.body, sensor.measures) == (driven, "position") and sensor.key in record.signals:
+            reference, key = record.signals["reference"], sensor.key
+            pair = (reference - record.signals[key], reference - simulated[key])
+            return SignalCheck(key, "tracking error", sensor.unit, False, 0, *pair)
+    return None
+
+
+def parameters_of(estimate: Mapping[str, object], model: Model) -> dict[str, float]:
+    """Return the physical parameters of a saved estimate (`Estimate.to_dict`) for this model.
+
+    Raises
+    ------
+    DataError
+        When the estimate is no such mapping, or of another chain.
+    """
+    physical = estimate.get("physical")
+    if estimate.get("format") != "modelgen estimate" or not isinstance(physical, Mapping):
+        remedy = "give a file that modelgen identify -o wrote"
+        raise DataError.at("estimate", "is no saved estimate", remedy)
+    if estimate.get("chain") != model.chain:
+        what = f"is of the chain {estimate.get('chain')}, the model of {model.chain}"
+        raise DataError.at("estimate", what, "give an estimate of the same chain")
+    values = {str(name): value for name, value in physical.items()}
+    return {name: float(value) for name, value in values.items() if value is not None and isfinite(value)}
+
+
+def split(record: Record, share: float) -> tuple[Record, Record]:
+    """Return the first `share` of a record, and the rest: one to identify from, one to hold out."""
+    if not 0.0 < share < 1.0:
+        raise DataError.at("split", f"is {share:g}", "give a share between 0 and 1")
+    cut = round(share * record.n)
+    parts = [
+        {key: array[part] for key, array in record.signals.items()} for part in (slice(cut), slice(cut, None))
+    ]
+    first, rest = (replace(record, signals=signals) for signals in parts)
+    return replace(first, name=f"{record.name}_first"), replace(rest, name=f"{record.name}_rest")

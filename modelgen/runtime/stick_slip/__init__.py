@@ -1,0 +1,1 @@
+"""Exact motion of a chain with Coulomb friction, from event to event."""

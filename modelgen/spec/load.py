@@ -1,0 +1,176 @@
+"""A chain's TOML file -> ChainSpec: all checks of what a user writes, every mistake reported at once.
+
+Two passes, so that no mistake hides another. First every table is checked by itself (spec_tables, the only
+place that knows pydantic): what cannot be read is reported and becomes None. Then the references between
+tables are checked on what could be read (spec_references). If neither pass found a mistake, the draft of the
+second one is the ChainSpec.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import tomllib
+from fractions import Fraction
+from importlib.resources import files
+from pathlib import Path, PurePath
+from typing import Any
+
+from modelgen.errors import Problem, SpecError
+from modelgen.spec.chain import GROUND, LINK_ROLES, Body, ChainSpec, Friction, Link, Parameter, Sensor
+from modelgen.spec.references import check_references
+from modelgen.spec.tables import Document, check_tables
+from modelgen.spec.units import Motion
+from modelgen.spec.words import shown, suggest
+
+__all__ = [
+    "GROUND",
+    "Body",
+    "ChainSpec",
+    "Link",
+    "Parameter",
+    "Sensor",
+    "catalog_names",
+    "catalog_path",
+    "load_spec",
+    "parse_spec",
+]
+
+MAX_BYTES = 1_000_000  # a larger file is refused: it is no chain, and must not fill the memory
+
+
+def load_spec(path: str | os.PathLike[str]) -> ChainSpec:
+    """Read a chain's TOML file.
+
+    Raises
+    ------
+    SpecError
+        If the file cannot be read or is wrong; one problem for every mistake in it.
+    """
+    where, file = os.fspath(path), Path(path)
+    where = where if where.isprintable() else ascii(where)
+    try:
+        if file.is_dir():
+            raise SpecError.at(where, "is a folder", "name the TOML file in it")
+        if not file.is_file():
+            remedy = "check the path, or start one with modelgen new"
+            raise SpecError.at(where, "is not a file that exists", remedy)
+        with file.open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+        _check_size(content, where)
+        text = content.decode()
+    except OSError as error:
+        raise SpecError.at(where, f"cannot be read ({error.strerror})", "check its permissions") from None
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise SpecError.at(f"{where}: line {line}", "is not UTF-8 text", "save the file as UTF-8") from None
+    return parse_spec(text, file.name)
+
+
+def parse_spec(text: str, source: str) -> ChainSpec:
+    """Read a chain from TOML text; `source` is the name of the file that messages speak of.
+
+    Raises
+    ------
+    SpecError
+        If the text is wrong; one problem for every mistake in it.
+    """
+    source = PurePath(source).name
+    if not source.isprintable():  # it becomes part of a comment in generated modules
+        raise SpecError.at(ascii(source), "has a file name with control characters", "rename the file")
+    content = text.encode(errors="surrogatepass")
+    _check_size(content, source)
+    document = _parse_toml(text, source)
+    problems = check_tables(document)
+    spec = _draft(document, source, hashlib.sha256(content).hexdigest())
+    problems += check_references(document, spec)
+    if problems:
+        raise SpecError(*(Problem(f"{source}: {p.where}", p.what, p.remedy) for p in problems))
+    return spec
+
+
+def catalog_names() -> tuple[str, ...]:
+    """Return the names of the example chains that come with modelgen."""
+    return tuple(sorted(path.stem for path in _catalog().glob("*.toml")))
+
+
+def catalog_path(name: str) -> Path:
+    """Return the TOML file of an example chain; SpecError if there is none of that name."""
+    if name not in catalog_names():
+        remedy = suggest(name, catalog_names(), "examples")
+        raise SpecError.at(shown(name), "is not a chain of the catalogue", remedy)
+    return _catalog() / f"{name}.toml"
+
+
+def _catalog() -> Path:
+    return Path(str(files("modelgen") / "catalog"))
+
+
+def _check_size(content: bytes, where: str) -> None:
+    if len(content) > MAX_BYTES:
+        raise SpecError.at(where, "is larger than 1 MB", "check that this is a chain's TOML file")
+
+
+def _parse_toml(text: str, source: str) -> Document:
+    try:
+        return tomllib.loads(text.removeprefix("\ufeff"))
+    except tomllib.TOMLDecodeError as error:
+        found = re.fullmatch(r"(.*) \(at (.*)\)", str(error), re.DOTALL)
+        what, place = found.groups() if found else (str(error), "TOML")
+        remedy = "correct the TOML there; text needs quotes, and a key or table is written once only"
+        raise SpecError.at(f"{source}: {place}", f"is not valid TOML ({what})", remedy) from None
+    except RecursionError:
+        raise SpecError.at(
+            source, "nests lists or tables too deeply", "use the tables of the format"
+        ) from None
+    except ValueError:  # Python refuses to read such integers
+        raise SpecError.at(source, "holds a number of thousands of digits", "shorten the number") from None
+
+
+def _draft(document: Document, source: str, sha256: str) -> ChainSpec:
+    """Build the spec from what is readable; None or an empty tuple stands for what is not."""
+    chain: Any = document.get("chain") or {}
+    motion: Motion = chain.get("motion") or "rotation"
+    sets, sensor_sets = document.get("parameters") or {}, document.get("sensors") or {}
+    return ChainSpec(
+        name=chain.get("name"),
+        title=chain.get("title") or chain.get("name"),
+        motion=motion,
+        bodies=tuple(_draft_body(table or {}, motion) for table in document.get("bodies") or ()),
+        links=tuple(_draft_link(table or {}) for table in document.get("links") or ()),
+        known=_draft_values(document.get("known")),
+        parameter_sets={name: _draft_values(values) for name, values in sets.items()},
+        sensor_sets={
+            name: tuple(_draft_sensor(key, table or {}) for key, table in (sensors or {}).items())
+            for name, sensors in sensor_sets.items()
+        },
+        source=source,
+        sha256=sha256,
+    )
+
+
+def _draft_body(table: Document, motion: Motion) -> Body:
+    keys = ("name", "inertia", "viscous", "coulomb", "offset", "actuator")
+    names: Document = {key: table.get(key) for key in keys}
+    friction: Friction = table.get("friction") or "symmetric"
+    return Body(**names, friction=friction, motion=table.get("motion") or motion)
+
+
+def _draft_link(table: Document) -> Link:
+    bodies: Any = tuple(table.get("bodies") or ())
+    ratio = Fraction(str(table.get("ratio") or 1))  # the decimal that was written, not its nearest binary
+    if bodies and bodies[0] == GROUND and ratio == 1:
+        bodies = bodies[::-1]
+    names: Document = {role: table.get(role) for role in LINK_ROLES}
+    return Link(bodies, **names, ratio=ratio)
+
+
+def _draft_sensor(key: str, table: Document) -> Sensor:
+    deflection: Any = tuple(table.get("deflection") or ()) or None
+    measures: Any = table.get("measures")
+    return Sensor(key, table.get("body"), deflection, measures)
+
+
+def _draft_values(table: Document | None) -> dict[str, float]:
+    return {name: float(value) for name, value in (table or {}).items() if value is not None}

@@ -1,0 +1,1 @@
+"""Rows without the coordinates that no sensor sees: elimination over the polynomials in s."""

@@ -1,0 +1,1 @@
+"""Equations of motion, derived twice; sums of them, and what sensors give."""

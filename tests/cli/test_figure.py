@@ -1,0 +1,24 @@
+"""Pictures of measured and rebuilt forces: every format, the same bytes each time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modelgen.cli.figure import Panel, draw_forces
+
+MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
+
+
+@pytest.mark.parametrize("suffix", MAGIC)
+def test_the_same_panels_give_the_same_bytes(tmp_path: Path, suffix: str) -> None:
+    t = np.arange(200) / 100.0
+    panels = [Panel(f"run {k}", "N m", t, np.sin(k * t), np.cos(k * t)) for k in (1, 2, 3)]
+    paths = [tmp_path / f"{name}{suffix}" for name in "ab"]
+    for path in paths:
+        draw_forces(panels, path)
+    first, second = (path.read_bytes() for path in paths)
+    assert first == second
+    assert first.startswith(MAGIC[suffix])

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modelgen.errors import DataError
+from modelgen.runtime.diagnostics.hold_out import split
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.records.record import Record
+from tests.runtime.rigid_motion import FS, RIGID, SETTINGS, rigid_record, swings
+
+
+def records(change: float = 0.0) -> list[Record]:
+    """Two records alike, but for a load of so many kg in the second."""
+    return [rigid_record(name="one"), rigid_record(name="two", seed=1, extra=lambda q, v, a: change * a)]
+
+
+def test_a_held_out_record_that_agrees_changes_nothing_but_the_report() -> None:
+    alone = identify(RIGID, records()[0], **SETTINGS)
+    estimate = identify(RIGID, records(), hold_out="two", **SETTINGS)
+    assert estimate.params == alone.params
+    assert estimate.bse == alone.bse
+    assert estimate.records == ("one",)
+    found = estimate.checks.held_out
+    assert found is not None
+    (row,) = found.rows
+    assert (row.record, row.row) == ("two", "m")
+    assert row.relative_error == pytest.approx(estimate.relative_error, rel=0.1)
+    assert row.fitted_error == pytest.approx(estimate.relative_error, rel=1e-9)
+    assert not any(one.significant for one in found.moves)
+    assert estimate.checks.advice == ()
+
+
+def test_a_held_out_record_that_disagrees_widens_the_interval_and_is_named() -> None:
+    alone = identify(RIGID, records()[0], **SETTINGS)
+    estimate = identify(RIGID, records(change=5.0), hold_out=["two"], **SETTINGS)
+    assert estimate.params == alone.params
+    found = estimate.checks.held_out
+    assert found is not None
+    assert {one.name for one in found.moves if one.significant} == {"M"}
+    # two values 5 kg apart: a standard deviation of 5 / sqrt(2)
+    assert estimate.bse["M"] == pytest.approx(5.0 / np.sqrt(2.0), rel=0.02)
+    assert estimate.bse["Fc"] == pytest.approx(alone.bse["Fc"], rel=1e-6)
+    assert [one.kind for one in estimate.checks.advice] == ["held-out records disagree"]
+    assert found.rows[0].relative_error > 1.5 * estimate.relative_error
+    assert "M +5.3 %" in estimate.summary()
+
+
+def test_a_record_that_cannot_answer_is_looked_at_all_the_same() -> None:
+    one_way = rigid_record(swings((0.4, 0.1), (0.1, 1.3), speed=2.0), name="two")
+    estimate = identify(RIGID, [rigid_record(name="one"), one_way], hold_out="two", **SETTINGS)
+    found = estimate.checks.held_out
+    assert found is not None
+    assert found.rows[0].relative_error < 0.01
+    assert {one.name for one in found.moves} == {"M", "Fv"}
+
+
+def test_a_share_is_cut_from_the_end_of_every_record_in_whole_periods() -> None:
+    given = records()
+    kept, held = split(given, 0.25, {})
+    assert [record.n for record in kept] == [18750, 18750]
+    assert [record.name for record in held] == ["one (held out)", "two (held out)"]
+    whole = np.concatenate([kept[0].signals["F"], held[0].signals["F"]])
+    np.testing.assert_array_equal(whole, given[0].signals["F"])
+    kept, held = split(given, 0.25, {"one": 10.0})
+    assert (kept[0].n, kept[1].n) == (20000, 18750)
+    estimate = identify(RIGID, given, hold_out=0.4, **SETTINGS)
+    assert estimate.checks.held_out is not None
+    assert len(estimate.checks.held_out.rows) == 2
+
+
+@pytest.mark.parametrize(
+    ("hold_out", "said"),
+    [
+        ("three", "has no record three"),
+        (["one", "two"], "leaves no record"),
+        (1.5, "between 0 and 1"),
+        (0.0, "between 0 and 1"),
+        (1e-6, "leaves one of its parts without samples"),
+    ],
+)
+def test_what_cannot_be_held_out_is_named(hold_out: float | str | list[str], said: str) -> None:
+    with pytest.raises(DataError, match=said):
+        split(records(), hold_out, {})
+
+
+def test_nothing_is_held_out_unless_it_is_asked_for() -> None:
+    given = records()
+    assert split(given, None, {}) == (tuple(given), ())
+    assert identify(RIGID, given, **SETTINGS).checks.held_out is None
+    assert given[0].fs == FS

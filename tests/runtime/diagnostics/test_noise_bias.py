@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from generated import emps300_qm_ac
+from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.measured_records import bench, emps
+from tests.runtime.rigid_motion import RIGID, TRUTH, kinds, rigid_record, swings
+
+MODEL = model_from_module(emps300_qm_ac)
+NOISE = {"q_m": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
+
+
+def noisy(clean: Record, seed: int) -> Record:
+    rng = np.random.default_rng(seed)
+    signals = {key: s + NOISE[key] * rng.standard_normal(clean.n) for key, s in clean.signals.items()}
+    return Record(signals, clean.fs, clean.name)
+
+
+def test_the_pull_of_noise_is_what_many_records_show() -> None:
+    truth = MODEL.parameter_sets["table_1"]
+    base = MODEL.base_from_physical(truth)
+    clean = [
+        simulate(MODEL, truth, kind, fs=5000.0, duration_s=4.0, oversample=n).record
+        for kind, n in (("chirp", 32), ("trapezoid", 8))
+    ]
+    errors, said = [], []
+    for seed in range(10):
+        records = tuple(noisy(record, 10 * seed + k) for k, record in enumerate(clean))
+        choice = choose_filter(MODEL, records, cutoff_hz=400.0)
+        fit = METHODS["wls"].run(Job(MODEL, records, choice))[1]
+        errors.append(100.0 * (fit.solution.x / base - 1.0))
+        said.append(100.0 * noise_bias(MODEL, records, choice, fit) / base)
+    # J_c +2.7 %, F_vmc +1.8 %, K +6.9 %, many standard errors each
+    standard_error = np.std(errors, axis=0) / np.sqrt(10.0)
+    bias = np.mean(errors, axis=0)
+    assert bias[-1] > 20.0 * standard_error[-1]
+    np.testing.assert_allclose(np.mean(said, axis=0), bias, atol=5.0 * float(standard_error.max()))
+    np.testing.assert_allclose(np.mean(said, axis=0)[3:], bias[3:], rtol=0.15)
+
+
+def slow(noise: float) -> Record:
+    """So slow that the noise of a differentiated encoder can drown the acceleration."""
+    return rigid_record(swings((0.02, 0.05), (0.01, 0.11)), n=40000, noise=noise)
+
+
+def test_what_noise_pulls_is_named_and_in_the_interval() -> None:
+    options = {"cutoff_hz": 10.0, "direction_cutoff_hz": 5.0}
+    quiet, loud = (identify(RIGID, slow(noise), **options) for noise in (1e-7, 5e-6))
+    assert "biased by noise" not in kinds(quiet)
+    (advice,) = [one for one in loud.checks.advice if one.kind == "biased by noise"]
+    assert advice.where.startswith("M by -")
+    low, high = loud.conf_int()["M"]
+    assert low < TRUTH["M"] < high
+    # instruments are not pulled
+    instruments = identify(RIGID, slow(5e-6), "iv", delays="none", **options)
+    assert "biased by noise" not in kinds(instruments)
+
+
+def test_what_is_lost_in_noise_gets_no_number() -> None:
+    estimate = identify(RIGID, slow(6e-5), cutoff_hz=10.0, direction_cutoff_hz=5.0)
+    assert "M" not in estimate.params
+    assert "noise of the sensors pulls it by" in estimate.not_identifiable["M"]
+    kept = identify(RIGID, slow(6e-5), cutoff_hz=10.0, direction_cutoff_hz=5.0, keep=("M",))
+    assert kept.params["M"] < 0.6 * TRUTH["M"]
+
+
+@pytest.mark.parametrize("which", ["emps", "bench"])
+def test_good_sensors_pull_nothing(shared_data: Path, which: str) -> None:
+    model, record = {"emps": emps, "bench": bench}[which](shared_data)
+    choice = choose_filter(model, [record])
+    fit = METHODS["wls"].run(Job(model, (record,), choice))[1]
+    assert np.all(np.abs(noise_bias(model, [record], choice, fit)) < 1e-4 * np.abs(fit.solution.x))
+
+
+def test_columns_that_are_nothing_but_noise_are_told() -> None:
+    drowned = rigid_record(swings((0.02, 0.05), (0.01, 0.11)), n=40000, noise=3e-3)
+    estimate = identify(RIGID, drowned, cutoff_hz=10.0, direction_cutoff_hz=5.0)
+    assert "M" not in estimate.params
+    assert all(np.isfinite(entry.std) for entry in estimate.parameters)

@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from generated import emps300_qm_ac, emps300_qm_qc
+from modelgen.runtime.diagnostics.parameter_checks import (
+    negative_values,
+    null_solution,
+    slowest_mode_hz,
+    uncertain_parameters,
+)
+from modelgen.runtime.diagnostics.row_noise import row_noise
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import observe
+from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.identification.test_assemble_estimate import observation
+from tests.runtime.rigid_motion import CHOICE, FS, RIGID, SETTINGS, kinds, rigid_record, swings
+
+TWO_MASS = model_from_module(emps300_qm_qc)
+
+
+def test_the_slowest_mode_is_that_of_the_parameters() -> None:
+    p = TWO_MASS.parameter_sets["light"]
+    expected = np.sqrt(p["K"] * (1.0 / p["J_m"] + 1.0 / p["J_c"])) / (2.0 * np.pi)
+    assert slowest_mode_hz(TWO_MASS, p) == pytest.approx(expected, rel=1e-6)
+    assert slowest_mode_hz(RIGID, {"M": 95.0}) is None
+    assert slowest_mode_hz(TWO_MASS, {"J_m": 1.0}) is None
+
+
+def test_a_motion_that_is_too_slow_for_the_inertia_is_named() -> None:
+    slow = rigid_record(swings((2e-3, 0.05), (1e-3, 0.11)), noise=1e-7)
+    estimate = identify(RIGID, slow, cutoff_hz=20.0, direction_cutoff_hz=10.0)
+    assert estimate.relative_std["M"] > 10.0
+    (advice,) = [one for one in estimate.checks.advice if one.kind == "too slow"]
+    assert advice.where == "M"
+    assert "accelerate harder" in advice.remedy
+    assert "noisy derivative" in kinds(estimate)
+
+
+def test_a_stiffness_below_its_mode_is_called_too_slow() -> None:
+    estimate = identify(RIGID, rigid_record(), **SETTINGS)
+    entry = replace(estimate.parameters[0], name="K", value=1.0, std=0.5)
+    fit = _fit_of_two_rows(1e-6)
+    (slow,) = uncertain_parameters(TWO_MASS, fit, [entry], 10.0, 106.0, 5.0)
+    assert slow.kind == "too slow"
+    assert "excite up to 5 Hz, the mode lies at 106 Hz" in slow.what
+    (small,) = uncertain_parameters(TWO_MASS, fit, [entry], 10.0, 106.0, 200.0)
+    assert small.kind == "too small"
+    assert uncertain_parameters(TWO_MASS, fit, [replace(entry, std=0.05)], 10.0, 106.0, 5.0) == ()
+    assert uncertain_parameters(TWO_MASS, _fit_of_two_rows(1.0), [entry], 10.0, 106.0, 5.0) == ()
+
+
+def _fit_of_two_rows(scale: float):
+    """A fit in which the column of K is `scale` times as large as the others, against a residual of 0.1."""
+    from modelgen.runtime.least_squares.wls import fit_matched
+
+    rows = observation()
+    weights = np.array([1.0, 1.0, 1.0, 1.0, 1.0, scale])
+    blocks = tuple(replace(block, W=block.W * weights) for block in rows.blocks)
+    return fit_matched(replace(rows, blocks=blocks))
+
+
+def test_a_reversed_sign_is_named_as_negative() -> None:
+    good = rigid_record()
+    wrong = Record({"q_m": -good.signals["q_m"], "F": good.signals["F"]}, FS, "run")
+    negative = [one for one in identify(RIGID, wrong, **SETTINGS).checks.advice if one.kind == "negative"]
+    assert [one.where for one in negative] == ["M", "Fv", "Fc"]
+    assert "check signs of channels" in negative[0].remedy
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "speaks"), [(-4.0, 1.0, True), (-2.0, 1.0, False), (2.0, 1.0, False)]
+)
+def test_chance_is_not_called_negative(value: float, std: float, speaks: bool) -> None:
+    entry = Parameter("Fv", "N s/m", value, std, std, 0.0, std)
+    assert bool(negative_values(RIGID, [entry])) is speaks
+    # an offset may have either sign
+    assert negative_values(RIGID, [replace(entry, name="offset")]) == ()
+
+
+def test_a_row_that_is_explained_by_nothing_is_the_null_solution() -> None:
+    t = np.arange(25000) / FS
+    noise = np.random.default_rng(0).standard_normal(len(t))
+    other = 30.0 * np.sin(2.0 * np.pi * 2.0 * t) + noise
+    estimate = identify(
+        RIGID, Record({"q_m": rigid_record().signals["q_m"], "F": other}, FS, "mixed"), **SETTINGS
+    )
+    (advice,) = [one for one in estimate.checks.advice if one.kind == "null solution"]
+    assert "mixed, row m" in advice.where
+
+
+def test_a_row_that_noise_drowns_is_no_null_solution() -> None:
+    model = model_from_module(emps300_qm_ac)
+    noise, truth = {"q_m": 2e-5, "a_c": 20.0, "Gamma_m": 1e-3}, model.parameter_sets["light"]
+    records = [
+        simulate(model, truth, kind, fs=5000.0, duration_s=1.0, noise=noise, seed=seed).record
+        for seed, kind in enumerate(("chirp", "trapezoid"))
+    ]
+    estimate = identify(model, records, drift_check=False)
+    (row,) = [one for one in estimate.rows if (one.record, one.row) == ("trapezoid", "m")]
+    assert row.relative_error is not None
+    assert row.relative_error > 0.95
+    assert "null solution" not in kinds(estimate)
+
+
+def test_the_noise_of_a_row_is_that_of_a_record_of_noise_alone() -> None:
+    model, spread = model_from_module(emps300_qm_ac), {"q_m": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
+    truth = model.base_from_physical({**model.parameter_sets["light"], "F_sm": 0.0})
+    rng, samples = np.random.default_rng(2), 60_000
+    signals = {key: std * rng.standard_normal(samples) for key, std in spread.items()}
+    # at a steady speed: no sample is near a reversal, and only the mean of a row is not noise
+    signals["q_m"] += 10.0 * np.arange(samples) / 5000.0
+    record = Record(signals, 5000.0, "noise")
+    choice = FilterChoice(6, 200.0, 100.0, (1,), 100.0, 100.0, (), (), ())
+    for block in observe(model, [record], choice).blocks:
+        left = np.std(block.Y - block.W @ truth)
+        assert row_noise(model, record, choice, block.row, truth) == pytest.approx(left, rel=0.05)
+
+
+def test_a_load_row_that_noise_pulls_to_zero_is_named() -> None:
+    from modelgen.runtime.least_squares.wls import fit_paper
+
+    rows = observation()
+    fit = fit_paper(rows)
+    assert null_solution(fit, TWO_MASS, (), CHOICE) == ()
+    noise = np.random.default_rng(3).standard_normal(rows.blocks[1].W.shape)
+    drowned = replace(rows.blocks[1], W=rows.blocks[1].W * 1e-3 + noise * (rows.blocks[1].W != 0.0))
+    lost = fit_paper(replace(rows, blocks=(rows.blocks[0], drowned)))
+    (advice,) = null_solution(lost, TWO_MASS, (), CHOICE)
+    assert advice.where == "run, row c"
+    assert "noise pulls it to zero" in advice.what

@@ -1,0 +1,128 @@
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modelgen.errors import DataError
+from modelgen.runtime.diagnostics.periods import period_advice, period_spread, periods_of, spread_beyond_noise
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
+from modelgen.runtime.records.record import Record
+from tests.runtime.measured_records import bench, emps
+from tests.runtime.rigid_motion import CHOICE, FS, RIGID, TRUTH, rigid_record, swings
+
+# 2.5 s are one period of the first, three of the second and eight of the third
+PERIODIC = swings((0.4, 0.4), (0.1, 1.2), (0.05, 3.2))
+PERIOD_S = 2.5
+
+
+def record_of(seed: int = 0, n: int = 50000, **options: float) -> Record:
+    return rigid_record(PERIODIC, n=n, force_noise=2.0, seed=seed, **options)
+
+
+def test_a_period_is_found_or_not() -> None:
+    assert periods_of(RIGID, [record_of()], None) == {"run": pytest.approx(PERIOD_S)}
+    chirp = np.sin(0.3 * np.arange(20000) / FS + 0.2 * (np.arange(20000) / FS) ** 2)
+    assert periods_of(RIGID, [Record({"q_m": chirp, "F": chirp}, FS)], None) == {}
+    noise = np.random.default_rng(0).standard_normal((2, 20000))
+    assert periods_of(RIGID, [Record({"q_m": noise[0], "F": noise[1]}, FS)], None) == {}
+    assert periods_of(RIGID, [Record({"q_m": chirp, "F": np.ones(20000)}, FS)], None) == {}
+    # three of them are too few
+    assert periods_of(RIGID, [record_of(n=7500)], None) == {}
+    assert periods_of(RIGID, [record_of()], "none") == {}
+
+
+@pytest.mark.parametrize(
+    ("declared", "said"),
+    [
+        (1.0, "it repeats every 2.5 s"),
+        (-1.0, "longer than two samples"),
+        (20.0, "fewer than 4 periods"),
+        ({"walk": 2.5}, "has no record walk"),
+        ("some", "none"),
+        (float("nan"), "longer than two samples"),
+    ],
+)
+def test_a_wrong_declaration_is_named(declared: float | dict[str, float] | str, said: str) -> None:
+    with pytest.raises(DataError, match=said):
+        periods_of(RIGID, [record_of()], declared)
+
+
+def test_a_declared_period_is_taken() -> None:
+    assert periods_of(RIGID, [record_of()], PERIOD_S) == {"run": PERIOD_S}
+    assert periods_of(RIGID, [record_of()], {"run": 2.0 * PERIOD_S}) == {"run": 2.0 * PERIOD_S}
+
+
+def test_the_spread_over_periods_is_that_over_records() -> None:
+    values, spreads = [], []
+    for seed in range(30):
+        record = record_of(seed)
+        fit = METHODS["wls"].run(Job(RIGID, (record,), CHOICE))[1]
+        found = period_spread(fit, [record], CHOICE.decimation, {"run": PERIOD_S})
+        assert found is not None
+        assert 19 <= found.count <= 21
+        values.append(fit.solution.x)
+        spreads.append(np.diag(found.covariance))
+    empirical, said = np.std(values, axis=0), np.sqrt(np.mean(spreads, axis=0))
+    np.testing.assert_allclose(said, empirical, rtol=0.5)
+
+
+def test_the_spread_is_that_of_the_sums_over_each_period() -> None:
+    record = record_of(n=12500)
+    fit = METHODS["wls"].run(Job(RIGID, (record,), CHOICE))[1]
+    found = period_spread(fit, [record], CHOICE.decimation, {"run": PERIOD_S})
+    assert found is not None
+    (psi,) = influence(fit)
+    at_s = (fit.blocks[0].start + CHOICE.decimation[0] * np.arange(len(psi))) / FS
+    sums = np.array([psi[(at_s >= PERIOD_S * k) & (at_s < PERIOD_S * (k + 1))].sum(axis=0) for k in range(5)])
+    assert found.count == 5
+    np.testing.assert_allclose(found.covariance, 5.0 * np.cov(sums.T), rtol=1e-9)
+
+
+def test_a_drifting_friction_shows_over_periods_and_widens_the_interval() -> None:
+    still = record_of()
+    drift = 2.0 * np.sin(np.arange(50000) / FS)  # N, changes from period to period
+    moved = Record({"q_m": still.signals["q_m"], "F": still.signals["F"] + drift}, FS, "run")
+    for record, drifts in ((still, False), (moved, True)):
+        fit = METHODS["wls"].run(Job(RIGID, (record,), CHOICE))[1]
+        # noise of the fit without its slow part: as if only what a period shows were known
+        noise = hac_covariance(METHODS["wls"].run(Job(RIGID, (still,), CHOICE))[1])
+        found = period_spread(fit, [record], CHOICE.decimation, {"run": PERIOD_S})
+        assert found is not None
+        assert bool(np.any(spread_beyond_noise(found, noise))) is drifts
+        assert bool(period_advice(found, noise, fit.columns)) is drifts
+
+
+def test_records_without_a_period_have_no_spread() -> None:
+    record = record_of()
+    fit = METHODS["wls"].run(Job(RIGID, (record,), CHOICE))[1]
+    assert period_spread(fit, [record], CHOICE.decimation, {}) is None
+    assert period_spread(fit, [record], CHOICE.decimation, {"run": 40.0}) is None
+
+
+def test_the_estimate_carries_the_third_covariance() -> None:
+    estimate = identify(RIGID, record_of(), cutoff_hz=40.0, direction_cutoff_hz=10.0)
+    periods = estimate.checks.periods
+    assert periods is not None
+    assert periods.period_s == (("run", pytest.approx(PERIOD_S)),)
+    np.testing.assert_allclose(np.sqrt(np.diag(estimate.cov_params("periods"))), periods.std)
+    for entry, spread in zip(estimate.parameters, periods.std, strict=True):
+        assert 0.2 < spread / entry.noise_std < 5.0
+        assert entry.value == pytest.approx(TRUTH[entry.name], abs=6.0 * entry.std)
+    assert re.search(r"eq\. \(11\) +periods$", estimate.summary(), re.MULTILINE)
+    assert estimate.to_dict()["checks"]["periods"]["count"] == periods.count
+    assert identify(RIGID, record_of(), period_s="none").checks.periods is None
+
+
+def test_the_bench_has_twenty_periods_of_a_second(shared_data: Path) -> None:
+    model, record = bench(shared_data)
+    assert periods_of(model, [record], None) == {"bench": 1.0}
+
+
+def test_the_emps_record_holds_too_few_periods(shared_data: Path) -> None:
+    model, record = emps(shared_data)
+    assert periods_of(model, [record], None) == {}

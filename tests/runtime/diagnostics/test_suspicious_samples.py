@@ -1,0 +1,328 @@
+"""Warnings about samples: every fault is named with channel and samples, and a good record has none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from generated import emps300_qm_ac, emps300_qm_qc, emps_rigid_qm, three_mass_va_vb_vc, two_mass_bench_qm_qc
+from generated import tree_positions as tree
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.stuck_readings import equal_runs
+from modelgen.runtime.diagnostics.suspicious_samples import suspicions
+from modelgen.runtime.diagnostics.unit_errors import low_frequency_ratio, unlike_nominal
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.simulate import simulate
+
+FloatArray = npt.NDArray[np.float64]
+Fault = Callable[[FloatArray], FloatArray]
+
+RIGID, BENCH = model_from_module(emps_rigid_qm), model_from_module(two_mass_bench_qm_qc)
+QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
+VELOCITIES, TREE = model_from_module(three_mass_va_vb_vc), model_from_module(tree)
+NOISE = {"q_m": 2e-5, "q_c": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
+
+
+def simulated(model: Model, kind: str, noise: bool = False, **options: Any) -> Record:
+    values = next(iter(model.parameter_sets.values()))
+    levels = {key: std for key, std in NOISE.items() if noise and key in model.channels}
+    return simulate(model, values, kind, fs=5000.0, duration_s=2.0, noise=levels, **options).record
+
+
+@pytest.fixture(scope="module")
+def trapezoid() -> Record:
+    return simulated(AC, "trapezoid", noise=True)
+
+
+@pytest.fixture(scope="module")
+def chirp() -> Record:
+    return simulated(AC, "chirp", noise=True)
+
+
+def faulty(record: Record, key: str, fault: Fault) -> Record:
+    signals = {name: samples.copy() for name, samples in record.signals.items()}
+    signals[key] = fault(signals[key])
+    return Record(signals, record.fs, record.name)
+
+
+def held(first: int, count: int) -> Fault:
+    def fault(samples: FloatArray) -> FloatArray:
+        samples[first : first + count] = samples[first]
+        return samples
+
+    return fault
+
+
+def cut_off(first: int, count: int) -> Fault:
+    def fault(samples: FloatArray) -> FloatArray:
+        samples[first : first + count] = 0.0
+        return samples
+
+    return fault
+
+
+def clipped(low: float, high: float) -> Fault:
+    """Clip at shares of the range, 0 its least and 1 its largest reading."""
+
+    def fault(samples: FloatArray) -> FloatArray:
+        least, span = samples.min(), np.ptp(samples)
+        return np.clip(samples, least + low * span, least + high * span)
+
+    return fault
+
+
+def only(model: Model, record: Record) -> Advice:
+    (found,) = suspicions(model, [record])
+    return found
+
+
+# Good records -------------------------------------------------------------------------------------
+
+
+def test_measured_records_are_not_suspected(emps: Record, bench: Record) -> None:
+    assert suspicions(RIGID, [emps]) == ()
+    assert suspicions(BENCH, [bench]) == ()
+
+
+@pytest.mark.parametrize("noise", [False, True])
+@pytest.mark.parametrize("kind", ["chirp", "trapezoid"])
+@pytest.mark.parametrize("model", [QC, AC], ids=["qm_qc", "qm_ac"])
+def test_true_stick_slip_is_not_suspected(model: Model, kind: str, noise: bool) -> None:
+    record = simulated(model, kind, noise)
+    if not noise and kind == "trapezoid":  # the case that this is about: the axis stands during the dwells
+        assert equal_runs(record.signals["q_m"]).lengths.max() > 50
+    assert suspicions(model, [record]) == ()
+
+
+@pytest.mark.parametrize("kind", ["chirp", "trapezoid"])
+def test_encoders_of_usual_resolution_are_not_suspected(kind: str) -> None:
+    step = 2.0 * np.pi / 20_000
+    assert suspicions(QC, [simulated(QC, kind, resolution={"q_m": step, "q_c": step})]) == ()
+
+
+def test_an_actuator_that_rests_beside_another_is_not_suspected() -> None:
+    record = simulated(TREE, "chirp")
+    assert np.ptp(record.signals["Gamma_b"]) == 0.0
+    assert suspicions(TREE, [record]) == ()
+
+
+def test_a_square_wave_and_a_ramp_with_plateaus_are_commands_not_clipped() -> None:
+    t = np.arange(4000) / 1000.0
+    position = np.sin(2.0 * np.pi * t)
+    square = np.where(np.sin(2.0 * np.pi * 1.5 * t) >= 0.0, 20.0, -20.0)
+    assert suspicions(RIGID, [Record({"q_m": position, "F": square}, 1000.0)]) == ()
+    ramp = np.clip(80.0 * np.abs((t % 1.0) - 0.5) - 20.0, -10.0, 10.0)
+    assert suspicions(RIGID, [Record({"q_m": position, "F": ramp}, 1000.0)]) == ()
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5, 10])
+def test_records_of_a_few_samples_are_examined(n: int) -> None:
+    samples = np.arange(float(n)) ** 2
+    assert suspicions(RIGID, [Record({"q_m": samples, "F": samples}, 1000.0)])[1:] == ()
+
+
+# Faults -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("key", ["q_m", "a_c", "Gamma_m"])
+def test_a_stuck_sensor_is_named_with_its_samples(chirp: Record, key: str) -> None:
+    found = only(AC, faulty(chirp, key, held(6000, 300)))
+    assert (found.kind, found.where) == ("stuck", f"chirp, channel {key}, samples 6000 to 6299")
+    assert "stays at one reading" in found.what
+    assert found.remedy == "check its cable, or cut the record there"
+
+
+@pytest.mark.parametrize("key", ["q_m", "a_c", "Gamma_m"])
+def test_a_cable_that_comes_off_is_a_stuck_sensor(chirp: Record, key: str) -> None:
+    found = only(AC, faulty(chirp, key, cut_off(6000, 100)))
+    assert (found.kind, found.where) == ("stuck", f"chirp, channel {key}, samples 6000 to 6099")
+    assert "one reading (0)" in found.what
+
+
+def test_a_sensor_without_noise_that_sticks_is_named() -> None:
+    record = simulated(QC, "trapezoid")
+    found = only(QC, faulty(record, "q_c", held(1500, 200)))
+    assert (found.kind, found.where) == ("stuck", "trapezoid, channel q_c, samples 1500 to 1699")
+    speeds = simulated(VELOCITIES, "chirp")
+    found = only(VELOCITIES, faulty(speeds, "v_b", cut_off(5000, 60)))
+    assert (found.kind, found.where) == ("stuck", "chirp, channel v_b, samples 5000 to 5059")
+
+
+def test_a_position_that_stops_at_full_speed_until_the_end_is_stuck(emps: Record) -> None:
+    found = only(RIGID, faulty(emps, "q_m", held(16_000, 10_000)))
+    assert (found.kind, found.where) == ("stuck", "emps, channel q_m, samples 16000 to 24840")
+
+
+@pytest.mark.parametrize("key", ["q_m", "i"])
+def test_a_measured_channel_that_sticks_is_named(bench: Record, key: str) -> None:
+    found = only(BENCH, faulty(bench, key, held(25_137, 200)))
+    assert (found.kind, found.where) == ("stuck", f"bench, channel {key}, samples 25137 to 25336")
+
+
+@pytest.mark.parametrize(("key", "noise"), [("a_c", True), ("a_c", False), ("Gamma_m", False)])
+def test_clipped_readings_are_counted_at_both_ends(key: str, noise: bool) -> None:
+    record = faulty(simulated(AC, "chirp", noise), key, clipped(0.1, 0.8))
+    largest, smallest = suspicions(AC, [record])
+    samples = record.signals[key]
+    assert (largest.kind, smallest.kind) == ("clipped", "clipped")
+    assert largest.where.startswith(f"chirp, channel {key}, samples ")
+    assert "more stretches" in largest.where
+    at_limit = np.sum(samples == samples.max())
+    told = int(largest.what.split(" for ")[1].split(" ")[0])
+    assert 0.9 * at_limit < told <= at_limit
+    assert f"largest reading {samples.max():.6g}" in largest.what
+    assert f"smallest reading {samples.min():.6g}" in smallest.what
+
+
+def test_a_clipped_position_is_named(emps: Record) -> None:
+    found = only(RIGID, faulty(emps, "q_m", clipped(0.0, 0.9)))
+    assert (found.kind, found.what.split(" for ")[0]) == ("clipped", "stands at its largest reading 0.221738")
+
+
+def test_a_coarse_sensor_is_told_its_resolution(emps: Record) -> None:
+    step = np.ptp(emps.signals["q_m"]) / 40.0
+    found = only(RIGID, faulty(emps, "q_m", lambda samples: np.round(samples / step) * step))
+    assert (found.kind, found.where) == ("coarse", "emps, channel q_m, samples 0 to 24840")
+    assert found.what == "spans 40 steps of its resolution 0.00616 m only"
+
+
+@pytest.mark.parametrize(("lost", "channels"), [(1, "q_m and q_c"), (50, "q_m and q_c")])
+def test_a_clock_that_jumps_shows_in_all_positions(lost: int, channels: str) -> None:
+    record = simulated(QC, "chirp", noise=True)
+    signals = {key: np.delete(samples, slice(5000, 5000 + lost)) for key, samples in record.signals.items()}
+    found = only(QC, Record(signals, record.fs, "run1"))
+    assert (found.kind, found.where[: len("run1, channel q_m and q_c, samples 4998")]) == (
+        "leap",
+        "run1, channel q_m and q_c, samples 4998",
+    )
+    assert "the clock jumped" in found.what
+
+
+def test_a_wrong_reading_leaps_alone(bench: Record) -> None:
+    record = bench
+    for place in (8000, 16_000, 24_000, 32_000, 40_000):
+        record = faulty(
+            record,
+            "q_c",
+            lambda samples, place=place: np.where(np.arange(samples.size) == place, 0.0, samples),
+        )
+    *first, rest = suspicions(BENCH, [record])
+    assert [advice.where for advice in first] == [
+        f"bench, channel q_c, samples {place - 2} to {place + 2}" for place in (8000, 16_000, 24_000)
+    ]
+    assert {advice.what for advice in first} == {
+        "leaps within a sample: samples are missing there, or a reading is wrong"
+    }
+    assert (rest.where, rest.what) == ("bench, samples 31998 to 40002", "holds 2 more leaps")
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+@pytest.mark.parametrize("kind", ["chirp", "trapezoid"])
+@pytest.mark.parametrize("model", [QC, AC], ids=["qm_qc", "qm_ac"])
+def test_millimetres_beside_metres_are_told(model: Model, kind: str, factor: float) -> None:
+    key = model.sensors[1].key
+    record = faulty(simulated(model, kind), key, lambda samples: factor * samples)
+    found = only(model, record)
+    assert (found.kind, found.where) == ("unit", f"{kind}, channel {key}, samples 0 to {record.n - 1}")
+    assert "what q_m says at low frequencies: one of them has another unit" in found.what
+    ratio = low_frequency_ratio(record, *model.sensors)
+    assert ratio is not None
+    assert 0.5 < ratio / factor < 2.0
+
+
+def test_gears_are_allowed_for() -> None:
+    record = simulated(TREE, "chirp")
+    motor, load = (next(s for s in TREE.sensors if s.body == body) for body in ("m", "b"))
+    ratio = low_frequency_ratio(record, motor, load)
+    assert ratio is not None
+    assert ratio == pytest.approx(0.05, rel=0.2)  # the gear's
+
+
+def test_sensors_that_do_not_move_together_are_not_compared() -> None:
+    random = np.random.default_rng(3)
+    signals = {"q_m": random.normal(size=4000), "q_c": 1e4 * random.normal(size=4000)}
+    record = Record({**signals, "i": random.normal(size=4000)}, 1000.0)
+    assert low_frequency_ratio(record, *BENCH.sensors) is None
+
+
+def test_a_stroke_of_hundreds_of_metres_is_in_millimetres(emps: Record) -> None:
+    found = only(RIGID, faulty(emps, "q_m", lambda samples: 1000.0 * samples))
+    assert (found.kind, found.what) == ("unit", "spans 246.4 m, more than machines do (100 m)")
+
+
+def test_numbers_that_nothing_reads_are_told_and_left_out(emps: Record) -> None:
+    record = faulty(emps, "q_m", lambda samples: np.where(np.arange(samples.size) == 7, 1e200, samples))
+    found = only(RIGID, record)
+    assert (found.kind, found.where) == ("unit", "emps, channel q_m, samples 0 to 24840")
+    assert found.what == "reads up to 1e+200 m, which nothing does"
+
+
+# In the result ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("key", "factor"), [("F", 1e3), ("F", 1e-3), ("q_m", 1e-3)])
+def test_an_estimate_far_from_every_parameter_set_is_told(emps: Record, key: str, factor: float) -> None:
+    estimate = identify(RIGID, faulty(emps, key, lambda samples: factor * samples), drift_check=False)
+    (found,) = unlike_nominal(RIGID, estimate.physical, estimate.records)
+    assert found in estimate.checks.advice
+    assert found.kind == "unit"
+    assert "what the spec's parameter sets say (published_2019)" in found.what
+
+
+def test_values_near_a_parameter_set_or_unlike_each_other_are_not_told() -> None:
+    table = dict(AC.parameter_sets["table_1"])
+    assert unlike_nominal(AC, table, ["a"]) == ()
+    assert unlike_nominal(AC, {name: 150.0 * value for name, value in table.items()}, ["a"]) == ()
+    assert unlike_nominal(AC, {**table, "K": 1e4 * table["K"]}, ["a"]) == ()
+    (found,) = unlike_nominal(AC, {name: 1000.0 * value for name, value in table.items()}, ["a", "b"])
+    assert found.where == "a, b, channels q_m, a_c, Gamma_m"
+
+
+def test_suspicions_stand_in_summary_and_json(emps: Record) -> None:
+    estimate = identify(RIGID, faulty(emps, "q_m", held(8000, 300)), drift_check=False)
+    sentence = estimate.checks.advice[0].sentence
+    assert sentence.startswith("stuck: emps, channel q_m, samples 8000 to 8299 stays at one reading")
+    assert sentence.split(";")[0] in " ".join(estimate.summary().split())
+    assert estimate.to_dict()["checks"]["advice"][0]["where"] == "emps, channel q_m, samples 8000 to 8299"
+
+
+def test_a_constant_sensor_is_named_in_the_error(emps: Record) -> None:
+    with pytest.raises(DataError) as caught:
+        identify(RIGID, faulty(emps, "q_m", lambda samples: np.full(samples.size, 0.1)))
+    assert "no sensor of a body moves" in str(caught.value)
+    assert "emps, channel q_m, samples 0 to 24840: reads 0.1 in every sample" in str(caught.value)
+
+
+def test_a_constant_force_is_named_in_the_result(emps: Record) -> None:
+    estimate = identify(RIGID, faulty(emps, "F", lambda samples: np.full(samples.size, 0.25)))
+    found = estimate.checks.advice[0]
+    assert (found.kind, found.where) == ("constant", "emps, channel F, samples 0 to 24840")
+    assert found.what == "reads 0.25 in every sample"
+
+
+def test_what_is_suspicious_is_told_where_nothing_is_identifiable() -> None:
+    t = np.arange(4000) / 1000.0
+    record = Record({"q_m": np.sin(t), "F": np.zeros(4000)}, 1000.0, "dead")
+    with pytest.raises(IdentifiabilityError) as caught:
+        identify(RIGID, record, cutoff_hz=50.0)
+    assert "dead, channel F, samples 0 to 3999: reads 0 in every sample" in str(caught.value)
+
+
+def test_an_option_out_of_range_is_not_blamed_on_the_data(emps: Record) -> None:
+    record = faulty(emps, "q_m", held(8000, 300))
+    with pytest.raises(DataError) as caught:
+        identify(RIGID, record, cutoff_hz=900.0)
+    assert [problem.where for problem in caught.value.problems] == ["cutoff_hz"]
+
+
+def test_the_record_is_left_as_it_was(chirp: Record) -> None:
+    before = {key: samples.copy() for key, samples in chirp.signals.items()}
+    suspicions(AC, [chirp])
+    assert all(np.array_equal(before[key], chirp.signals[key]) for key in before)

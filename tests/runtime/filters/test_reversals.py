@@ -1,0 +1,49 @@
+from __future__ import annotations
+
+import numpy as np
+
+from modelgen.runtime.filters.reversals import reversals, standstill_threshold, standstills, widen
+
+
+def velocity_with_a_rest() -> np.ndarray:
+    """Forward 1 for 100 samples, at rest for 40, backward for 100, a touch of zero, backward again."""
+    return np.concatenate([np.ones(100), np.zeros(40), -np.ones(100), [0.0], -np.ones(60)])
+
+
+def test_standstills_are_rests_of_a_certain_length() -> None:
+    velocity = velocity_with_a_rest()
+    assert np.flatnonzero(standstills(velocity, 20)).tolist() == list(range(100, 140))
+    assert not standstills(velocity, 41).any()
+    assert np.flatnonzero(standstills(velocity, 1)).tolist() == [*range(100, 140), 240]
+
+
+def test_the_threshold_follows_the_speed_of_the_record() -> None:
+    velocity = velocity_with_a_rest()
+    assert standstill_threshold(velocity) == 0.005
+    velocity[110:120] = 0.004
+    assert standstills(velocity, 20)[100:140].all()
+    velocity[110:120] = 0.006
+    assert not standstills(velocity, 21).any()
+
+
+def test_a_record_at_rest_stands_still_throughout() -> None:
+    assert standstills(np.zeros(50), 10).all()
+
+
+def test_reversals_are_sign_changes_and_rests() -> None:
+    wave = np.cos(np.pi * (np.arange(40) + 0.5) / 10.0)
+    assert np.flatnonzero(reversals(wave)).tolist() == [4, 5, 14, 15, 24, 25, 34, 35]
+    marked = reversals(velocity_with_a_rest())
+    assert np.flatnonzero(marked).tolist() == [*range(99, 141), 239, 240, 241]
+
+
+def test_motion_in_one_direction_has_no_reversal() -> None:
+    assert not reversals(2.0 + np.sin(np.arange(100.0))).any()
+
+
+def test_widen_marks_the_neighbours_and_stops_at_the_ends() -> None:
+    marked = np.zeros(20, dtype=bool)
+    marked[[1, 10]] = True
+    assert np.flatnonzero(widen(marked, 3)).tolist() == [0, 1, 2, 3, 4, 7, 8, 9, 10, 11, 12, 13]
+    np.testing.assert_array_equal(widen(marked, 0), marked)
+    assert not widen(np.zeros(5, dtype=bool), 2).any()

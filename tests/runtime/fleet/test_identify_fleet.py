@@ -1,0 +1,311 @@
+"""Fleets on a local cluster: the estimates of one record after the other, and what a lost record costs."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from multiprocessing import active_children
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from generated import emps300_qm_qc
+from modelgen.errors import DataError
+from modelgen.runtime.files.npy_channels import NpyChannels, open_npy
+from modelgen.runtime.fleet.dask_cluster import GivenUpError, Watch, fleet_client
+from modelgen.runtime.fleet.identify_fleet import FleetRecord, identify_fleet
+from modelgen.runtime.identification.identify_stream import StreamEstimate, identify_stream
+from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.simulation.simulate import simulate
+
+MODEL = model_from_module(emps300_qm_qc)
+TEXT = Path(str(emps300_qm_qc.__file__)).read_text()
+NOISE = {"q_m": 2e-5, "q_c": 2e-5, "Gamma_m": 1e-4}
+SETTINGS: dict[str, Any] = {"cutoff_hz": 300.0, "filter_order": 4, "decimation": 6}
+
+
+@dataclass(frozen=True, eq=False)
+class Deadly(NpyChannels):
+    """A record that takes its worker with it."""
+
+    def read(self, channel: str, start: int, stop: int) -> np.ndarray:
+        os._exit(1)
+
+
+@dataclass(frozen=True, eq=False)
+class Hungry(NpyChannels):
+    """A record for which memory does not suffice."""
+
+    def read(self, channel: str, start: int, stop: int) -> np.ndarray:
+        return np.empty(1 << 50)
+
+
+@dataclass(frozen=True, eq=False)
+class Asleep(NpyChannels):
+    """A record on a disk that does not answer."""
+
+    def read(self, channel: str, start: int, stop: int) -> np.ndarray:
+        time.sleep(3600.0)
+        raise OSError
+
+
+@dataclass(frozen=True, eq=False)
+class DeadlyOnce(NpyChannels):
+    """A record whose first reader dies: a machine that is switched off, say."""
+
+    def read(self, channel: str, start: int, stop: int) -> np.ndarray:
+        marker = self.columns[channel].path.parent / "read"
+        if not marker.exists():
+            marker.touch()
+            os._exit(1)
+        return super().read(channel, start, stop)
+
+
+# distributed leaves sockets and loops to the garbage collector
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning"),
+]
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Any]:
+    pytest.importorskip("distributed")
+    with fleet_client(workers=2) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> list[NpyChannels]:
+    found = []
+    for seed, kind in enumerate(("chirp", "trapezoid", "chirp")):
+        folder = tmp_path_factory.mktemp(f"run{seed}")
+        truth = MODEL.parameter_sets["table_2"]
+        record = simulate(MODEL, truth, kind, duration_s=2.0, noise=NOISE, oversample=8, seed=seed).record
+        for channel, samples in record.signals.items():
+            np.save(folder / f"{channel}.npy", samples)
+        paths = {channel: folder / f"{channel}.npy" for channel in record.signals}
+        found.append(open_npy(paths, record.fs, name=f"run {seed}"))
+    return found
+
+
+def same_to_rounding(got: StreamEstimate, expected: StreamEstimate) -> None:
+    assert got.nobs == expected.nobs
+    assert list(got.params) == list(expected.params)
+    for name, value in expected.params.items():
+        assert abs(got.params[name] - value) < 1e-9 * expected.bse[name]
+        assert got.bse[name] == pytest.approx(expected.bse[name], rel=1e-8)
+
+
+def fleet_of(sources: list[NpyChannels]) -> list[FleetRecord]:
+    return [FleetRecord("a", sources[0]), FleetRecord("b", sources[1]), FleetRecord("a", sources[2])]
+
+
+def test_a_fleet_gives_each_machine_what_it_would_get_alone(client: Any, sources: list[NpyChannels]) -> None:
+    said: list[str] = []
+    found = identify_fleet(
+        client, TEXT, fleet_of(sources), task_samples=3000, progress=said.append, **SETTINGS
+    )
+    assert (found.failed, found.refused, found.refused_records, found.lost) == ({}, {}, {}, {})
+    assert said == ["filtering the records", "finding covariances"]
+    assert list(found.machines) == ["a", "b"]
+    assert list(found.records) == ["run 0", "run 1", "run 2"]
+    settings = {**SETTINGS, "direction_cutoff_hz": 300.0, "drift_check": False}
+    for got, members in (
+        (found.machines["a"], [sources[0], sources[2]]),
+        (found.machines["b"], [sources[1]]),
+        (found.records["run 2"], [sources[2]]),
+        (found.pooled, sources),
+    ):
+        alone = identify_stream(MODEL, members, **settings)
+        assert got.nobs == alone.nobs
+        for name, value in alone.params.items():
+            assert abs(got.params[name] - value) < 1e-9 * alone.bse[name]
+            assert got.bse[name] == pytest.approx(alone.bse[name], rel=1e-8)
+        assert got.covariance is not None
+        known = [list(got.params).index(name) for name in alone.params]
+        np.testing.assert_allclose(
+            got.covariance[np.ix_(known, known)],
+            alone.covariance,
+            rtol=1e-6,
+            atol=1e-8 * alone.covariance.max(),
+        )
+
+
+def test_neither_tasks_nor_workers_change_an_estimate(client: Any, sources: list[NpyChannels]) -> None:
+    fleet = fleet_of(sources)
+    expected = identify_fleet(client, TEXT, fleet, **SETTINGS)
+    with fleet_client(workers=1) as one:
+        for other, task_samples in ((one, 1 << 20), (one, 4000), (client, 1700)):
+            found = identify_fleet(other, TEXT, fleet, task_samples=task_samples, **SETTINGS)
+            same_to_rounding(found.pooled, expected.pooled)
+            for name, estimate in expected.machines.items():
+                same_to_rounding(found.machines[name], estimate)
+            for name, estimate in expected.records.items():
+                same_to_rounding(found.records[name], estimate)
+
+
+def test_workers_use_one_thread_and_keep_their_memory(client: Any) -> None:
+    found = client.submit(_environment, pure=False).result(timeout=60.0)
+    assert found["OPENBLAS_NUM_THREADS"] == "1"
+    # dask's own setting gives memory back above 64 kB
+    wanted = {"MALLOC_TRIM_THRESHOLD_": "268435456", "MALLOC_MMAP_THRESHOLD_": "33554432"}
+    assert {name: found[name] for name in wanted} == {n: os.environ.get(n, v) for n, v in wanted.items()}
+
+
+def test_a_scheduler_that_runs_is_used(sources: list[NpyChannels]) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        with fleet_client(cluster.scheduler_address) as client:
+            found = identify_fleet(client, TEXT, [FleetRecord("a", sources[0])], **SETTINGS)
+        assert cluster.scheduler_address.startswith("tcp://127.0.0.1")
+        assert len(cluster.scheduler.workers) == 1  # it goes on without us
+    assert list(found.machines) == ["a"]
+
+
+def test_a_scheduler_that_does_not_answer_is_named() -> None:
+    pytest.importorskip("distributed")
+    with (
+        pytest.raises(DataError, match=r"--scheduler tcp://127.0.0.1:9: does not answer"),
+        fleet_client("tcp://127.0.0.1:9", timeout_s=0.5),
+    ):
+        pass
+
+
+def test_a_corrupt_file_costs_its_record_only(
+    client: Any, sources: list[NpyChannels], tmp_path: Path
+) -> None:
+    paths = {channel: column.path for channel, column in sources[0].columns.items()}
+    broken = tmp_path / "q_c.npy"
+    broken.write_bytes(Path(paths["q_c"]).read_bytes())
+    corrupt = open_npy({**paths, "q_c": broken}, sources[0].fs, name="corrupt")
+    broken.write_bytes(b"nothing")
+    fleet = [FleetRecord("a", sources[0]), FleetRecord("a", corrupt), FleetRecord("c", sources[2])]
+    found = identify_fleet(client, TEXT, fleet, **SETTINGS)
+    assert list(found.failed) == ["corrupt"]
+    assert "q_c.npy: is no readable .npy file" in found.failed["corrupt"]
+    same_to_rounding(found.machines["a"], found.records["run 0"])
+    assert list(found.machines) == ["a", "c"]
+
+
+@pytest.mark.parametrize(("kind", "reason"), [(Deadly, "KilledWorker"), (Hungry, "MemoryError")])
+def test_a_record_that_no_worker_survives_is_named(
+    client: Any, sources: list[NpyChannels], kind: type[NpyChannels], reason: str
+) -> None:
+    bad = kind(sources[0].columns, sources[0].fs, "bad", sources[0].n)
+    fleet = [FleetRecord("a", bad), FleetRecord("b", sources[1]), FleetRecord("c", sources[2])]
+    found = identify_fleet(client, TEXT, fleet, **SETTINGS)
+    assert list(found.failed) == ["bad"]
+    assert f"was lost ({reason}" in found.failed["bad"]
+    assert list(found.machines) == ["b", "c"]
+
+
+def test_a_worker_that_dies_costs_nothing_where_another_can_do_its_work(
+    client: Any, sources: list[NpyChannels]
+) -> None:
+    once = DeadlyOnce(sources[0].columns, sources[0].fs, "once", sources[0].n)
+    found = identify_fleet(client, TEXT, [FleetRecord("a", once), FleetRecord("a", sources[1])], **SETTINGS)
+    assert (once.columns["q_m"].path.parent / "read").exists()
+    assert (found.failed, found.lost) == ({}, {})
+    alone = identify_fleet(client, TEXT, [FleetRecord("a", sources[0])], **SETTINGS)
+    same_to_rounding(found.records["once"], alone.records["run 0"])
+
+
+def test_a_record_that_is_lost_before_its_covariance_leaves_the_estimate(
+    client: Any, sources: list[NpyChannels], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("modelgen.runtime.fleet.identify_fleet.moments_of", _no_moments)
+    found = identify_fleet(client, TEXT, [FleetRecord("a", sources[0])], **SETTINGS)
+    assert "was lost (ZeroDivisionError" in found.lost["run 0"]
+    assert found.machines["a"].covariance is None
+    assert found.machines["a"].bse == found.machines["a"].printed_bse
+
+
+def test_a_fleet_without_workers_gives_up(
+    sources: list[NpyChannels], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr("modelgen.runtime.fleet.dask_cluster.PATIENCE_S", 0.6)
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as cluster,
+        fleet_client(cluster.scheduler_address) as client,
+        pytest.raises(DataError, match=r"scheduler: has had no worker for 0.6 s"),
+    ):
+        identify_fleet(client, TEXT, [FleetRecord("a", sources[0])], **SETTINGS)
+
+
+def test_workers_that_do_nothing_are_given_up_and_none_of_them_stays(
+    sources: list[NpyChannels], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    psutil = pytest.importorskip("psutil")  # comes with distributed
+    monkeypatch.setattr("modelgen.runtime.fleet.dask_cluster.PATIENCE_S", 3.0)
+    monkeypatch.setattr("modelgen.runtime.fleet.dask_cluster.STALLED_S", 4.0)
+    monkeypatch.setattr("modelgen.runtime.fleet.dask_cluster.CLOSING_S", 1.0)
+    asleep = Asleep(sources[0].columns, sources[0].fs, "asleep", sources[0].n)
+    before = active_children()
+    with (
+        fleet_client(workers=1) as client,
+        pytest.raises(DataError, match=r"scheduler: 1 worker\(s\) have finished nothing"),
+    ):
+        identify_fleet(client, TEXT, [FleetRecord("a", asleep)], **SETTINGS)
+    # asked of the system: dask's own thread may have waited for the process first, so that this one cannot
+    left = {process.pid for process in active_children() if process not in before}
+    _, alive = psutil.wait_procs([one for one in psutil.Process().children() if one.pid in left], 10.0)
+    assert not alive
+
+
+def test_workers_that_compute_are_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Client:
+        def __init__(self, *metrics: dict[str, Any]) -> None:
+            self.workers = {str(i): {"metrics": one} for i, one in enumerate(metrics)}
+
+        def scheduler_info(self, n_workers: int) -> dict[str, Any]:
+            assert n_workers == -1  # all of them
+            return {"workers": self.workers}
+
+    idle, busy = ({"cpu": cpu, "task_counts": {"executing": 1}} for cpu in (2.0, 97.0))
+    monkeypatch.setattr("modelgen.runtime.fleet.dask_cluster.STALLED_S", 120.0)
+    watch = Watch([])
+    for _ in range(3):
+        for _ in range(12):
+            watch.look(Client(idle))
+        watch.look(Client(idle, busy))
+        watch.look(Client({**idle, "task_counts": {"executing": 1, "memory": 1}}))
+    with pytest.raises(GivenUpError, match="for 120 s"):
+        for _ in range(13):
+            watch.look(Client(idle))
+
+
+def test_workers_that_do_not_start_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed")
+
+    def broken(**_: Any) -> None:
+        raise RuntimeError("Cluster failed to start: no memory")
+
+    monkeypatch.setattr(distributed, "LocalCluster", broken)
+    with (
+        pytest.raises(DataError, match=r"workers: do not start \(RuntimeError: Cluster failed to start"),
+        fleet_client(workers=1),
+    ):
+        pass
+
+
+def _environment() -> dict[str, str]:
+    return dict(os.environ)
+
+
+def _no_moments(*_: Any) -> None:
+    raise ZeroDivisionError
+
+
+def test_names_must_differ_and_a_scheduler_must_answer(sources: list[NpyChannels]) -> None:
+    with pytest.raises(DataError, match="names two records"):
+        identify_fleet(None, TEXT, [FleetRecord("a", sources[0])] * 2, **SETTINGS)

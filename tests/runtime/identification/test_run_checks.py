@@ -1,0 +1,191 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from generated import emps300_qm_qc
+from modelgen.errors import DataError
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.run_checks import late_refusals
+from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.parameters.pruning import prune
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.identification.test_assemble_estimate import TRUTH, observation
+from tests.runtime.measured_records import bench, emps
+from tests.runtime.rigid_motion import ONE_WAY, RIGID, SETTINGS, kinds, rigid_record, swings
+
+TWO_MASS = model_from_module(emps300_qm_qc)
+VIBRATION = swings((0.1, 1.3), (0.05, 3.1))
+
+
+def simulated(noise: bool = True) -> list[Record]:
+    truth = TWO_MASS.parameter_sets["table_1"]
+    levels = {"q_m": 2e-5, "q_c": 2e-5, "Gamma_m": 1e-4} if noise else {}
+    return [
+        simulate(TWO_MASS, truth, kind, fs=5000.0, duration_s=4.0, oversample=n, noise=levels).record
+        for kind, n in (("chirp", 32), ("trapezoid", 8))
+    ]
+
+
+def test_a_trapezoid_alone_leaves_combinations_and_says_which() -> None:
+    chirp, trapezoid = simulated()
+    alone = identify(TWO_MASS, trapezoid)
+    for name in ("J_c", "F_vmc", "K"):
+        assert name not in alone.params
+        assert "condition index" in alone.not_identifiable[name]
+    (advice,) = [one for one in alone.checks.advice if one.kind == "dependent columns"]
+    # the sum of the inertias is known, and that is said with its number
+    truth = TWO_MASS.parameter_sets["table_1"]
+    total = truth["J_m"] + truth["J_c"]
+    assert "J_m, J_c, F_vmc and K move together" in advice.where
+    assert "J_m + J_c = " in advice.where
+    said = float(advice.where.split("J_m + J_c = ")[1].split()[0])
+    assert said == pytest.approx(total, rel=0.02)
+    # with the chirp beside it nothing is missing, and nothing is said
+    both = identify(TWO_MASS, [chirp, trapezoid])
+    assert set(both.params) == set(TWO_MASS.base_parameters)
+    assert kinds(both) == []
+
+
+def test_what_only_the_drift_leaves_without_a_value_is_refused_late() -> None:
+    rows = observation()
+    W = rows.blocks[0].W.copy()
+    W[:, 4] = 0.3 * W[:, 3] + 0.01 * W[:, 4]
+    fit = fit_matched(replace(rows, blocks=(replace(rows.blocks[0], W=W, Y=W @ TRUTH),)))
+    nothing = np.zeros((6, 6))
+    assert late_refusals(fit, {}, nothing, ()) == {}
+    # J_c and F_vmc drift along what is not seen of them
+    unseen = np.array([0.0, 0.0, 0.0, -0.3, 1.0, 0.0])
+    drift = 100.0 * np.outer(unseen, unseen)
+    late = late_refusals(fit, {}, drift, ())
+    assert set(late) == {"J_c", "F_vmc"}
+    assert "cannot be told from F_vmc" in late["J_c"]
+    assert set(late_refusals(fit, {}, drift, ("J_c",))) == {"F_vmc"}
+    # the last parameters stay, whatever drifts
+    others = dict.fromkeys(("J_m", "F_vm", "F_sm", "K"), "for a reason")
+    assert late_refusals(fit, others, drift, ()) == others
+
+
+def test_a_doubtful_parameter_can_be_kept_but_not_what_is_impossible() -> None:
+    record = rigid_record(VIBRATION)
+    plain = identify(RIGID, record, **SETTINGS)
+    assert "no constant-velocity motion" in plain.not_identifiable["Fv"]
+    kept = identify(RIGID, record, keep=("Fv",), **SETTINGS)
+    assert "Fv" in kept.params
+    assert "Fc" in kept.not_identifiable
+    (advice,) = [one for one in kept.checks.advice if one.kind == "kept on request"]
+    assert advice.where == "Fv"
+    assert "no constant-velocity motion" in advice.what
+    assert kept.checks.kept == ("Fv",)
+    impossible = identify(RIGID, rigid_record(ONE_WAY[1.0]), keep=("Fc",), **SETTINGS)
+    assert "Fc" not in impossible.params
+    with pytest.raises(DataError, match=r"has no parameter Fx.*Fv"):
+        identify(RIGID, record, keep=("Fx",), **SETTINGS)
+
+
+def test_pruning_can_be_undone() -> None:
+    slow = rigid_record(swings((2e-2, 0.05), (1e-2, 0.11)), noise=1e-5, n=40000)
+    options = {"cutoff_hz": 10.0, "direction_cutoff_hz": 5.0}
+    pruned = identify(RIGID, slow, **options)
+    assert [step.removed for step in pruned.pruning.steps] == ["M"]
+    undone = identify(RIGID, slow, keep=("M",), **options)
+    assert "M" not in [step.removed for step in undone.pruning.steps]
+    assert "M" in [name for name, _, _ in undone.pruning.kept]
+    # the full estimate is the same in both
+    assert undone.params == pruned.params
+
+
+def test_a_kept_name_is_spared_even_where_it_is_the_worst() -> None:
+    def refit(names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, float]:
+        spreads = {"a": 50.0, "b": np.inf, "c": 20.0, "d": 1.0}
+        return np.ones(len(names)), np.array([spreads[name] for name in names]), 0.1
+
+    assert [step.removed for step in prune("abcd", refit, 10.0, "b").steps] == ["a", "c"]
+    assert prune("abcd", refit, 10.0, "abcd").steps == ()
+    assert [step.removed for step in prune("abcd", refit, 10.0).steps] == ["b", "a", "c"]
+
+
+@pytest.mark.parametrize("which", [emps, bench])
+def test_good_benches_raise_no_alarm_but_that_their_models_are_not_the_whole_truth(
+    shared_data: Path, which: Callable[[Path], tuple[Model, Record]]
+) -> None:
+    estimate = identify(*which(shared_data))
+    assert set(kinds(estimate)) == {"more than noise"}
+
+
+def test_where_cut_offs_of_the_bench_disagree_the_summary_says_that_its_model_lacks_something(
+    shared_data: Path,
+) -> None:
+    model, whole = bench(shared_data)
+    halves = [
+        Record({key: s[2500 * a : 2500 * b] for key, s in whole.signals.items()}, whole.fs, f"half {a}")
+        for a, b in ((1, 10), (10, 20))
+    ]
+    for hz in (120.0, 400.0):
+        first, second = (identify(model, half, cutoff_hz=hz) for half in halves)
+        for name in ("Jm", "Jc", "K"):
+            # what noise does is in the intervals, which stay below 10 %
+            assert first.conf_int()[name][0] < second.params[name] < first.conf_int()[name][1]
+            assert 1.96 * first.relative_std[name] < 10.0
+        # what the model lacks is the same in both halves, and named
+        assert "more than noise" in kinds(first)
+        assert "more than noise" in kinds(second)
+
+
+def test_published_settings_of_the_emps_bench_raise_no_alarm(shared_data: Path) -> None:
+    _, record = emps(shared_data)
+    options = {"cutoff_hz": 100.0, "filter_order": 4, "decimation": 10, "drop": 49}
+    assert identify(RIGID, record, "pham2002", **options).checks.advice == ()
+    (advice,) = identify(RIGID, record, "pham2002", cutoff_hz=20.0, decimation=10).checks.advice
+    assert advice.kind == "decimation band above the filter band"
+
+
+def everything() -> Estimate:
+    return identify(
+        RIGID,
+        [rigid_record(name="one"), rigid_record(name="two", seed=1)],
+        hold_out="two",
+        scan_cutoffs=[30.0],
+        robust="huber",
+        bounds="physical",
+        keep=("M",),
+        **SETTINGS,
+    )
+
+
+def test_everything_at_once_is_printed_and_written_alike_every_time() -> None:
+    first, second = everything(), everything()
+    assert first.to_json() == second.to_json()
+    checks = json.loads(first.to_json())["checks"]
+    assert set(checks) == {
+        "advice", "residuals", "signals", "periods", "held_out", "scan", "bounds", "kept"
+    }  # fmt: skip
+    text = first.summary()
+    titles = (
+        "Highest derivatives behind the filter",
+        "Residual tests:",
+        "Held-out records:",
+        "Physical bounds:",
+        "Scan of the filter:",
+    )
+    assert [title in text for title in titles] == [True] * 5
+    assert max(len(line) for line in text.splitlines()) < 140
+    # robust weights do not hide what the residual itself looks like
+    assert first.checks.residuals[0].is_noise
+
+
+def test_warnings_say_what_to_do() -> None:
+    estimate = identify(RIGID, rigid_record(ONE_WAY[1.0]), **SETTINGS)
+    warnings = " ".join(estimate.summary().split("Warnings:")[1].split())
+    assert "give one of them as known" in warnings
+    for advice in estimate.checks.advice:
+        assert advice.remedy
+        assert advice.sentence.startswith(advice.kind)

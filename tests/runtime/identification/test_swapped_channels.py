@@ -1,0 +1,108 @@
+"""Swapped and reversed channels: named from the records alone, and never suspected where they are right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+import pytest
+
+from generated import emps300_qm_ac, emps300_qm_qc, three_mass_qa_qb_qc, two_mass_bench_qm_qc
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.swapped_channels import swapped_channels
+from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.simulate import simulate
+
+QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
+THREE, BENCH = model_from_module(three_mass_qa_qb_qc), model_from_module(two_mass_bench_qm_qc)
+NOISE = {"q_m": 2e-5, "q_c": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
+
+
+@cache
+def experiments(sensors: str) -> tuple[Record, ...]:
+    model = {"qc": QC, "ac": AC, "three": THREE}[sensors]
+    noise = {key: std for key, std in NOISE.items() if key in model.channels}
+    values = next(iter(model.parameter_sets.values()))
+    return tuple(
+        simulate(model, values, kind, fs=5000.0, duration_s=4.0, noise=noise).record
+        for kind in ("chirp", "trapezoid")
+    )
+
+
+def swapped(records: Sequence[Record], one: str, other: str) -> tuple[Record, ...]:
+    return tuple(
+        Record({**r.signals, one: r.signals[other], other: r.signals[one]}, r.fs, r.name, r.tag)
+        for r in records
+    )
+
+
+def reversed_(records: Sequence[Record], key: str) -> tuple[Record, ...]:
+    return tuple(Record({**r.signals, key: -r.signals[key]}, r.fs, r.name, r.tag) for r in records)
+
+
+def advice(model: Model, records: Sequence[Record]) -> tuple[Advice, ...]:
+    job = Job(model, tuple(records), choose_filter(model, records))
+    return swapped_channels(job, METHODS["wls"].run(job)[1])
+
+
+def test_right_channels_are_not_suspected(bench: Record) -> None:
+    assert advice(BENCH, [bench]) == ()
+    assert advice(QC, experiments("qc")) == ()
+    assert advice(AC, experiments("ac")) == ()
+    assert advice(THREE, experiments("three")) == ()
+
+
+@pytest.mark.parametrize(
+    ("sensors", "one", "other"),
+    [
+        ("qc", "q_m", "q_c"),
+        ("ac", "q_m", "a_c"),
+        ("ac", "q_m", "Gamma_m"),
+        ("three", "q_a", "q_b"),
+        ("three", "q_b", "q_c"),
+        ("three", "q_a", "q_c"),
+    ],
+)
+def test_swapped_channels_are_found(sensors: str, one: str, other: str) -> None:
+    model = {"qc": QC, "ac": AC, "three": THREE}[sensors]
+    (found,) = advice(model, swapped(experiments(sensors), one, other))
+    assert found.kind == "swapped"
+    assert found.where == f"chirp, trapezoid, channel {one} and {other}, samples 0 to 19999"
+    assert found.what.startswith("may be swapped with each other: the worst row then leaves")
+    assert found.remedy == "check which column is which channel, and their signs (--map)"
+
+
+@pytest.mark.parametrize(("sensors", "key"), [("qc", "q_c"), ("qc", "Gamma_m"), ("ac", "a_c")])
+def test_a_reversed_channel_is_found(sensors: str, key: str) -> None:
+    (found,) = advice({"qc": QC, "ac": AC}[sensors], reversed_(experiments(sensors), key))
+    assert f"channel {key}, samples" in found.where
+    assert found.what.startswith("may be reversed in sign: ")
+
+
+@pytest.mark.parametrize(("one", "other"), [("q_m", "q_c"), ("q_m", "i")])
+def test_swapped_columns_of_a_measured_record_are_found(bench: Record, one: str, other: str) -> None:
+    (found,) = advice(BENCH, swapped([bench], one, other))
+    assert found.where == f"bench, channel {one} and {other}, samples 0 to 49999"
+    assert "then leaves 7.79 % of its largest term unexplained (now 98." in found.what
+
+
+def test_swapped_channels_stand_in_the_result(bench: Record) -> None:
+    estimate = identify(BENCH, swapped([bench], "q_m", "q_c"), drift_check=False)
+    assert "swapped: bench, channel q_m and q_c" in " ".join(estimate.summary().split())
+
+
+def test_what_no_exchange_mends_is_not_told() -> None:
+    random = np.random.default_rng(5)
+    records = [
+        Record({**r.signals, "Gamma_m": 0.02 * random.normal(size=r.n)}, r.fs, r.name)
+        for r in experiments("qc")
+    ]
+    job = Job(QC, tuple(records), choose_filter(QC, records))
+    fit = METHODS["wls"].run(job)[1]
+    assert fit.relative_error > 0.9
+    assert swapped_channels(job, fit) == ()

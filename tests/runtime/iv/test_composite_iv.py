@@ -1,0 +1,215 @@
+"""Composites of an elimination: physical parameters fitted directly."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from re import search
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from modelgen.cli.candidates import spec_model
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.iv import starting_values as physical_start
+from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
+from modelgen.runtime.iv.starting_values import physical_starts
+from modelgen.runtime.least_squares.delays import shifted
+from modelgen.runtime.least_squares.hac_covariance import printed_covariance
+from modelgen.runtime.least_squares.wls import Fit, fit_matched
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.rows.observation import observe
+from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import parse_spec
+
+FloatArray = npt.NDArray[np.float64]
+NOISE = {"q_m": 2e-5, "Gamma_m": 1e-4}
+RECORDS = 8
+SCREW = """
+chain = { name = "screw", motion = "translation" }
+bodies = [
+    { name = "m", motion = "rotation", inertia = "Jm", viscous = "Fvm", coulomb = "Fsm", actuator = "tau" },
+    { name = "c", inertia = "Mc", viscous = "Fvc" },
+    { name = "t", inertia = "Mt" },
+]
+links = [
+    { bodies = ["m", "c"], stiffness = "Ks", damping = "Ds", ratio = 628.3 },
+    { bodies = ["c", "t"], stiffness = "Kt", damping = "Dt" },
+]
+
+[parameters.truth]
+Jm = 2.0e-3
+Fvm = 5.0e-3
+Fsm = 0.2
+Mc = 200.0
+Fvc = 300.0
+Mt = 60.0
+Ks = 8.0e7
+Ds = 2.0e4
+Kt = 2.0e7
+Dt = 3.0e3
+
+[sensors.q_x]
+q = { body = "m", measures = "position" }
+x = { body = "c", measures = "position" }
+"""
+
+
+def model_of(text: str, sensors: str) -> Model:
+    return spec_model(parse_spec(text, "chain.toml"), sensors)
+
+
+@cache
+def motor_only(name: str) -> Model:
+    text = files("modelgen").joinpath("catalog", f"{name}.toml").read_text(encoding="utf-8")
+    return model_of(text + '\n[sensors.qm]\nq_m = { body = "m", measures = "position" }\n', "qm")
+
+
+@cache
+def clean(parameters: str) -> tuple[Record, ...]:
+    model = motor_only("emps300")
+    truth, kinds = model.parameter_sets[parameters], (("chirp", 32), ("trapezoid", 8))
+    return tuple(
+        simulate(model, truth, kind, fs=5000.0, duration_s=2.0, oversample=n).record for kind, n in kinds
+    )
+
+
+def noisy(parameters: str, seed: int, louder: float = 1.0) -> list[Record]:
+    rng = np.random.default_rng(seed)
+    return [
+        Record(
+            {key: s + louder * NOISE[key] * rng.standard_normal(s.size) for key, s in record.signals.items()},
+            record.fs,
+            record.name,
+        )
+        for record in clean(parameters)
+    ]
+
+
+def estimate(parameters: str, seed: int, louder: float = 1.0, **options: object) -> Estimate:
+    records = noisy(parameters, seed, louder)
+    return identify(motor_only("emps300"), records, "iv", **options)  # type: ignore[arg-type]
+
+
+def test_bias_and_coverage_from_the_motor_alone() -> None:
+    truth = motor_only("emps300").parameter_sets["light"]
+    found = [estimate("light", seed, drift_check=False) for seed in range(RECORDS)]
+    for name, value in truth.items():
+        errors, spreads = [], []
+        for one in found:
+            (entry,) = (entry for entry in one.physical_parameters if entry.name == name)
+            errors.append(entry.value - value)
+            spreads.append(entry.std)
+        assert abs(np.mean(errors)) < (0.25 + 3.0 / np.sqrt(RECORDS)) * np.std(errors, ddof=1)
+        assert np.mean(np.abs(errors) < 1.96 * np.array(spreads)) > 0.9 - 3.0 * np.sqrt(0.09 / RECORDS)
+        assert np.median(spreads) < 3.0 * np.std(errors, ddof=1)
+
+
+def test_an_overdamped_load_is_found_where_the_delay_is_known() -> None:
+    truth = motor_only("emps300").parameter_sets["table_1"]
+    found = estimate("table_1", 0, delays="none", drift_check=False)
+    for entry in found.physical_parameters:
+        assert abs(entry.value - truth[entry.name]) < 3.5 * entry.std
+        assert entry.relative_std < 10.0
+    assert not found.not_identifiable
+
+
+def test_what_an_unknown_delay_hides_is_refused_with_all_that_hangs_on_it() -> None:
+    truth = motor_only("emps300").parameter_sets["table_1"]
+    found = estimate("table_1", 0, drift_check=False)
+    assert set(found.not_identifiable) == {"J_m", "J_c", "F_vmc", "K"}
+    assert "cannot be told from" in found.not_identifiable["J_m"]
+    for entry in found.physical_parameters:
+        assert abs(entry.value - truth[entry.name]) < 3.5 * entry.std
+
+
+def test_other_weights_give_a_start_where_the_first_lose_a_body(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, records = motor_only("emps300"), noisy("table_2", 0)
+    choice = choose_filter(model, records)
+    setting = Setting(model, records, choice)
+    first = fit_matched(observe(model, records, choice))
+    plain = next(physical_starts(first, setting))
+
+    def lost(fit: Fit) -> FloatArray:
+        raise IdentifiabilityError.at("composites", "belong to no chain under these weights", "take others")
+
+    monkeypatch.setattr(physical_start, "hac_covariance", lost)
+    found = next(physical_starts(first, setting))
+    assert found == simulation_parameters(model, first, lambda fit: printed_covariance(fit)[1])
+    assert found != plain
+    truth = model.parameter_sets["table_2"]
+    for start in (plain, found):
+        assert start == {name: pytest.approx(value, rel=0.3) for name, value in truth.items()}
+
+
+def test_what_no_record_holds_is_named_where_nothing_comes_to_rest() -> None:
+    with pytest.raises(IdentifiabilityError, match=r"do not hold J_m, J_c, F_vmc, K: .* above their values"):
+        estimate("table_1", 2, louder=5.0, drift_check=False)
+
+
+def test_a_row_without_a_force_is_not_biased_by_noise() -> None:
+    model = model_of(SCREW, "q_x")
+    truth = model.parameter_sets["truth"]
+    noise = {"q": 1e-4, "x": 1e-7, "tau": 5e-3}
+    records = [
+        simulate(model, truth, kind, fs=5000.0, duration_s=2.0, noise=noise, seed=1, oversample=n).record
+        for kind, n in (("chirp", 16), ("trapezoid", 8))
+    ]
+    # a cut-off that lets the noise in; the chosen one, 169 Hz, keeps the bias of least squares small as well
+    options: dict[str, Any] = {"drift_check": False, "cutoff_hz": 254.0}
+    by = {method: identify(model, records, method, **options) for method in ("wls", "iv")}
+    for entry in by["iv"].physical_parameters:
+        assert abs(entry.value - truth[entry.name]) < 4.0 * entry.std
+    assert abs(by["wls"].physical["Kt"] / truth["Kt"] - 1.0) > 0.01
+    assert abs(by["iv"].physical["Kt"] / truth["Kt"] - 1.0) < 0.005
+    quiet = identify(model, records, drift_check=False)
+    assert abs(quiet.physical["Kt"] / truth["Kt"] - 1.0) < 0.005
+
+
+def test_the_bench_from_its_motor_alone_is_the_bench_from_both_encoders(shared_data: Path) -> None:
+    from scipy.io import loadmat
+
+    text = files("modelgen").joinpath("catalog", "two_mass_bench.toml").read_text(encoding="utf-8")
+    # its multisine never stops reversing: friction and the encoders' zeros cannot be had from it
+    gone = ("Fvm", "Fsm", "Om", "Fvc", "Fsc", "Oc")
+    lines = [
+        line for line in text.splitlines() if not any(name in line.split() + line.split('"') for name in gone)
+    ]
+    model = model_of("\n".join(lines) + '\n[sensors.qm]\nq_m = { body = "m", measures = "position" }\n', "qm")
+    data = loadmat(shared_data / "two_mass_bench" / "MultisineTypeA.mat")
+    part = slice(2500, 25000)
+    signals = {"q_m": data["theta_mx"].ravel()[part], "i": data["iq_adx"].ravel()[part]}
+    found = identify(model, Record(signals, 2500.0, "bench"), "iv", drift_check=False)
+    # the estimate from both encoders, on the same periods
+    for name, value in {"Jm": 4.81e-3, "Jc": 4.79e-3, "K": 550.8}.items():
+        assert found.physical[name] == pytest.approx(value, rel=0.05)
+
+
+def test_model_error_reaches_the_physical_parameters() -> None:
+    # a force that is late by a tenth of a sample, taken as it is: every cut-off sees another chain
+    late = [
+        Record(
+            {**record.signals, "Gamma_m": shifted(record.signals["Gamma_m"], -0.1)}, record.fs, record.name
+        )
+        for record in noisy("light", 0)
+    ]
+    model = motor_only("emps300")
+    found = identify(model, late, "iv", delays="none")
+    (note,) = (note for note in found.notes if note.startswith("model error"))
+    entries = {entry.name: entry for entry in found.physical_parameters}
+    for name in ("J_c", "K"):
+        said = search(rf"\b{name} ([0-9.]+) %", note)
+        assert said is not None
+        # the mean square over at most six settings, of which the note names the farthest
+        farthest = 0.01 * float(said[1]) * entries[name].value
+        assert 0.4 * farthest < entries[name].drift_std < farthest
+        assert entries[name].drift_std > 3.0 * entries[name].noise_std
+    assert "J_m" not in note
+    assert entries["J_m"].drift_std < 1e-3 * entries["J_m"].noise_std

@@ -1,0 +1,195 @@
+"""Instrumental variables: consistent where least squares is biased, with intervals that hold the truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from generated import emps300_qm_ac, emps300_qm_qc
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
+from modelgen.runtime.iv.instrumental_variables import Setting, fit_iv, instruments
+from modelgen.runtime.least_squares.projected_least_squares import two_stage
+from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.drop_reversals import without_reversals
+from modelgen.runtime.rows.observation import observe
+from modelgen.runtime.simulation.closed_loop import PositionVelocityController
+from modelgen.runtime.simulation.excitation import chirp
+from modelgen.runtime.simulation.simulate import simulate
+
+QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
+RECORDS = 16
+NOISE = {"q_m": 2e-5, "q_c": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
+
+
+@cache
+def clean(sensors: str, parameters: str) -> tuple[Record, ...]:
+    model = {"qc": QC, "ac": AC}[sensors]
+    truth = model.parameter_sets[parameters]
+    kinds = (("chirp", 32), ("trapezoid", 8))
+    return tuple(
+        simulate(model, truth, kind, fs=5000.0, duration_s=2.0, oversample=n).record for kind, n in kinds
+    )
+
+
+def with_noise(record: Record, rng: np.random.Generator, factor: float = 1.0) -> Record:
+    signals = {
+        key: samples + factor * NOISE[key] * rng.standard_normal(record.n)
+        for key, samples in record.signals.items()
+    }
+    return Record(signals, record.fs, record.name, record.tag)
+
+
+@pytest.mark.parametrize(("sensors", "model"), [("qc", QC), ("ac", AC)])
+def test_without_noise_the_truth_comes_out(sensors: str, model: Model) -> None:
+    estimate = identify(model, clean(sensors, "table_2"), "iv", delays="none", drift_check=False)
+    for name, value in model.parameter_sets["table_2"].items():
+        assert estimate.params[name] == pytest.approx(value, rel=3e-4)
+
+
+@pytest.mark.parametrize(("sensors", "model", "parameters"), [("qc", QC, "table_1"), ("ac", AC, "light")])
+def test_bias_and_coverage(sensors: str, model: Model, parameters: str) -> None:
+    """The short version of benchmarks/coverage.py."""
+    truth = np.array(list(model.parameter_sets[parameters].values()))
+    values, spreads = [], []
+    for seed in range(RECORDS):
+        rng = np.random.default_rng(seed)
+        records = [with_noise(record, rng) for record in clean(sensors, parameters)]
+        estimate = identify(model, records, "iv", delays="none", drift_check=False)
+        values.append([entry.value for entry in estimate.parameters])
+        spreads.append([entry.std for entry in estimate.parameters])
+    error = np.array(values) - truth
+    bias = error.mean(axis=0) / error.std(axis=0, ddof=1)
+    # 0.25 and three standard deviations of a mean
+    assert np.all(np.abs(bias) < 0.25 + 3.0 / np.sqrt(RECORDS)), bias
+    covered = np.mean(np.abs(error) < 1.96 * np.array(spreads), axis=0)
+    # 0.9 and three standard deviations of a share
+    assert np.all(covered > 0.9 - 3.0 * np.sqrt(0.9 * 0.1 / RECORDS)), covered
+    # nor are the intervals padded
+    assert np.all(np.median(spreads, axis=0) < 2.0 * error.std(axis=0, ddof=1))
+
+
+def test_noise_biases_least_squares_and_not_iv() -> None:
+    truth = AC.parameter_sets["table_1"]["K"]
+    errors = {}
+    for method in ("wls", "iv"):
+        rng = np.random.default_rng(0)
+        found = []
+        for _ in range(3):
+            records = [with_noise(record, rng, 3.0) for record in clean("ac", "table_1")]
+            estimate = identify(AC, records, method, cutoff_hz=350.0, delays="none", drift_check=False)
+            found.append(estimate.params["K"])
+        errors[method] = np.mean(found) / truth - 1.0
+    assert abs(errors["wls"]) > 0.2
+    assert abs(errors["iv"]) < 0.05
+
+
+@pytest.mark.parametrize("parameters", ["table_1", "light"])
+def test_with_noise_in_the_force_alone_the_force_still_fixes_the_scale(parameters: str) -> None:
+    rng = np.random.default_rng(0)
+    records = [
+        Record(
+            dict(record.signals) | {"Gamma_m": with_noise(record, rng).signals["Gamma_m"]},
+            record.fs,
+            record.name,
+        )
+        for record in clean("qc", parameters)
+    ]
+    estimate = identify(QC, records, "iv", drift_check=False)
+    for entry in estimate.parameters:
+        assert abs(entry.value - QC.parameter_sets[parameters][entry.name]) < 3.5 * entry.std
+
+
+def test_iv_and_its_projection_are_the_same_estimate() -> None:
+    rng = np.random.default_rng(1)
+    records = [with_noise(record, rng) for record in clean("qc", "table_2")]
+    choice = choose_filter(QC, records)
+    start = fit_matched(without_reversals(observe(QC, records, choice), QC, records, choice))
+    Z = instruments(start, Setting(QC, records, choice))
+    fit = two_stage(start, Z)
+    weight = np.concatenate([np.full(len(z), w) for w, z in zip(fit.weights, Z, strict=True)])[:, None]
+    stacked = weight * np.concatenate(Z)
+    W = weight * np.concatenate([block.W for block in fit.blocks])
+    Y = weight[:, 0] * np.concatenate([block.Y for block in fit.blocks])
+    scale = np.linalg.norm(W, axis=0)
+    expected = np.linalg.solve(stacked.T @ W / np.outer(scale, scale), stacked.T @ Y / scale) / scale
+    np.testing.assert_allclose(fit.solution.x, expected, rtol=1e-6)
+
+
+def test_a_simulation_that_cannot_be_right_is_reported() -> None:
+    records = clean("qc", "light")
+    choice = choose_filter(QC, records)
+    start = fit_matched(observe(QC, records, choice))
+    still = tuple(Record({k: 0.0 * s for k, s in r.signals.items()}, r.fs, r.name) for r in records)
+    with pytest.raises(IdentifiabilityError, match="method iv"):
+        fit_iv(replace(start), Setting(QC, still, choice))
+
+
+def test_a_run_beside_a_record_is_what_the_record_shows_without_noise() -> None:
+    record = clean("qc", "light")[0]
+    choice = choose_filter(QC, [record])
+    run = run_beside(QC, QC.parameter_sets["light"], with_noise(record, np.random.default_rng(2)), choice)
+    for key in ("q_m", "q_c"):
+        moving = record.signals[key] - np.mean(record.signals[key])
+        assert np.std(run.signals[key] - record.signals[key]) < 0.01 * np.std(moving)
+
+
+def test_with_the_reference_and_the_controller_the_closed_loop_is_run() -> None:
+    truth = QC.parameter_sets["light"]
+    controller = PositionVelocityController(0.06, 1e-3)
+    excitation = chirp(20.0, 150.0, 1.0, 5000.0, force=0.05, velocity=40.0, oversample=1)
+    measured = simulate(QC, truth, excitation, controller=controller).record
+    signals = dict(measured.signals) | {
+        "reference": excitation.reference,
+        "reference_rate": excitation.reference_rate,
+        "feedforward": excitation.feedforward,
+    }
+    silent = Record({**signals, "Gamma_m": np.zeros(measured.n)}, 5000.0, "loop")
+    choice = choose_filter(QC, [measured])
+    run = run_beside(QC, truth, silent, choice, Loop(controller))
+    for key in QC.channels:
+        np.testing.assert_allclose(
+            run.signals[key][2000:], measured.signals[key][2000:], atol=1e-6 * np.ptp(measured.signals[key])
+        )
+
+
+def test_what_cannot_be_simulated_is_moved_to_what_can() -> None:
+    values = dict(QC.parameter_sets["light"]) | {"J_c": -1e-9, "F_vmc": -1.0, "F_sm": -0.1}
+    moved = possible(QC, values)
+    assert moved["J_c"] > 0.0
+    assert (moved["F_vmc"], moved["F_sm"], moved["K"]) == (0.0, 0.0, values["K"])
+
+
+def test_samples_near_a_reversal_are_left_out_unless_nothing_would_be_left() -> None:
+    records = clean("qc", "light")
+    choice = choose_filter(QC, records)
+    whole = observe(QC, records, choice)
+    thinned = without_reversals(whole, QC, records, choice)
+    masked = {(b.record_name, b.row_name): b.masked for b in thinned.blocks}
+    before = {(b.record_name, b.row_name): b.masked for b in whole.blocks}
+    assert masked["trapezoid", "m"] > before["trapezoid", "m"]
+    assert masked["trapezoid", "c"] == before["trapezoid", "c"]
+    t = np.arange(10000) / 5000.0
+    swinging = Record(
+        {"q_m": np.sin(300.0 * t), "q_c": np.sin(300.0 * t), "Gamma_m": np.cos(300.0 * t)}, 5000.0
+    )
+    choice = choose_filter(QC, [swinging], cutoff_hz=200.0)
+    whole = observe(QC, [swinging], choice)
+    kept = without_reversals(whole, QC, [swinging], choice)
+    assert [block.masked for block in kept.blocks] == [block.masked for block in whole.blocks]
+
+
+def test_the_methods_share_their_rows() -> None:
+    records = clean("qc", "light")
+    job = Job(QC, records, choose_filter(QC, records))
+    for name in ("wls", "iv"):
+        observation, fit = METHODS[name].run(job)
+        assert observation.columns == fit.columns == QC.base_parameters

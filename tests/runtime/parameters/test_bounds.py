@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from generated import emps300_qm_qc, emps_rigid_asymmetric_qm, three_mass_qa_qb_qc
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.parameters.bounds import bounded_below_or_above, bounded_fit
+from modelgen.runtime.records.record import Record
+from tests.runtime.rigid_motion import CHOICE, FS, RIGID, SETTINGS, TRUTH, rigid_record
+
+
+@pytest.mark.parametrize("module", [emps300_qm_qc, emps_rigid_asymmetric_qm, three_mass_qa_qb_qc])
+def test_signs_follow_from_the_roles(module: object) -> None:
+    model = model_from_module(module)
+    lower, upper = bounded_below_or_above(model)
+    for name, low, high in zip(model.base_parameters, lower, upper, strict=True):
+        offset = name in model.roles and model.roles[name].role == "offset"
+        assert low == (-np.inf if offset else 0.0), name
+        assert high == np.inf
+
+
+def test_bounds_that_hold_cost_nothing() -> None:
+    plain = identify(RIGID, rigid_record(), **SETTINGS)
+    bounded = identify(RIGID, rigid_record(), bounds="physical", **SETTINGS)
+    assert bounded.params == plain.params
+    assert bounded.bse == plain.bse
+    cost = bounded.checks.bounds
+    assert cost is not None
+    assert (cost.active, cost.residual_increase) == ((), 0.0)
+    assert cost.bounded == ("M", "Fv", "Fc")
+    assert "none is active" in bounded.summary()
+    assert plain.checks.bounds is None
+
+
+def frictionless(seed: int) -> Record:
+    """Without viscous friction: by chance its estimate is below zero in half of all records."""
+    return rigid_record(seed=seed, force_noise=8.0, extra=lambda q, v, a: -TRUTH["Fv"] * v)
+
+
+def test_a_parameter_at_its_bound_has_no_number_and_its_cost_is_told() -> None:
+    active = 0
+    for seed in range(6):
+        record = frictionless(seed)
+        plain = identify(RIGID, record, drift_check=False, **SETTINGS)
+        bounded = identify(RIGID, record, bounds="physical", drift_check=False, **SETTINGS)
+        cost = bounded.checks.bounds
+        assert cost is not None
+        if plain.params["Fv"] >= 0.0:
+            assert bounded.params == plain.params
+            continue
+        active += 1
+        assert cost.active == (("Fv", plain.params["Fv"]),)
+        assert "lies at its bound, 0" in bounded.not_identifiable["Fv"]
+        assert "Fv" not in bounded.conf_int()
+        assert bounded.nuisance["Fv"] == 0.0
+        assert cost.residual_increase > 0.0
+        assert cost.deviations == pytest.approx(-plain.params["Fv"] / plain.bse["Fv"], rel=0.05)
+        # no more than chance: no warning
+        assert "bounds" not in [advice.kind for advice in bounded.checks.advice]
+        assert bounded.bse["Fc"] < plain.bse["Fc"]
+    assert 0 < active < 6
+
+
+def test_the_bounded_estimate_is_the_best_within_the_bounds() -> None:
+    record = rigid_record(extra=lambda q, v, a: -300.0 * v)
+    fit = METHODS["wls"].run(Job(RIGID, (record,), CHOICE))[1]
+    found, cost = bounded_fit(fit, RIGID, hac_covariance(fit))
+    (block,) = fit.blocks
+    best = lsq_linear(block.W, block.Y, ([0.0, 0.0, 0.0, -np.inf], np.inf), method="bvls", tol=1e-14)
+    x = dict(zip(found.columns, found.solution.x, strict=True))
+    expected = dict(zip(fit.columns, best.x, strict=True))
+    for name, _ in cost.active:
+        assert expected.pop(name) == pytest.approx(0.0, abs=1e-6)
+    assert x == pytest.approx(expected, rel=1e-6)
+    assert cost.residual_increase == pytest.approx(
+        np.sqrt(2.0 * best.cost) / np.linalg.norm(fit.weighted_residual) - 1.0, rel=1e-6
+    )
+
+
+def test_bounds_that_contradict_the_records_are_a_warning() -> None:
+    record = rigid_record(extra=lambda q, v, a: -300.0 * v)
+    estimate = identify(RIGID, record, bounds="physical", **SETTINGS)
+    (advice,) = [one for one in estimate.checks.advice if one.kind == "bounds"]
+    assert "Fv" in advice.where
+    assert "standard deviations from what the records say" in advice.what
+    reversed_sign = Record({"q_m": -rigid_record().signals["q_m"], "F": rigid_record().signals["F"]}, FS)
+    assert identify(RIGID, reversed_sign, bounds="physical", **SETTINGS).params.keys() == {"offset"}
+
+
+def test_instruments_can_be_bounded() -> None:
+    record = rigid_record(n=12000, extra=lambda q, v, a: -300.0 * v)
+    estimate = identify(RIGID, record, "iv", bounds="physical", **SETTINGS)
+    assert "Fv" in estimate.not_identifiable
+    assert estimate.params["M"] > 0.0

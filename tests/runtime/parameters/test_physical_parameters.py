@@ -1,0 +1,109 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from generated import emps_rigid_qm
+from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.parameters.physical_parameters import Covariances, physical_parameters
+
+Formula = Callable[[np.ndarray], dict[str, float]]
+
+
+def direct_model(physical: Formula, names: tuple[str, ...]) -> Model:
+    """A model without composites whose physical parameters are a formula of two base parameters."""
+    module = SimpleNamespace(physical_from_base=physical)
+    whole = model_from_module(emps_rigid_qm)
+    return replace(whole, module=module, parameters=names, identifiable=names, base_parameters=("b0", "b1"))
+
+
+def composite_model() -> Model:
+    """Two physical parameters in three composites: J, J K and J / K."""
+
+    def base(p: Mapping[str, float]) -> np.ndarray:
+        return np.array([p["J"], p["J"] * p["K"], p["J"] / p["K"]])
+
+    def jacobian(p: Mapping[str, float]) -> np.ndarray:
+        return np.array([[1.0, 0.0], [p["K"], p["J"]], [1.0 / p["K"], -p["J"] / p["K"] ** 2]])
+
+    def physical(b: np.ndarray) -> dict[str, float]:
+        # a crude start, as any closed formula is for data that contradict each other
+        return {"J": abs(float(b[0])) or 1.0, "K": 1.0}
+
+    module = SimpleNamespace(base_from_physical=base, base_jacobian=jacobian, physical_from_base=physical)
+    return replace(
+        model_from_module(emps_rigid_qm),
+        module=module,
+        parameters=("J", "K"),
+        identifiable=("J", "K"),
+        base_parameters=("J", "J*K", "J/K"),
+        composites={"J*K": "J*K", "J/K": "J/K"},
+    )
+
+
+def covariances(total: np.ndarray) -> Covariances:
+    return Covariances(total, 0.25 * total, 0.75 * total, 0.01 * total)
+
+
+def test_standard_deviations_are_carried_through_to_first_order() -> None:
+    model = direct_model(lambda b: {"K": float(b[0] * b[1]), "J": float(b[1] / b[0])}, ("K", "J"))
+    base, total = np.array([2.0, 5.0]), np.array([[0.04, 0.01], [0.01, 0.09]])
+    found, unanswered = physical_parameters(model, base, covariances(total), {}, {})
+    assert [(entry.name, entry.value) for entry in found] == [("K", 10.0), ("J", 2.5)]
+    for entry, gradient in zip(found, ([5.0, 2.0], [-1.25, 0.5]), strict=True):
+        variance = np.array(gradient) @ total @ np.array(gradient)
+        assert entry.std == pytest.approx(np.sqrt(variance), rel=1e-8)
+        assert entry.noise_std == pytest.approx(0.5 * entry.std)
+        assert entry.drift_std == pytest.approx(np.sqrt(0.75) * entry.std)
+        assert entry.printed_std == pytest.approx(0.1 * entry.std)
+    assert unanswered == {}
+
+
+def test_what_depends_on_a_refused_base_parameter_gets_a_reason_and_no_number() -> None:
+    model = direct_model(
+        lambda b: {"a": float(b[0]), "b1": float(b[1]), "c": float(b[0] + b[1])}, ("a", "b1", "c")
+    )
+    base = np.array([2.0, np.nan])
+    found, unanswered = physical_parameters(
+        model, base, covariances(np.eye(1)), {"b1": "never seen"}, {"b1": 7.0}
+    )
+    assert [entry.name for entry in found] == ["a"]
+    assert found[0].std == pytest.approx(1.0)
+    assert unanswered == {"c": "depends on b1, which the records cannot answer"}
+
+
+def test_more_composites_than_parameters_are_fitted_with_their_weights() -> None:
+    model, total = composite_model(), np.diag([1.0, 1e-4, 1e-4])
+    # J alone is poor; the other two give J = 6 and K = 2
+    found, _ = physical_parameters(model, np.array([7.0, 12.0, 3.0]), covariances(total), {}, {})
+    values = {entry.name: entry.value for entry in found}
+    assert values["J"] == pytest.approx(6.0, abs=1e-3)
+    assert values["K"] == pytest.approx(2.0, abs=1e-3)
+    J, K = 6.0, 2.0
+    slopes = np.array([[1.0, 0.0], [K, J], [1.0 / K, -J / K**2]])
+    expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ np.linalg.inv(total) @ slopes)))
+    np.testing.assert_allclose([entry.std for entry in found], expected, rtol=1e-3)
+
+
+def test_composites_that_are_left_may_still_determine_everything() -> None:
+    base = np.array([np.nan, 12.0, 3.0])
+    refused = {"J": "not seen"}
+    found, unanswered = physical_parameters(
+        composite_model(), base, covariances(np.eye(2)), refused, {"J": 5.0}
+    )
+    assert {entry.name: round(entry.value, 6) for entry in found} == {"J": 6.0, "K": 2.0}
+    assert unanswered == {}
+
+
+def test_composites_that_do_not_determine_a_parameter_give_no_number() -> None:
+    base = np.array([np.nan, 12.0, np.nan])
+    refused = {"J": "not seen", "J/K": "not seen"}
+    found, unanswered = physical_parameters(
+        composite_model(), base, covariances(np.eye(1)), refused, {"J": 5.0}
+    )
+    assert found == ()
+    assert unanswered == {"K": "depends on J, J/K, which the records cannot answer"}

@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from generated import emps_rigid_qm, three_mass_qa_qb_ac, two_mass_bench_qm_qc
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
+from modelgen.runtime.least_squares.wls import Fit, fit_matched
+from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.parameters.unanswered_columns import (
+    columns_that_vanish,
+    friction_without_steady_motion,
+    not_identifiable,
+)
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import observe
+
+BENCH, RIGID = model_from_module(two_mass_bench_qm_qc), model_from_module(emps_rigid_qm)
+TRUTH = {
+    "Jm": 5e-3, "Fvm": 0.1, "Fsm": 0.2, "Om": 0.0, "Jc": 4e-3, "Fvc": 0.05, "Fsc": 0.1, "Oc": 0.0,
+    "Fd": 0.02, "K": 500.0,
+}  # fmt: skip
+FS = 2500.0
+
+
+def bench_record(steady: float, zero: float = 0.0, name: str = "run") -> Record:
+    """The bench in steady vibration on a velocity; the load's motion is chosen, motor and torque follow."""
+    t = np.arange(20000) / FS
+    motion = {body: [steady * t, np.full(t.size, steady), np.zeros(t.size)] for body in "mc"}
+    slip = np.sign(steady)
+    for hertz, size in ((23.0, 0.02), (47.0, 3e-3), (71.0, 2e-3), (97.0, 1e-3)):
+        omega = 2.0 * np.pi * hertz
+        link = TRUTH["K"] + 1j * omega * TRUTH["Fd"]
+        own = -TRUTH["Jc"] * omega**2 + 1j * omega * TRUTH["Fvc"]
+        for body, response in (("c", 1.0), ("m", (link + own) / link)):
+            wave = size * response * np.exp(1j * omega * t)
+            for k in range(3):
+                motion[body][k] = motion[body][k] + ((1j * omega) ** k * wave).real
+    # what the load's constant friction twists the link by
+    motion["m"][0] = motion["m"][0] + (TRUTH["Fvc"] * steady + TRUTH["Fsc"] * slip) / TRUTH["K"]
+    force = (
+        sum(TRUTH[f"J{body}"] * motion[body][2] + TRUTH[f"Fv{body}"] * motion[body][1] for body in "mc")
+        + (TRUTH["Fsm"] + TRUTH["Fsc"]) * slip
+    )
+    return Record({"q_m": motion["m"][0], "q_c": motion["c"][0] + zero, "i": np.asarray(force)}, FS, name)
+
+
+def fitted(model: Model, records: list[Record]) -> tuple[Fit, FilterChoice]:
+    choice = choose_filter(model, records, cutoff_hz=150.0)
+    return fit_matched(observe(model, records, choice)), choice
+
+
+def test_vibration_alone_does_not_tell_friction() -> None:
+    records = [bench_record(0.0, name="shake")]
+    choice = choose_filter(BENCH, records)
+    reasons = friction_without_steady_motion(BENCH, records, choice)
+    assert sorted(reasons) == ["Fsc", "Fsm", "Fvc", "Fvm"]
+    assert "no constant-velocity motion of m in record shake" in reasons["Fvm"]
+
+
+def test_one_record_in_steady_motion_is_enough() -> None:
+    records = [bench_record(0.0), bench_record(40.0)]
+    assert friction_without_steady_motion(BENCH, records, choose_filter(BENCH, records)) == {}
+
+
+def test_composites_vanish_with_their_friction_and_sums_do_not() -> None:
+    model = model_from_module(three_mass_qa_qb_ac)
+    assert columns_that_vanish(model, {"F_sc": "never steady"}) == {"F_sc*K_bc/(J_b*J_c)": "never steady"}
+    assert columns_that_vanish(model, {"F_va": "one", "F_vb": "two"}) == {"F_va": "one", "F_vb": "two"}
+    assert columns_that_vanish(model, {}) == {}
+
+
+def test_encoder_zeros_hide_offsets_and_nothing_else() -> None:
+    records = [bench_record(40.0, zero=3.0, name="one"), bench_record(-40.0, zero=3.0, name="two")]
+    fit, choice = fitted(BENCH, records)
+    reasons = not_identifiable(BENCH, records, choice, fit)
+    assert sorted(reasons) == ["Oc", "Om"]
+    assert "the link m-c would carry 1.5e+03 on average in record one" in reasons["Om"]
+    values = dict(zip(fit.columns, fit.solution.x.tolist(), strict=True))
+    assert values["K"] == pytest.approx(500.0, rel=1e-3)
+
+
+def test_encoders_with_a_common_zero_tell_offsets() -> None:
+    records = [bench_record(40.0), bench_record(-40.0)]
+    fit, choice = fitted(BENCH, records)
+    assert not_identifiable(BENCH, records, choice, fit) == {}
+
+
+def test_motion_in_one_direction_does_not_tell_coulomb_friction_from_an_offset() -> None:
+    t = np.arange(8000) / 1000.0
+    speed = 1.0 + 0.5 * np.sin(2.0 * np.pi * 3.0 * t)
+    position = t - 0.5 / (6.0 * np.pi) * np.cos(6.0 * np.pi * t)
+    force = 95.0 * 3.0 * np.pi * np.cos(6.0 * np.pi * t) + 200.0 * speed + 20.0
+    records = [Record({"q_m": position, "F": force}, 1000.0, "forward")]
+    choice = choose_filter(RIGID, records, cutoff_hz=50.0)
+    fit = fit_matched(observe(RIGID, records, choice))
+    reasons = not_identifiable(RIGID, records, choice, fit)
+    assert list(reasons) == ["Fc", "offset"]
+    assert "short of rank" in reasons["Fc"]
+    values = dict(zip(fit.columns, fit.solution.x.tolist(), strict=True))
+    assert values["M"] == pytest.approx(95.0, rel=1e-4)
+    assert values["Fv"] == pytest.approx(200.0, rel=1e-4)
+
+
+def test_a_column_that_is_never_seen_is_refused() -> None:
+    records = [bench_record(40.0)]
+    record = records[0]
+    # a load that keeps step with the motor never twists the link
+    rigid = Record({**record.signals, "q_c": record.signals["q_m"]}, FS, "rigid")
+    fit, choice = fitted(BENCH, [rigid])
+    reasons = not_identifiable(BENCH, [rigid], choice, fit)
+    assert reasons["K"] == reasons["Fd"] == "its column is zero in every sample used"

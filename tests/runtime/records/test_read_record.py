@@ -1,0 +1,296 @@
+"""Files become records, or one message says where in the file the mistake is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from modelgen.errors import DataError
+from modelgen.runtime.records.mapping_options import parse_mapping, parse_scales
+from modelgen.runtime.records.read_record import available_channels, read_record
+
+TABLE = "t,q_m,Gamma_m\n0.0,1.5,-2\n0.1,2.5,-3\n0.2,3.5e0,-4\n"
+
+
+def file(folder: Path, text: str, name: str = "run.csv") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def complaint(path: Path, **options: Any) -> str:
+    with pytest.raises(DataError) as caught:
+        read_record(path, **options)
+    assert len(caught.value.problems) == 1, str(caught.value)
+    return str(caught.value)
+
+
+def check_table(path: Path) -> None:
+    record = read_record(path)
+    assert (record.name, record.fs, list(record.signals)) == ("run", 10.0, ["q_m", "Gamma_m"])
+    np.testing.assert_array_equal(record.signals["q_m"], [1.5, 2.5, 3.5])
+    np.testing.assert_array_equal(record.signals["Gamma_m"], [-2.0, -3.0, -4.0])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        TABLE,
+        TABLE.replace(",", ";"),
+        TABLE.replace(",", ";").replace(".", ","),
+        TABLE.replace(",", "\t"),
+        TABLE.replace(",", " , "),
+        TABLE.replace("\n", "\r\n"),
+        TABLE.replace("q_m", '"q_m"').replace("-2", '"-2"'),
+        "\ufeff" + TABLE,
+        "# bench 3\n\n# second run, gain 2\n" + TABLE,
+        TABLE.replace("0.1,", "# a pause\n\n0.1,"),
+        TABLE.rstrip("\n"),
+    ],
+    ids=[
+        "comma",
+        "semicolon",
+        "decimal comma",
+        "tab",
+        "spaces",
+        "crlf",
+        "quotes",
+        "bom",
+        "comments above",
+        "comment within",
+        "no newline at the end",
+    ],
+)
+def test_text_formats(tmp_path: Path, text: str) -> None:
+    check_table(file(tmp_path, text))
+
+
+@pytest.mark.parametrize("suffix", [".txt", ".tsv", ".CSV"])
+def test_text_suffixes(tmp_path: Path, suffix: str) -> None:
+    check_table(file(tmp_path, TABLE, f"run{suffix}"))
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
+def test_text_of_other_encodings(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_bytes(TABLE.replace("Gamma_m", "angle °").encode(encoding))
+    assert available_channels(path) == ("t", "q_m", "angle °")
+    assert read_record(path, {"Gamma_m": "angle °"}).signals["Gamma_m"][2] == -4.0
+
+
+def test_columns_that_nobody_asked_for_may_hold_anything(tmp_path: Path) -> None:
+    text = "day,q_m,t,note\nMon,1.5,0.0,\nTue,2.5,0.1,x\n"
+    record = read_record(file(tmp_path, text), needed=["q_m"])
+    np.testing.assert_array_equal(record.signals["q_m"], [1.5, 2.5])
+    assert record.fs == 10.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "run.csv: is empty"),
+        ("# only\n\n", "run.csv: is empty"),
+        ("t,q_m\n", "run.csv: has a header but no samples"),
+        ("0.0,1.5\n0.1,2.5\n", "run.csv: line 1: holds numbers, not column names"),
+        ("t,q_m,\n0,1,\n", "line 1: column 3 has no name"),
+        ("# x\nt,q_m,q_m\n0,1,2\n", "line 2: two columns are named q_m"),
+        ("t,q_m\n0.0,1\n\n0.1,one\n", "line 4, column q_m: is 'one', no number"),
+        ("t,q_m\n0.0,1\n0.1,\n", "line 3, column q_m: is empty"),
+        ("t,q_m\n0.0,1\n[s],[rad]\n", "line 3, column q_m: is '[rad]', no number"),
+        ("t,q_m\n0.0,1\n0.1,2,3\n", "line 3: has 3 cells, the header has 2"),
+        ("t,q_m\n0,0,1,5\n0,1,2,5\n", "line 2: has 4 cells, the header has 2"),
+        ("t,q_m\n0.0\n0.1\n", "line 2: has 1 cells, the header has 2"),
+        ("t;q_m\n0,0;1_5\n0,1;2\n", "line 2, column q_m: is '1_5', no number"),
+        ("t,q_m\n0.0,1\n0.1,nan\n", "run: channel q_m, sample 1: is nan"),
+        ('# modelgen record {"fs": 1\n' + TABLE, "line 1: is a damaged record header"),
+        ('# modelgen record {"fs": "1", "name": "a", "tag": null}\n' + TABLE, "is a damaged record header"),
+    ],
+)
+def test_a_mistake_in_the_text_is_located(tmp_path: Path, text: str, words: str) -> None:
+    assert words in complaint(file(tmp_path, text))
+
+
+def test_mapping_and_scales(tmp_path: Path) -> None:
+    path = file(tmp_path, "t,theta,load,iq\n0,1,2,3\n0.1,4,5,6\n")
+    record = read_record(
+        path,
+        mapping={"q_m": "theta", "q_c": "-load", "unused": "nowhere"},
+        scales={"q_c": 0.001, "iq": 2, "unused": 4},
+        needed=("q_c", "q_m", "iq"),
+        name="A",
+        tag="chirp",
+    )
+    assert (list(record.signals), record.name, record.tag) == (["q_c", "q_m", "iq"], "A", "chirp")
+    np.testing.assert_array_equal(record.signals["q_c"], [-0.002, -0.005])
+    np.testing.assert_array_equal(record.signals["q_m"], [1.0, 4.0])
+    np.testing.assert_array_equal(record.signals["iq"], [6.0, 12.0])
+
+
+def test_without_needed_keys_the_mapping_decides(tmp_path: Path) -> None:
+    record = read_record(file(tmp_path, TABLE), {"F": "Gamma_m"})
+    assert list(record.signals) == ["F"]
+
+
+def test_every_absent_name_is_reported_at_once(tmp_path: Path) -> None:
+    with pytest.raises(DataError) as caught:
+        read_record(
+            file(tmp_path, TABLE),
+            mapping={"q_c": "q_mm"},
+            scales={"q_c": "gain", "q_d": 2.0, "Gamma_m": 0.0},
+            time="tt",
+            needed=("q_c", "a_c", "Gamma_m"),
+        )
+    problems = [str(problem).partition("run.csv: ")[2] for problem in caught.value.problems]
+    assert problems == [
+        "channel q_c: has no column q_mm; did you mean q_m? available: t, q_m, Gamma_m",
+        "scale of q_c: has no scalar gain; available: none",
+        "channel a_c: has no column a_c; available: t, q_m, Gamma_m",
+        "scale of Gamma_m: is 0.0; give a finite number other than zero",
+        "scale of q_d: has no channel q_d; did you mean q_c? available: q_c, a_c, Gamma_m",
+        "times: has no column tt; did you mean t? available: t, q_m, Gamma_m",
+    ]
+
+
+def test_sampling_frequency_of_a_table(tmp_path: Path) -> None:
+    assert read_record(file(tmp_path, TABLE), fs=10.0).fs == 10.0
+    assert "column t: says 10 Hz, but 20 Hz is stated" in complaint(file(tmp_path, TABLE), fs=20.0)
+    late = file(tmp_path, TABLE.replace("0.2,", "0.3,") + "0.4,1,1\n0.5,1,1\n")
+    assert "column t, sample 2: jumps by 0.2 where the step is 0.1" in complaint(late)
+    named = file(tmp_path, TABLE.replace("t,", "stamp,"))
+    assert "has no sampling frequency" in complaint(named)
+    assert read_record(named, time="stamp").fs == 10.0
+    assert list(read_record(named, fs=5.0).signals) == ["stamp", "q_m", "Gamma_m"]
+
+
+def test_text_that_is_no_time_does_not_matter_where_fs_is_given(tmp_path: Path) -> None:
+    path = file(tmp_path, "time,q_m\nstart,1\nlater,2\n")
+    assert read_record(path, fs=10.0).fs == 10.0
+    assert "line 2, column time: is 'start', no number" in complaint(path)
+    assert "line 2, column time" in complaint(path, fs=10.0, time="time")
+
+
+def test_archive(tmp_path: Path) -> None:
+    path = tmp_path / "run.npz"
+    column = np.arange(6, dtype=np.uint16)[:, None]
+    np.savez(path, q_m=column, q_c=np.arange(6.0)[None, :], gain=np.float32(0.5), fs=250, m=np.eye(3))
+    assert available_channels(path) == ("q_m", "q_c")
+    record = read_record(path, {"q_m": "-q_m"}, {"q_m": "gain"}, needed=["q_m", "q_c"])
+    assert record.fs == 250.0
+    np.testing.assert_array_equal(record.signals["q_m"], -0.5 * np.arange(6))
+    np.testing.assert_array_equal(record.signals["q_c"], np.arange(6))
+    assert read_record(path, fs=500.0).fs == 500.0
+
+
+def test_flags_and_complex_numbers_are_no_readings(tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", q_m=np.array([True, False]), q_c=np.array([1j, 2j]), fs=250)
+    assert "data type bool" in complaint(tmp_path / "run.npz", needed=["q_m"], scales={"q_m": 2.0})
+    assert "data type complex128" in complaint(tmp_path / "run.npz", mapping={"q_m": "-q_c"})
+
+
+def test_pickled_objects_are_never_loaded(tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", q_m=np.array([1.0, None]), fs=250)
+    assert "is no NumPy archive (Object arrays cannot be loaded" in complaint(tmp_path / "run.npz")
+
+
+def test_what_is_no_archive(tmp_path: Path) -> None:
+    path = tmp_path / "run.npz"
+    path.write_bytes(b"PK\x03\x04 not really")
+    assert "is no NumPy archive" in complaint(path)
+    path.write_bytes(b"")
+    assert "is no NumPy archive" in complaint(path)
+    with path.open("wb") as opened:
+        np.save(opened, np.arange(3.0))
+    assert "a single array without a name" in complaint(path)
+
+
+def test_matlab_file(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    path = tmp_path / "run.mat"
+    values = {
+        "q": np.arange(4.0)[:, None],
+        "i": [[4, 5, 6, 7]],
+        "ref": np.arange(9.0),
+        "gtau": 35.5,
+        "Fs": 100.0,
+    }
+    savemat(path, {**values, "note": "text", "s": {"a": 1.0}})
+    assert set(available_channels(path)) == {"q", "i", "ref"}
+    record = read_record(path, {"q_m": "q", "F": "-i"}, {"F": "gtau"})
+    assert record.fs == 100.0
+    np.testing.assert_array_equal(record.signals["F"], -35.5 * np.arange(4, 8))
+    assert "channels differ in length: q 4, ref 9" in complaint(path, needed=["q", "ref"])
+
+
+def test_times_of_another_length_only_matter_when_named(tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", q_m=np.arange(4.0), t=np.arange(9.0) / 50.0, fs=100.0)
+    assert read_record(tmp_path / "run.npz").fs == 100.0
+    assert "column t: has 9 samples" in complaint(tmp_path / "run.npz", time="t")
+
+
+def test_what_is_no_matlab_file(tmp_path: Path) -> None:
+    path = tmp_path / "run.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(600))
+    assert "is no readable HDF5 file" in complaint(path)
+    path.write_bytes(b"neither this nor that " * 30)
+    assert "is no readable MATLAB file" in complaint(path)
+
+
+def test_the_file_itself(tmp_path: Path) -> None:
+    for suffix in (".csv", ".npz", ".mat"):
+        assert "cannot be read (No such file or directory)" in complaint(tmp_path / f"absent{suffix}")
+    assert "has the suffix '.xlsx'; give a file of one of the formats .csv," in complaint(tmp_path / "a.xlsx")
+    assert "has no suffix" in complaint(tmp_path / "run")
+    with pytest.raises(DataError, match="has no suffix"):
+        available_channels(tmp_path)
+
+
+def test_parse_mapping() -> None:
+    assert parse_mapping(["q_m=theta_mx", "q_c = -theta_my", "i=a=b"]) == {
+        "q_m": "theta_mx",
+        "q_c": "-theta_my",
+        "i": "a=b",
+    }
+    with pytest.raises(DataError) as caught:
+        parse_mapping(["q_m", "=x", "q_c=", "q_c=-", "2x=a", "q_m=a", "q_m=b"])
+    wheres = [problem.where for problem in caught.value.problems]
+    assert wheres == [f"--map {item}" for item in ("q_m", "=x", "q_c=", "q_c=-", "2x=a", "q_m=b")]
+    assert "gives q_m a second time" in caught.value.problems[-1].what
+
+
+def test_parse_scales() -> None:
+    assert parse_scales(["F=35.15065188", "q=-1e-3", "G=gtau"]) == {
+        "F": 35.15065188,
+        "q": -0.001,
+        "G": "gtau",
+    }
+    with pytest.raises(DataError) as caught:
+        parse_scales(["F", "F=0", "F=nan", "F=1e-", "F=2", "F=3"])
+    assert [problem.where for problem in caught.value.problems] == [
+        f"--scale {item}" for item in ("F", "F=0", "F=nan", "F=1e-", "F=3")
+    ]
+
+
+def test_positioning_bench(shared_data: Path) -> None:
+    path = shared_data / "emps" / "DATA_EMPS.mat"
+    assert set(available_channels(path)) == {"qm", "qg", "t", "vir"}
+    record = read_record(path, {"q_m": "qm", "F": "vir"}, {"F": "gtau"}, needed=("q_m", "F"))
+    assert (record.name, record.fs, record.n) == ("DATA_EMPS", 1000.0, 24841)
+    np.testing.assert_allclose(
+        record.signals["F"], read_record(path, {"F": "vir"}, {"F": 35.15065188}).signals["F"], rtol=1e-9
+    )
+
+
+def test_two_mass_bench(shared_data: Path) -> None:
+    """Its times are in microseconds: only the stated frequency can be right."""
+    path = shared_data / "two_mass_bench" / "MultisineTypeA.mat"
+    mapping = {"q_m": "theta_mx", "q_c": "-theta_my", "i": "iq_adx"}
+    record = read_record(path, mapping)
+    assert (record.fs, record.n, list(record.signals)) == (2500.0, 50000, ["q_m", "q_c", "i"])
+    # both angles now turn the same way: the load follows the motor below the antiresonance
+    assert np.corrcoef(record.signals["q_m"], record.signals["q_c"])[0, 1] > 0.0
+    with pytest.raises(DataError, match=r"column time: says 0\.0025 Hz, but 5000 Hz is stated"):
+        read_record(path, mapping, fs=5000.0)

@@ -1,0 +1,101 @@
+"""Faults of times and zeros are told with their size, and mended only by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modelgen.errors import DataError
+from modelgen.runtime.records.faults import time_faults, zero_faults
+from modelgen.runtime.records.read_record import read
+
+N = 400
+T = np.arange(N) / 1000.0
+
+
+def wave(times: np.ndarray) -> np.ndarray:
+    return np.sin(40.0 * times)
+
+
+def save(folder: Path, times: np.ndarray, offset: float = 0.0) -> Path:
+    path = folder / "run.csv"
+    lines = [f"{t:.9f},{q:.12g}" for t, q in zip(times, wave(times) + offset, strict=True)]
+    path.write_text("\n".join(["t,q", *lines]), encoding="utf-8")
+    return path
+
+
+def test_nothing_to_find() -> None:
+    assert time_faults("t", T) == ()
+
+
+def test_every_fault_of_the_times_has_its_size() -> None:
+    times = np.delete(T, range(100, 110))
+    times = np.insert(times, 50, times[50])
+    times[200] += 2e-4
+    kinds = {finding.kind: finding.what for finding in time_faults("t", times)}
+    assert kinds == {
+        "duplicates": "t repeats 1 time stamp(s), first at sample 51",
+        "gaps": "t has 1 gap(s), 10 samples missing, longest 0.011 s, first at sample 101",
+        "uneven": "t steps by 0.001 s, uneven by up to 20 %",
+    }
+
+
+def test_nothing_is_mended_unasked(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"jumps by 0.011.*--mend gaps"):
+        read(save(tmp_path, np.delete(T, range(100, 110))))
+
+
+@pytest.mark.parametrize(
+    ("mend", "count", "first", "words"),
+    [
+        ("gaps", N - 110, 0.110, "cut at 1 gap(s): samples 100 to 389 kept"),
+        ("fill", N, 0.0, "gaps filled: 390 samples became 400, 10 interpolated"),
+    ],
+)
+def test_gaps(tmp_path: Path, mend: str, count: int, first: float, words: str) -> None:
+    reading = read(save(tmp_path, np.delete(T, range(100, 110))), mend=(mend,))
+    assert (reading.record.n, reading.record.fs, reading.mended) == (count, 1000.0, (words,))
+    assert [finding.kind for finding in reading.findings] == ["gaps"]
+    expected = wave(first + np.arange(count) / 1000.0)
+    np.testing.assert_allclose(reading.record.signals["q"], expected, atol=0.03)
+
+
+def test_duplicates(tmp_path: Path) -> None:
+    reading = read(save(tmp_path, np.insert(T, 7, T[6])), mend=("duplicates",))
+    assert reading.mended == ("1 samples with a repeated or backward time stamp dropped",)
+    np.testing.assert_allclose(reading.record.signals["q"], wave(T), atol=1e-9)
+
+
+def test_uneven_steps(tmp_path: Path) -> None:
+    jitter = np.random.default_rng(1).uniform(-3e-4, 3e-4, N)
+    jitter[[0, -1]] = 0.0
+    path = save(tmp_path, T + jitter)
+    with pytest.raises(DataError, match="--mend gaps, fill, uneven"):
+        read(path)
+    reading = read(path, mend=("uneven",))
+    assert reading.record.fs == pytest.approx(1000.0, rel=1e-6)
+    np.testing.assert_allclose(reading.record.signals["q"], wave(T), atol=2e-6)
+
+
+def test_offsets(tmp_path: Path) -> None:
+    reading = read(save(tmp_path, T, offset=2.5), mend=("offset=q",), units={"q": "rad"})
+    assert reading.mended == ("first reading 2.5 taken off q",)
+    np.testing.assert_allclose(reading.record.signals["q"], wave(T), atol=1e-9)
+    reading = read(save(tmp_path, T, offset=2.5), mend=("offset=q",), units={"q": "rad/s^2"})
+    assert float(np.mean(reading.record.signals["q"])) == pytest.approx(0.0, abs=1e-12)
+    assert [finding.kind for finding in reading.findings] == ["offset=q"]
+
+
+def test_unlike_zeros_of_encoders() -> None:
+    signals = {"q_m": wave(T), "q_c": wave(T) + 1.5, "tau": wave(T) + 9.0}
+    (finding,) = zero_faults(signals, {"q_m": "rad", "q_c": "rad", "tau": "N m"})
+    assert finding.kind == "offset=q_c"
+    assert "starts 1.5 rad from q_m" in finding.what
+
+
+def test_a_mend_that_is_none(tmp_path: Path) -> None:
+    with pytest.raises(DataError) as caught:
+        read(save(tmp_path, T), mend=("everything", "offset=z"))
+    assert [problem.where for problem in caught.value.problems] == ["--mend everything", "--mend offset=z"]
