@@ -12,7 +12,6 @@ import numpy as np
 
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.noise_spectrum import reading_spectrum
 from modelgen.runtime.filters.zero_phase import DECIMATE_CUTOFF
 from modelgen.runtime.least_squares.hac_covariance import andrews_bandwidth, influence
 from modelgen.runtime.least_squares.wls import Fit
@@ -211,7 +210,8 @@ def _moves(record: Record, sensor: Sensor) -> bool:
     """Tell whether a sensor shows more than noise; a velocity need not change for that."""
     if sensor.key not in record.signals:
         return False
-    samples = record.signals[sensor.key]
-    spectrum = reading_spectrum(samples, record.fs)
-    steady = sensor.measures == "velocity" and abs(samples.mean()) > LEAST_SPEED * spectrum.spread(record.fs)
-    return spectrum.moves or bool(steady)
+    spectrum = record.facts.spectrum(sensor.key)
+    if spectrum.moves:
+        return True
+    mean = abs(float(record.signals[sensor.key].mean()))
+    return sensor.measures == "velocity" and mean > LEAST_SPEED * spectrum.spread(record.fs)

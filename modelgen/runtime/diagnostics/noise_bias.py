@@ -16,7 +16,6 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
 from modelgen.runtime.diagnostics.row_noise import noise_band
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.noise_spectrum import reading_spectrum
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
@@ -37,15 +36,11 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
     """
     c = len(fit.columns)
     added, crossed = np.zeros((c, c)), np.zeros(c)
-    densities: dict[tuple[int, str], float] = {}
     for block, weight in zip(fit.blocks, fit.weights, strict=True):
         record = records[block.record]
         frequency_hz, power = noise_band(record, choice)
         for channel, ways in _ways(model, fit, block.row).items():
-            if (block.record, channel) not in densities:
-                spectrum = reading_spectrum(record.signals[channel], record.fs)
-                densities[block.record, channel] = spectrum.noise
-            noise = weight**2 * block.place.size * densities[block.record, channel] * power
+            noise = weight**2 * block.place.size * record.facts.spectrum(channel).noise * power
             responses = np.array([response(terms, frequency_hz) for terms in ways])
             shared = np.real(np.conj(responses) * noise @ responses.T)
             added += shared[:c, :c]

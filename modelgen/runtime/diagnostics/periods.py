@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.least_squares.hac_covariance import influence
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
@@ -157,8 +158,9 @@ def _first_peak(samples: FloatArray) -> int | None:
     most = n // FEWEST_PERIODS
     if most < 3:
         return None
-    spectrum = np.fft.rfft(samples, 2 * n)
-    products = np.fft.irfft(np.abs(spectrum) ** 2)[: most + 1]
+    size = quick_length(2 * n)
+    spectrum = np.fft.rfft(samples, size)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, size)[: most + 1]
     energy = np.cumsum(np.concatenate([[0.0], samples**2]))
     lags = np.arange(most + 1)
     both = np.sqrt((energy[n] - energy[lags]) * energy[n - lags])

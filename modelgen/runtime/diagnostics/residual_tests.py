@@ -15,6 +15,7 @@ import numpy.typing as npt
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.residual_whiteness import CONFIDENCE, Coloured, coloured, whiteness
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.least_squares.wls import Fit, terms_norm
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -187,7 +188,8 @@ def _correlation(
     e = residual[colour.samples] - residual[colour.samples].mean()
     n = len(e)
     lags = min(LAGS, n // 4)
-    E = np.fft.rfft(e, 2 * n)
+    size = quick_length(2 * n)
+    E = np.fft.rfft(e, size)
     density = _smooth(np.abs(E) ** 2)
     count = len(fit.blocks) * lags * len(fit.columns)
     quantile = float(norm.isf(0.5 * (1.0 - CONFIDENCE) / count))
@@ -197,10 +199,10 @@ def _correlation(
         power = float(e @ e) * float(u @ u)
         if power <= 0.0 or np.ptp(u) < 1e-9 * np.abs(inputs).max():
             continue
-        U = np.fft.rfft(u, 2 * n)
-        products = np.fft.irfft(E * np.conj(U))[1 : lags + 1] / np.sqrt(power)
+        U = np.fft.rfft(u, size)
+        products = np.fft.irfft(E * np.conj(U), size)[1 : lags + 1] / np.sqrt(power)
         # sum of R_e(k) R_u(k): the variance of a sum of products of two coloured series
-        both = np.fft.irfft(density * np.abs(U) ** 2)[0]
+        both = np.fft.irfft(density * np.abs(U) ** 2, size)[0]
         bound = quantile * float(np.sqrt(both / n / power))
         lag = int(np.argmax(np.abs(products)))
         ratio = abs(float(products[lag])) / bound
@@ -212,5 +214,5 @@ def _correlation(
 def _smooth(power: FloatArray) -> FloatArray:
     """Return the moving average of a periodogram over about the root of its length."""
     width = 2 * int(np.sqrt(len(power)) / 2.0) + 1
-    padded = np.pad(power, width // 2, mode="reflect")
-    return np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
+    total = np.concatenate([[0.0], np.cumsum(np.pad(power, width // 2, mode="reflect"))])
+    return np.asarray((total[width:] - total[:-width]) / width)

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import gain
-from modelgen.runtime.filters.noise_spectrum import reading_spectrum
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
@@ -38,6 +37,6 @@ def row_noise(model: Model, record: Record, choice: FilterChoice, row: int, x: F
     frequency_hz, power = noise_band(record, choice)
     total = 0.0
     for channel, terms in channel_terms(model, row, x).items():
-        noise = reading_spectrum(record.signals[channel], record.fs).noise
+        noise = record.facts.spectrum(channel).noise
         total += noise * float(np.abs(response(terms, frequency_hz)) ** 2 @ power)
     return sqrt(total)

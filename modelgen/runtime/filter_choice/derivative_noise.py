@@ -19,7 +19,7 @@ from math import inf, log10
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, low_pass, reading_spectrum, tones
+from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, low_pass, tones
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
@@ -126,7 +126,7 @@ def highest_derivatives(model: Model, records: Sequence[Record]) -> tuple[Highes
             order,
             channel in forces,
             names,
-            tuple(reading_spectrum(record.signals[channel], record.fs) for record in records),
+            tuple(record.facts.spectrum(channel) for record in records),
         )
         for channel, order in orders.items()
     )

@@ -38,7 +38,7 @@ from modelgen.runtime.filter_choice.explain import (
     quiet_sentence,
     seen_sentence,
 )
-from modelgen.runtime.filters.power_spectrum import band_limit_hz, power_spectrum
+from modelgen.runtime.filters.power_spectrum import band_limit_hz
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
 
@@ -179,15 +179,13 @@ def record_band(model: Model, record: Record, noise_only: Collection[str] = ()) 
     """
     half = 0.5 * record.fs
     used = [actuator.key for actuator in model.actuators if actuator.key in record.signals]
-    limits = [
-        band_limit_hz(*power_spectrum(record.signals[key], record.fs), FORCE_SHARE, half) for key in used
-    ]
+    limits = [band_limit_hz(*record.facts.power(key), FORCE_SHARE, half) for key in used]
     force_hz = max((limit for limit in limits if limit is not None), default=half)
     best = _best_sensors(model)
     shown = {name: sensor for name, sensor in best.items() if sensor.key not in noise_only}
     found: list[tuple[float, str]] = []
     for name, sensor in (shown or best).items():
-        spectrum = power_spectrum(record.signals[sensor.key], record.fs, 2 - ORDER_OF[sensor.measures])
+        spectrum = record.facts.power(sensor.key, 2 - ORDER_OF[sensor.measures])
         limit = band_limit_hz(*spectrum, DYNAMICS_SHARE, force_hz)
         if limit:
             found.append((limit, name))

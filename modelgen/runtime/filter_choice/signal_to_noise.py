@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, low_pass, reading_spectrum
+from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, low_pass
 from modelgen.runtime.model.model import Model, Signal
 from modelgen.runtime.records.record import Record
 
@@ -47,14 +47,11 @@ def signal_to_noise(
     """Return every signal of the model that is a derivative of a channel, record by record."""
     found = []
     for record in records:
-        spectra: dict[str, ReadingSpectrum] = {}
         for signal in model.signals:
             channel = signal.sensor or signal.actuator
             if channel is None or channel not in record.signals:
                 continue
-            if channel not in spectra:
-                spectra[channel] = reading_spectrum(record.signals[channel], record.fs)
-            found.append(_entry(record.name, channel, signal, spectra[channel], choice))
+            found.append(_entry(record.name, channel, signal, record.facts.spectrum(channel), choice))
     return tuple(found)
 
 

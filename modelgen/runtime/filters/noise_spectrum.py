@@ -6,12 +6,13 @@ The noise of a reading is taken as white, at the level of the uppermost fifth of
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf, log, sqrt
 
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.filters.power_spectrum import NOISE_FACTOR, NOISE_FROM, band_limit_hz
+from modelgen.runtime.filters.power_spectrum import NOISE_FACTOR, NOISE_FROM, band_limit_hz, quick_length
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -38,7 +39,7 @@ class ReadingSpectrum:
     noise: float
     trend: float
 
-    @property
+    @cached_property
     def clear(self) -> npt.NDArray[np.bool_]:
         """Which lines stand out of the noise."""
         # of white noise the median is ln 2 times the mean
@@ -101,8 +102,9 @@ def reading_spectrum(samples: FloatArray, fs: float) -> ReadingSpectrum:
     differenced = differenced - steady
     n = len(differenced)
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
-    power = 2.0 * np.abs(np.fft.rfft(differenced * window)) ** 2 / (fs * float(np.sum(window**2)))
-    frequency_hz = np.fft.rfftfreq(n, 1.0 / fs)[1:]
+    size = quick_length(n)
+    power = 2.0 * np.abs(np.fft.rfft(differenced * window, size)) ** 2 / (fs * float(np.sum(window**2)))
+    frequency_hz = np.fft.rfftfreq(size, 1.0 / fs)[1:]
     density = power[1:] / (2.0 * np.sin(np.pi * frequency_hz / fs)) ** 2
     noise = float(np.median(density[frequency_hz >= NOISE_FROM * 0.5 * fs])) / log(2.0)
     travel, spread = abs(steady) * n, sqrt(0.5 * noise * fs)

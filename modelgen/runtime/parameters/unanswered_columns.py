@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from modelgen.runtime.filter_choice.filter_choice import ORDER_OF, FilterChoice
-from modelgen.runtime.filters.power_spectrum import power_spectrum, share_below
+from modelgen.runtime.filters.power_spectrum import share_below
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
@@ -134,5 +134,5 @@ def _slowest_sensors(model: Model) -> Mapping[str, Sensor]:
 def _steady_share(record: Record, sensor: Sensor, limit_hz: float) -> float:
     derivative = 1 - ORDER_OF[sensor.measures]
     # an accelerometer does not tell a constant velocity; its own constant is no motion
-    spectrum = power_spectrum(record.signals[sensor.key], record.fs, derivative, keep_mean=derivative >= 0)
+    spectrum = record.facts.power(sensor.key, derivative, keep_mean=derivative >= 0)
     return share_below(*spectrum, limit_hz)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from numbers import Real
 from types import MappingProxyType
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
+from modelgen.runtime.records.record_facts import RecordFacts
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -84,6 +86,11 @@ class Record:
     def duration_s(self) -> float:
         """Time covered in s: n samples of 1/fs each."""
         return self.n / self.fs
+
+    @cached_property
+    def facts(self) -> RecordFacts:
+        """The spectra of the channels, each computed when first asked for."""
+        return RecordFacts(self.signals, self.fs)
 
     def select(self, keys: Iterable[str]) -> Record:
         """Return the record with these channels only, in this order.
