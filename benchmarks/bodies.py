@@ -38,7 +38,8 @@ from modelgen.render.writer import render
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.numerics.banded_least_squares import solve_banded
 from modelgen.runtime.rows.filter_sections import paper_filtering
-from modelgen.runtime.rows.record_factors import Task, record_factors
+from modelgen.runtime.rows.record_factors import record_factors
+from modelgen.runtime.rows.record_rows import RecordRows
 from modelgen.runtime.rows.signal_plan import signal_plan
 from modelgen.symbolic.base_parameters import base_model
 from modelgen.symbolic.equations.newton import motion_equations
@@ -133,7 +134,7 @@ def by_product(model: Model, record: Signals, fast: bool | None = None) -> Float
     """Return x from operators, triangles and the banded solution."""
     plan = signal_plan(model, paper_filtering(ORDER, CUTOFF_HZ, FS, FACTOR), fast)
     grid = range(EDGE, record.n - EDGE - (record.n - EDGE) % FACTOR, FACTOR)
-    rows = record_factors(Task(record, plan, grid)).rows
+    rows = record_factors(RecordRows(record, plan, grid)).rows
     triangles, columns = [row.triangle for row in rows], [row.columns for row in rows]
     return solve_banded(triangles, columns, len(model.base_parameters)).x
 

@@ -41,7 +41,8 @@ from modelgen.runtime.least_squares.hac_covariance_chunks import stream_hac_cova
 from modelgen.runtime.least_squares.triangle_fit import fit_factors
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.record_factors import matched_task, record_factors
+from modelgen.runtime.rows.record_factors import record_factors
+from modelgen.runtime.rows.record_rows import matched_rows
 
 CHANNELS = ("q_m", "q_c", "Gamma_m")
 PIECE = 1_000_000
@@ -77,7 +78,7 @@ def once_through(folder: Path) -> object:
     """Filter, mask and solve, and find the covariance, with settings that are given."""
     model, source = two_bodies(), open_npy({channel: folder / f"{channel}.npy" for channel in CHANNELS}, FS)
     choice = stream_choice(model, [source], 400.0, 4, 10, None)
-    task = matched_task(model, source, choice, 10)
+    task = matched_rows(model, source, choice, 10)
     fit = fit_factors(model, [record_factors(task)])
     return stream_hac_covariance(fit, [task])
 

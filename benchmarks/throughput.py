@@ -37,7 +37,8 @@ from modelgen.runtime.numerics.threads import usable_threads
 from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.filter_sections import paper_filtering
-from modelgen.runtime.rows.record_factors import Task, record_factors
+from modelgen.runtime.rows.record_factors import record_factors
+from modelgen.runtime.rows.record_rows import RecordRows
 from modelgen.runtime.rows.signal_plan import signal_plan
 
 FloatArray = npt.NDArray[np.float64]
@@ -122,7 +123,7 @@ def by_product(
     """Return x from the fused operators, the triangles of the rows, and the banded solution."""
     plan = signal_plan(model, paper_filtering(ORDER, CUTOFF_HZ, FS, FACTOR), fast)
     grid = range(EDGE, record.n - EDGE - (record.n - EDGE) % FACTOR, FACTOR)
-    rows = record_factors(Task(RecordChannels(record), plan, grid), threads).rows
+    rows = record_factors(RecordRows(RecordChannels(record), plan, grid), threads).rows
     triangles, columns = [row.triangle for row in rows], [row.columns for row in rows]
     return solve_banded(triangles, columns, len(model.base_parameters)).x
 

@@ -18,11 +18,12 @@ from modelgen.cli.figure import Panel, draw_forces
 from modelgen.render.writer import write_modules
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import Model, load_model
+from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.write_record import write_record
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.filtered_record import FilteredRecord
 from modelgen.runtime.rows.observation import observe
+from modelgen.runtime.rows.record_rows import matched_rows
 from modelgen.runtime.simulation.default_excitation import default_excitation
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import catalog_path, load_spec
@@ -140,13 +141,13 @@ def _panel(model: Model, record: Record, estimate: Estimate, parameter_set: str)
     """Return force and W x of the undifferentiated row, filtered as for the estimate, at the full rate."""
     choice = replace(estimate.filtering, decimation=(1,))
     row = next(index for index, info in enumerate(model.rows) if not info.differentiated)
-    filtered = FilteredRecord(model, record, choice, factor=1, drop=0)
+    rows = matched_rows(model, RecordChannels(record), choice, factor=1)
     block = observe(model, [record], choice).blocks[row]
-    measured = filtered.sum_of(model.measurement_columns[row])
+    measured = rows.lines()[row][-1]
     # where the motor sticks, sign() is meaningless and the row is masked: a gap in the line
     rebuilt = np.full(len(measured), np.nan)
     rebuilt[block.place] = block.W @ estimate.base
-    time_s = filtered.grid / record.fs
+    time_s = np.array(rows.grid) / record.fs
     start, stop = WINDOWS_S[record.name]
     shown = (time_s >= start) & (time_s <= stop)
     title = f"{parameter_set}, {model.sensor_set}, {record.name}: row {block.row_name}"

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.filtered_record import FilteredRecord
 from modelgen.runtime.rows.observation import RowBlock, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
 
@@ -104,14 +103,11 @@ def _rebuilt(model: Model, record: Record, estimate: Estimate, block: RowBlock, 
     measured, rebuilt = np.full(block.grid, np.nan), np.full(block.grid, np.nan)
     measured[block.place] = block.Y
     rebuilt[block.place] = block.W @ x
-    start = 0.0
-    if estimate.method != "pham2002":
-        start = float(FilteredRecord(model, record, estimate.filtering, factor, 0).grid[0]) / record.fs
     return Rebuilt(
         record.name,
         block.row_name,
         block.unit,
-        start,
+        block.start / record.fs,
         factor / record.fs,
         measured,
         rebuilt,

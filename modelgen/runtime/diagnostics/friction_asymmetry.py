@@ -13,14 +13,14 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.derivatives import differentiate
-from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Feature, Model
+from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.filtered_record import FilteredRecord
+from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
+from modelgen.runtime.rows.standstill_speeds import NOTHING
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -113,18 +113,15 @@ def _columns(
             continue
         if block.record not in signals:
             record, factor = records[block.record], choice.decimation[block.record]
-            filtered = FilteredRecord(model, record, choice, factor, drop)
-            signals[block.record] = _speed(filtered, model, str(feature.of))[filtered.grid]
+            rows = matched_rows(model, RecordChannels(record), choice, factor, drop, survey=NOTHING)
+            signals[block.record] = _speed(rows, str(feature.of))
         columns.append(share * signals[block.record][block.place])
     return columns
 
 
-def _speed(filtered: FilteredRecord, model: Model, key: str) -> FloatArray:
-    """Return |velocity| at the full rate, low-passed; zeros where the record brings the direction only."""
-    record, choice = filtered.record, filtered.choice
-    signal = next(signal for signal in model.signals if signal.key == key)
+def _speed(rows: RecordRows, key: str) -> FloatArray:
+    """Return |velocity| behind the filter on the grid; zeros where the record brings the direction only."""
+    signal = next(signal for signal in rows.plan.model.signals if signal.key == key)
     if signal.sensor is None:
-        return np.zeros(record.n)
-    velocity = differentiate(record.signals[signal.sensor], record.dt, signal.derivative)
-    speed = velocity * np.sign(filtered.direction(key))
-    return zero_phase(speed, choice.filter_order, choice.cutoff_hz, record.fs)
+        return np.zeros(len(rows.grid))
+    return rows.feature(Feature("speed", "sign", of=key, times=key))

@@ -21,7 +21,8 @@ from modelgen.runtime.least_squares.hac_covariance_chunks import (
 from modelgen.runtime.least_squares.triangle_fit import FactorFit, fit_factors, with_inverse
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.records.channels import Channels
-from modelgen.runtime.rows.record_factors import RecordFactors, Task, matched_task, record_factors
+from modelgen.runtime.rows.record_factors import RecordFactors, record_factors
+from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.standstill_speeds import Survey
 
 FloatArray = npt.NDArray[np.float64]
@@ -56,7 +57,7 @@ class Prepared:
     survey: Survey
 
     @cached_property
-    def task(self) -> Task:
+    def task(self) -> RecordRows:
         """What is to be done with the record; made by whoever first works on it, not by who receives it.
 
         What arrives at a worker is unpacked by the thread that answers the scheduler, which must not wait.
@@ -74,8 +75,8 @@ def prepare(job: Job) -> Prepared:
     return Prepared(job, task.grid, task.survey)
 
 
-def _task(job: Job, survey: Survey | None) -> Task:
-    return matched_task(
+def _task(job: Job, survey: Survey | None) -> RecordRows:
+    return matched_rows(
         fleet_model(job.module_text), job.source, job.choice, job.choice.decimation[0], survey=survey
     )
 

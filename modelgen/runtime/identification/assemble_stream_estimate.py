@@ -24,7 +24,8 @@ from modelgen.runtime.parameters.pruning import Pruning, prune
 from modelgen.runtime.parameters.unanswered_columns import columns_that_vanish, friction_without_steady_motion
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate, RowDiagnostics
-from modelgen.runtime.rows.record_factors import RecordFactors, Task
+from modelgen.runtime.rows.record_factors import RecordFactors
+from modelgen.runtime.rows.record_rows import RecordRows
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -35,7 +36,7 @@ class StreamSolved:
 
     model: Model
     choice: FilterChoice
-    tasks: tuple[Task, ...]
+    tasks: tuple[RecordRows, ...]
     factors: tuple[RecordFactors, ...]
     fit: FactorFit
     refused: Mapping[str, str]

@@ -29,7 +29,8 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import Channels, RecordChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.record_factors import RecordFactors, matched_task, record_factors
+from modelgen.runtime.rows.record_factors import RecordFactors, record_factors
+from modelgen.runtime.rows.record_rows import matched_rows
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -130,7 +131,7 @@ def identify_stream(
     choice = choose_from_stretches(model, pieces, cutoff_hz, filter_order, decimation, direction_cutoff_hz)
     say("filtering and solving")
     tasks = [
-        matched_task(model, source, choice, factor, samples=chunk_samples)
+        matched_rows(model, source, choice, factor, samples=chunk_samples)
         for source, factor in zip(sources, choice.decimation, strict=True)
     ]
     factors = [record_factors(task, threads) for task in tasks]
@@ -147,7 +148,7 @@ def identify_stream(
         def again(other: FilterChoice) -> FactorFit:
             same = other.direction_cutoff_hz == choice.direction_cutoff_hz
             moved = [
-                matched_task(
+                matched_rows(
                     model, task.source, other, factor, 0, chunk_samples, task.survey if same else None
                 )
                 for task, factor in zip(tasks, choice.decimation, strict=True)

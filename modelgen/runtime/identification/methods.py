@@ -20,7 +20,6 @@ from modelgen.runtime.least_squares.wls import Fit, fit_matched, fit_paper
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.drop_reversals import without_reversals
 from modelgen.runtime.rows.observation import Observation, observe, rows_by_tag
 from modelgen.runtime.rows.paper_rows import observe_paper
 
@@ -93,11 +92,8 @@ def run_wls(job: Job) -> tuple[Observation, Fit]:
 def run_iv(job: Job) -> tuple[Observation, Fit]:
     """Instrumental variables on matched-filtered rows, started from their least-squares fit."""
 
-    def rows(records: tuple[Record, ...]) -> Observation:
-        return job.only_rows_for_tag(observe(job.model, records, job.choice, job.drop))
-
     def calm(records: tuple[Record, ...]) -> Observation:
-        return without_reversals(rows(records), job.model, records, job.choice, job.drop)
+        return job.only_rows_for_tag(observe(job.model, records, job.choice, job.drop, turns=False))
 
     if all_from_composites(job.model):
         setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)

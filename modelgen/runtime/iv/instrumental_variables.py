@@ -22,8 +22,11 @@ from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.wls import Fit, terms_norm
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.physical_parameters import Covariances, physical_parameters
+from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.filtered_record import FilteredRecord
+from modelgen.runtime.rows.record_rows import matched_rows
+from modelgen.runtime.rows.row_terms import row_terms
+from modelgen.runtime.rows.standstill_speeds import NOTHING
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -116,21 +119,21 @@ def instruments_at(fit: Fit, setting: Setting, values: Mapping[str, float]) -> t
 
 def _simulated_rows(fit: Fit, setting: Setting, parameters: Mapping[str, float]) -> tuple[FloatArray, ...]:
     model, choice = setting.model, setting.choice
-    columns = [model.base_parameters.index(name) for name in fit.columns]
-    runs: dict[int, FilteredRecord] = {}
+    place = {model.base_parameters.index(name): index for index, name in enumerate(fit.columns)}
+    touched = [terms.columns for terms in row_terms(model)]
+    runs: dict[int, tuple[FloatArray, ...]] = {}
     found = []
     for block in fit.blocks:
         if block.record not in runs:
             record = run_beside(model, parameters, setting.records[block.record], choice, setting.loop)
-            runs[block.record] = FilteredRecord(
-                model, record, choice, choice.decimation[block.record], setting.drop
-            )
-        run = runs[block.record]
-        Z = np.zeros((len(block.place), len(columns)))
-        for place, column in enumerate(columns):
-            terms = model.column_terms(block.row, column)
-            if terms:
-                Z[:, place] = run.sum_of(terms)[block.place]
+            factor = choice.decimation[block.record]
+            rows = matched_rows(model, RecordChannels(record), choice, factor, setting.drop, survey=NOTHING)
+            runs[block.record] = rows.lines()
+        Z = np.zeros((len(block.place), len(fit.columns)))
+        lines = runs[block.record][block.row][1:-1]
+        for column, line in zip(touched[block.row], lines, strict=True):
+            if column in place:
+                Z[:, place[column]] = line[block.place]
         found.append(Z)
     return tuple(found)
 

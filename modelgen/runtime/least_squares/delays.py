@@ -20,9 +20,11 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.filtered_record import FilteredRecord
 from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.record_rows import matched_rows
+from modelgen.runtime.rows.standstill_speeds import NOTHING
 
 FloatArray = npt.NDArray[np.float64]
 # records, first values -> rows and their fit
@@ -158,21 +160,22 @@ def delay_rates(
     """
     orders = {signal.key: signal.derivative for signal in model.signals if signal.actuator == channel}
     columns = [model.base_parameters.index(name) for name in fit.columns]
-    filtered: dict[int, FilteredRecord] = {}
+    place = {key: index for index, key in enumerate(orders)}
+    slopes: dict[int, FloatArray] = {}
     rates = []
     for block in fit.blocks:
-        if block.record not in filtered:
+        if block.record not in slopes:
             record, factor = records[block.record], choice.decimation[block.record]
-            filtered[block.record] = FilteredRecord(model, record, choice, factor, drop)
-        signals = filtered[block.record]
+            rows = matched_rows(model, RecordChannels(record), choice, factor, drop, survey=NOTHING)
+            slopes[block.record] = rows.derivatives(channel, [order + 1 for order in orders.values()])
         terms = list(model.measurement_columns[block.row])
         for column, x in zip(columns, fit.solution.x, strict=True):
             terms += [(-share * x, key) for share, key in model.column_terms(block.row, column)]
-        rate = np.zeros(len(signals.grid))
+        shares = np.zeros(len(orders))
         for share, key in terms:
             if key in orders:
-                rate += share * signals.smooth(channel, orders[key] + 1)[signals.grid]
-        rates.append(rate[block.place])
+                shares[place[key]] += share
+        rates.append(slopes[block.record][block.place] @ shares)
     return tuple(rates)
 
 

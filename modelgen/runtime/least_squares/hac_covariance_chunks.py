@@ -22,7 +22,7 @@ from modelgen.runtime.least_squares.hac_covariance import (
 )
 from modelgen.runtime.least_squares.triangle_fit import FactorFit
 from modelgen.runtime.rows.chunk import CHUNK_SAMPLES
-from modelgen.runtime.rows.record_factors import Task
+from modelgen.runtime.rows.record_rows import RecordRows
 from modelgen.runtime.rows.row_terms import RowTerms
 
 FloatArray = npt.NDArray[np.float64]
@@ -86,7 +86,7 @@ class ParzenSums:
         return KernelSums(self._total, self._fourth)
 
 
-def stream_hac_covariance(fit: FactorFit, tasks: Sequence[Task]) -> FloatArray:
+def stream_hac_covariance(fit: FactorFit, tasks: Sequence[RecordRows]) -> FloatArray:
     """Return the heteroskedasticity- and autocorrelation-consistent covariance, shape (c, c).
 
     As `covariance.hac_covariance`; c are the columns of the fit, which must have its whole inverse.
@@ -121,14 +121,14 @@ def covariance_from_sums(fit: FactorFit, found: Sequence[Moments], sums: Sequenc
     return lost * joined_covariance(sums, bandwidth_of(found), sum(one.n for one in found))
 
 
-def influence_chunks(fits: Sequence[tuple[FactorFit, int]], task: Task) -> Iterator[list[FloatArray]]:
+def influence_chunks(fits: Sequence[tuple[FactorFit, int]], task: RecordRows) -> Iterator[list[FloatArray]]:
     """Yield what each instant of a record contributes to X's error, chunk by chunk, for each fit.
 
     Parameters
     ----------
     fits : sequence of (FactorFit, int)
         Fits with their whole inverse, and the number of the record in each.
-    task : Task
+    task : RecordRows
         The record.
 
     Yields
@@ -142,7 +142,7 @@ def influence_chunks(fits: Sequence[tuple[FactorFit, int]], task: Task) -> Itera
     for chunk in task.chunks():
         signals, places = chunk.signals(), task.places(chunk)
         found = [np.zeros((chunk.count, len(fit.columns))) for fit, _ in fits]
-        for terms, used in zip(task.rows, places, strict=True):
+        for terms, used in zip(task.terms, places, strict=True):
             lines = terms.evaluate(signals)
             signals.forget(terms.row)
             for psi, (fit, record) in zip(found, fits, strict=True):
@@ -173,7 +173,7 @@ def _add_influence(
         psi[used] += part[used]
 
 
-def _kept(fit: FactorFit, record: int, task: Task) -> Series:
+def _kept(fit: FactorFit, record: int, task: RecordRows) -> Series:
     """Return the influence of a record, kept where it is small."""
 
     def series() -> Iterator[FloatArray]:

@@ -28,8 +28,7 @@ from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model, Terms
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.drop_reversals import without_reversals
-from modelgen.runtime.rows.filtered_record import SUPPORT_TOLERANCE
+from modelgen.runtime.rows.masks import SUPPORT_TOLERANCE
 from modelgen.runtime.rows.observation import RowBlock, observe
 
 FloatArray = npt.NDArray[np.float64]
@@ -94,9 +93,7 @@ def information(
         When the rows do not determine all base parameters.
     """
     x = np.asarray(model.base_from_physical(parameters), dtype=float)
-    observation = observe(model, records, choice)
-    if instruments:
-        observation = without_reversals(observation, model, records, choice)
+    observation = observe(model, records, choice, turns=not instruments)
     blocks = [b for b in observation.blocks if b.place.size and (b.record, b.row) in weights]
     c = len(x)
     M, spread, total = np.zeros((c, c)), np.zeros((c, c)), np.zeros(c)

@@ -100,7 +100,7 @@ class KeptSignals(Mapping[str, FloatArray]):
                     self.force_power[times] = self.force_power.get(times, 0.0) + power
             return self._made[channel][:, column]
         if key not in self._made:
-            self._made[key] = plan.feature(chunk, key, chunk.first, chunk.count)
+            self._made[key] = plan.feature(chunk, plan.features[key], chunk.first, chunk.count)
         return self._made[key]
 
     def forget(self, row: int) -> None:

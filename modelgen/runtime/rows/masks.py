@@ -1,4 +1,4 @@
-"""Which samples of a chunk a row must not use: the masks of `observation`, in stretches of a record.
+"""Which samples a row must not use, chunk by chunk of a record.
 
 A mask looks at velocities around a sample, and at one number of the whole record: the speed below which a
 mass stands still.
@@ -13,32 +13,41 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.reversals import reversals, standstills, widen
+from modelgen.runtime.filters.reversals import reversals, standstills, turns, widen
 from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.chunk import Chunk
-from modelgen.runtime.rows.filtered_record import DIRECTION_TOLERANCE, SUPPORT_TOLERANCE
-from modelgen.runtime.rows.observation import STANDSTILL_PERIODS, direction_keys
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
+# The filter's reach: where its response has fallen to this share of its peak.
+SUPPORT_TOLERANCE = 1e-5
+# A standstill is seen on the low-passed velocity, this share of whose response reaches into it.
+DIRECTION_TOLERANCE = 1e-2
+# A sign that changes one sample late is felt so far: where the filter has fallen to this share of its peak.
+TURN_TOLERANCE = 1e-3
+# sign() is meaningless while a mass sticks for longer than this many periods of the cut-off.
+STANDSTILL_PERIODS = 2.0
+
 
 @dataclass(frozen=True)
 class RowMask:
-    """The rule of one row: velocities to look at, how far around, and how long a standstill must last.
+    """The rule of one row: velocities to look at, what of them counts, and how far around it is felt.
 
-    `shortest` is None where every reversal counts.
+    `events` are "reversals", "turns" (reversals with the standstill around them), or "standstills" of at
+    least `longest` samples. Longer ones are masked already where "turns" are asked for.
     """
 
     keys: tuple[str, ...]
     reach: int
-    shortest: int | None
+    events: str
+    longest: int
 
     @property
     def halo(self) -> int:
         """Samples around a chunk within which velocities matter."""
-        return self.reach + (self.shortest or 1) + 1 if self.keys else 0
+        return self.reach + (1 if self.events == "reversals" else self.longest) + 1 if self.keys else 0
 
     def of(self, chunk: Chunk, thresholds: Mapping[str, float]) -> BoolArray:
         """Return which of the chunk's samples kept are masked, shape (count,)."""
@@ -49,32 +58,72 @@ class RowMask:
             # beyond the record there is its mirror image: no rest goes on there
             inside = slice(max(-low, 0), min(high, chunk.source.n) - low)
             marked = np.zeros(len(velocity), dtype=bool)
-            if self.shortest is None:
-                marked[inside] = reversals(velocity[inside], thresholds[key])
-            else:
-                marked[inside] = standstills(velocity[inside], self.shortest, thresholds[key])
+            marked[inside] = self._events(velocity[inside], thresholds[key])
             if marked.any():
                 wide = widen(marked, self.reach)[self.halo : -self.halo]
                 masked |= wide[:: chunk.plan.filtering.factor]
         return masked
 
+    def _events(self, velocity: FloatArray, threshold: float) -> BoolArray:
+        if self.events == "standstills":
+            return standstills(velocity, self.longest, threshold)
+        return (reversals if self.events == "reversals" else turns)(velocity, threshold)
+
 
 def row_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, ...]:
-    """Return the mask of every row, for matched filtering at a sampling frequency in Hz."""
-    order = choice.filter_order
+    """Return the mask of every row, for matched filtering at a sampling frequency in Hz.
+
+    Coulomb friction jumps where a velocity changes sign. A differentiated row drops it and must not use what
+    feels a reversal; a row that keeps sign() must not use what feels a long rest.
+    """
+    order, late, shortest = choice.filter_order, _direction_reach(choice, fs), _long_rest(choice, fs)
 
     def reach(derivative: int) -> int:
         return support_samples(order, choice.cutoff_hz, fs, derivative, SUPPORT_TOLERANCE)
 
-    late = support_samples(order, choice.direction_cutoff_hz, fs, 0, DIRECTION_TOLERANCE)
-    shortest = int(np.ceil(STANDSTILL_PERIODS * fs / choice.cutoff_hz))
     found = []
     for row, info in enumerate(model.rows):
         if info.reversals:
             # the row differentiates the friction as often as its order exceeds that of a motion: a jump
             # enters as an impulse, differentiated once less
             far = max(reach(k) for k in range(max(1, info.order - 2))) + late
-            found.append(RowMask(tuple(info.reversals), far, None))
+            found.append(RowMask(tuple(info.reversals), far, "reversals", 1))
         else:
-            found.append(RowMask(direction_keys(model, row), reach(0) + late, shortest))
+            found.append(RowMask(direction_keys(model, row), reach(0) + late, "standstills", shortest))
     return tuple(found)
+
+
+def turn_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, ...]:
+    """Return for every row the mask of what feels a reversal of a velocity whose sign is in the row.
+
+    A sampled sign() changes up to one sample early or late, and the low-passed velocity it is taken from
+    crosses zero a little off the true one. Around every reversal this leaves an error that looks like
+    friction; it is small against an ordinary residual, but not against the standard deviation of a consistent
+    estimate. A moment of rest between two motions the same way is no reversal: whether a velocity falls below
+    a threshold there is the filter's doing, and samples must not come and go with it (a long rest is masked
+    anyway).
+    """
+    reach = support_samples(choice.filter_order, choice.cutoff_hz, fs, 0, TURN_TOLERANCE)
+    far, longest = reach + _direction_reach(choice, fs), _long_rest(choice, fs)
+    return tuple(RowMask(direction_keys(model, row), far, "turns", longest) for row in range(len(model.rows)))
+
+
+def direction_keys(model: Model, row: int) -> tuple[str, ...]:
+    """Return the signals whose sign enters a row."""
+    used = dict.fromkeys(key for terms in model.regressor_columns[row].values() for _, key in terms)
+    signs = [feature.of for feature in model.features if feature.key in used and isinstance(feature.of, str)]
+    brought = [
+        signal.key
+        for signal in model.signals
+        if signal.key in used and signal.sensor is None and signal.actuator is None
+    ]
+    return tuple(dict.fromkeys(signs + brought))
+
+
+def _direction_reach(choice: FilterChoice, fs: float) -> int:
+    """Return how late, in samples, the low-passed velocity may show a standstill."""
+    return support_samples(choice.filter_order, choice.direction_cutoff_hz, fs, 0, DIRECTION_TOLERANCE)
+
+
+def _long_rest(choice: FilterChoice, fs: float) -> int:
+    return int(np.ceil(STANDSTILL_PERIODS * fs / choice.cutoff_hz))

@@ -1,9 +1,4 @@
-"""Matched filtering: record -> the rows of Y = W X, every signal through one and the same filter.
-
-y = D x holds at every instant, so it holds for any linear filter of y and D, exactly, as long as the filter
-is the same for both: forces, constants and signs of velocities included. The columns are linear in the
-signals, so each signal is filtered and differentiated once, and columns are summed at the samples kept.
-"""
+"""Observation: the rows of Y = W X of all records, behind matched filters, at the samples kept."""
 
 from __future__ import annotations
 
@@ -16,19 +11,20 @@ import numpy.typing as npt
 from modelgen.errors import DataError, Problem
 from modelgen.progress import counted
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.reversals import reversals, standstills, widen
-from modelgen.runtime.model.model import Model, RowInfo
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.filtered_record import FilteredRecord
+from modelgen.runtime.rows.chunk import Chunk
+from modelgen.runtime.rows.masks import turn_masks
+from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 
 FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
 # A left-hand side below this share of the record's forces counts as none.
 LEAST_FORCE = 1e-2
-# sign() is meaningless while a mass sticks for longer than this many periods of the cut-off.
-STANDSTILL_PERIODS = 2.0
+# A body that reverses all the time leaves less than this share of the grid: then its turns are kept.
+LEAST_SHARE = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +77,9 @@ class Observation:
     notes: tuple[str, ...] = ()
 
 
-def observe(model: Model, records: Sequence[Record], choice: FilterChoice, drop: int = 0) -> Observation:
+def observe(
+    model: Model, records: Sequence[Record], choice: FilterChoice, drop: int = 0, turns: bool = True
+) -> Observation:
     """Return the matched-filtered rows of the records.
 
     Parameters
@@ -93,6 +91,9 @@ def observe(model: Model, records: Sequence[Record], choice: FilterChoice, drop:
         Order, cut-offs and decimation.
     drop : int
         Samples to leave out at the beginning of every record; never fewer than the filter's reach.
+    turns : bool
+        Whether rows with Coulomb friction use the samples that feel a reversal (`turn_masks`). Where too few
+        others would be left they do in any case.
 
     Raises
     ------
@@ -102,9 +103,10 @@ def observe(model: Model, records: Sequence[Record], choice: FilterChoice, drop:
     blocks: list[RowBlock] = []
     notes = [f"drop = {drop} samples at the beginning of every record, as given"] if drop else []
     for index, record in enumerate(counted(records, "filtering")):
-        signals = FilteredRecord(model, record, choice, choice.decimation[index], drop)
-        for row in counted(range(len(model.rows)), f"rows of {record.name}"):
-            block = _block(model, signals, index, row)
+        rows = matched_rows(model, RecordChannels(record), choice, choice.decimation[index], drop)
+        if not turns:
+            rows = replace(rows, masks=rows.masks + turn_masks(model, choice, record.fs))
+        for block in _blocks(rows, index):
             blocks.append(block)
             if block.place.size == 0:
                 notes.append(
@@ -149,69 +151,58 @@ def rows_by_tag(
     return replace(observation, blocks=blocks)
 
 
-def _block(model: Model, signals: FilteredRecord, index: int, row: int) -> RowBlock:
-    info = model.rows[row]
-    masked = _mask(model, signals, row)[signals.grid]
-    place = np.flatnonzero(~masked).astype(np.int64)
-    Y = signals.sum_of(model.measurement_columns[row])[place]
-    W = np.zeros((len(place), len(model.base_parameters)))
-    for column, terms in model.regressor_columns[row].items():
-        W[:, column] = signals.sum_of(terms)[place]
-    force_scale = _force_scale(model, signals, info)
-    return RowBlock(
-        record=index,
-        row=row,
-        record_name=signals.record.name,
-        row_name=info.name,
-        unit=info.unit,
-        place=place,
-        grid=len(signals.grid),
-        Y=Y,
-        W=W,
-        masked=int(masked.sum()),
-        has_force=bool(np.linalg.norm(Y) > LEAST_FORCE * force_scale * np.sqrt(len(Y))),
-        force_scale=force_scale,
-        differentiated=info.differentiated,
-        start=int(signals.grid[0]),
-    )
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """One chunk: of every row its lines, and which samples are masked; the power of the forces."""
+
+    lines: list[FloatArray]
+    masked: list[npt.NDArray[np.bool_]]
+    force_power: Mapping[int, float]
 
 
-def _force_scale(model: Model, signals: FilteredRecord, info: RowInfo) -> float:
-    """Return the rms of all forces on the grid, differentiated as often as the row and in its unit."""
-    used = {signal.actuator for signal in model.signals if signal.actuator is not None}
-    power = 0.0
-    for actuator in model.actuators:
-        if actuator.key in used:
-            force = signals.smooth(actuator.key, info.differentiated)[signals.grid]
-            power += float(np.mean((actuator.lever / info.lever * force) ** 2))
-    return float(np.sqrt(power))
+def _part(rows: RecordRows, chunk: Chunk) -> _Part:
+    signals = chunk.signals()
+    lines = []
+    for terms in rows.terms:
+        lines.append(terms.evaluate(signals)[1:])
+        signals.forget(terms.row)
+    masked = [mask.of(chunk, rows.survey.thresholds) for mask in rows.masks]
+    return _Part(lines, masked, signals.force_power)
 
 
-def _mask(model: Model, signals: FilteredRecord, row: int) -> BoolArray:
-    """Return which samples the row must not use, at the full rate, shape (n,)."""
-    info = model.rows[row]
-    masked = np.zeros(signals.record.n, dtype=bool)
-    late = signals.direction_reach()
-    if info.reversals:
-        # the row differentiates the friction as often as its order exceeds that of a motion: a jump enters as
-        # an impulse, differentiated once less
-        reach = max(signals.reach(k) for k in range(max(1, info.order - 2))) + late
-        for key in info.reversals:
-            masked |= widen(reversals(signals.direction(key)), reach)
-        return masked
-    shortest = int(np.ceil(STANDSTILL_PERIODS * signals.record.fs / signals.choice.cutoff_hz))
-    for key in direction_keys(model, row):
-        masked |= widen(standstills(signals.direction(key), shortest), signals.reach(0) + late)
-    return masked
-
-
-def direction_keys(model: Model, row: int) -> tuple[str, ...]:
-    """Return the signals whose sign enters a row."""
-    used = dict.fromkeys(key for terms in model.regressor_columns[row].values() for _, key in terms)
-    signs = [feature.of for feature in model.features if feature.key in used and isinstance(feature.of, str)]
-    brought = [
-        signal.key
-        for signal in model.signals
-        if signal.key in used and signal.sensor is None and signal.actuator is None
-    ]
-    return tuple(dict.fromkeys(signs + brought))
+def _blocks(rows: RecordRows, index: int) -> list[RowBlock]:
+    """Return the blocks of one record, the `index`-th."""
+    model, count = rows.plan.model, len(rows.grid)
+    parts = list(rows.over_chunks(lambda chunk: _part(rows, chunk)))
+    masks = [np.concatenate(masked) for masked in zip(*(part.masked for part in parts), strict=True)]
+    found = []
+    for terms, info in zip(rows.terms, model.rows, strict=True):
+        masked = masks[terms.row]
+        if len(masks) > len(model.rows):
+            calm = masked | masks[len(model.rows) + terms.row]
+            masked = calm if np.count_nonzero(~calm) >= LEAST_SHARE * count else masked
+        place = np.flatnonzero(~masked).astype(np.int64)
+        lines = np.concatenate([part.lines[terms.row] for part in parts], axis=1)[:, place]
+        W = np.zeros((len(place), len(model.base_parameters)))
+        W[:, list(terms.columns)] = lines[:-1].T
+        power = sum(part.force_power.get(info.differentiated, 0.0) for part in parts) / count
+        force_scale = float(np.sqrt(power)) / info.lever
+        found.append(
+            RowBlock(
+                record=index,
+                row=terms.row,
+                record_name=rows.source.name,
+                row_name=info.name,
+                unit=info.unit,
+                place=place,
+                grid=count,
+                Y=lines[-1],
+                W=W,
+                masked=count - len(place),
+                has_force=bool(np.linalg.norm(lines[-1]) > LEAST_FORCE * force_scale * np.sqrt(len(place))),
+                force_scale=force_scale,
+                differentiated=info.differentiated,
+                start=rows.grid[0],
+            )
+        )
+    return found

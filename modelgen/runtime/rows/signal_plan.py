@@ -20,10 +20,12 @@ from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operato
 from modelgen.runtime.filters.two_sided_kernel import Sections, squared_gain
 from modelgen.runtime.model.model import Feature, Model, Signal
 from modelgen.runtime.rows.filter_sections import Filtering
-from modelgen.runtime.rows.filtered_record import DIFFERENCE_GAIN, ROUNDING
 
 FloatArray = npt.NDArray[np.float64]
 
+# Rounding error of a filtered channel, relative to its largest reading; and the largest gain of a difference.
+ROUNDING = 64.0 * float(np.finfo(float).eps)
+DIFFERENCE_GAIN = 1.74
 # An unfiltered derivative is off this near to the ends of what it is made from, per order.
 DIFFERENCE_MARGIN = 8
 # A few samples already tell that a derivative is more than rounding error.
@@ -95,11 +97,11 @@ class SignalPlan:
         """Return the derivatives of a channel at count samples kept, the first at `start`."""
         return self._filtered(stretch, channel, self.operators[channel], start, count)
 
-    def feature(self, stretch: Stretch, key: str, start: int, count: int) -> FloatArray:
-        """Return a feature at count samples kept, the first at `start`."""
+    def feature(self, stretch: Stretch, feature: Feature, start: int, count: int) -> FloatArray:
+        """Return a feature, formed at the full rate and then filtered, at count samples kept from `start`."""
         before, behind = self.feature_operator.margins
         stop = start + (count - 1) * self.filtering.factor + 1
-        feature, low, high = self.features[key], start - before, stop + behind
+        low, high = start - before, stop + behind
         signs = isinstance(feature.of, str) and feature.function == "sign" and feature.times is None
         if signs:
             samples = stretch.direction(str(feature.of), low, high)

@@ -273,9 +273,13 @@ def test_a_record_that_answers_nothing_gives_one_reason_per_parameter() -> None:
     assert raised.value.exit_code == 1
 
 
-def test_a_mass_that_never_accelerates_gets_an_interval_that_says_so() -> None:
+def test_a_mass_that_never_accelerates_gets_no_number_but_the_reason() -> None:
     # at constant velocity the mass is not felt, and frictions and offset are one constant
     cruise = Record({"q_m": np.arange(4000) / 1000.0, "F": np.full(4000, 30.0)}, 1000.0, "cruise")
-    estimate = identify(RIGID, cruise, cutoff_hz=30.0)
-    assert sorted(estimate.not_identifiable) == ["Fc", "Fv", "offset"]
-    assert estimate.relative_std["M"] > 100.0
+    with pytest.raises(IdentifiabilityError) as caught:
+        identify(RIGID, cruise, cutoff_hz=30.0)
+    reasons = {problem.where: problem.what for problem in caught.value.problems}
+    assert reasons["M"] == "its column is zero in every sample used"
+    assert "cannot be told" in reasons["Fv"]
+    assert "never reverses" in reasons["Fc"]
+    assert "never reverses" in reasons["offset"]

@@ -26,7 +26,8 @@ from modelgen.runtime.model.model import Model, model_from_module, model_from_te
 from modelgen.runtime.records.channels import RecordChannels, read_continued
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.record_factors import matched_task, record_factors
+from modelgen.runtime.rows.record_factors import record_factors
+from modelgen.runtime.rows.record_rows import matched_rows
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import catalog_path, parse_spec
 
@@ -106,7 +107,7 @@ def test_threads_change_nothing(case: tuple[Model, list[Record]]) -> None:
     )
     assert others == [alone] * 3
     choice = FilterChoice(4, 300.0, 100.0, (6,), None, None, (), (), ())
-    task = matched_task(model, RecordChannels(given[0]), choice, 6, samples=1600)
+    task = matched_rows(model, RecordChannels(given[0]), choice, 6, samples=1600)
     assert len(list(task.chunks())) > 3
     triangles = [[row.R for row in record_factors(task, threads).rows] for threads in (1, 2, 3)]
     for other in triangles[1:]:
@@ -180,7 +181,7 @@ def test_asymmetric_friction_and_a_resting_channel() -> None:
 def test_the_banded_solution_gives_the_same_fit(case: tuple[Model, list[Record]]) -> None:
     model, given = case
     choice = FilterChoice(4, 300.0, 100.0, (6, 6), None, None, (), (), ())
-    factors = [record_factors(matched_task(model, RecordChannels(record), choice, 6)) for record in given]
+    factors = [record_factors(matched_rows(model, RecordChannels(record), choice, 6)) for record in given]
     dense, banded = fit_factors(model, factors, banded=False), fit_factors(model, factors, banded=True)
     assert banded.inverse is None
     whole = with_inverse(factors, banded)

@@ -22,7 +22,6 @@ from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.drop_reversals import without_reversals
 from modelgen.runtime.rows.observation import observe
 from tests.runtime.rigid_motion import CHOICE, FS, RIGID, TRUTH, rigid_record, swings
 
@@ -46,7 +45,7 @@ def test_turns_are_changes_of_sign_with_the_rest_around_them() -> None:
 
 def masked(record: Record, direction_hz: float) -> int:
     choice = FilterChoice(4, 40.0, direction_hz, (10,), 30.0, 30.0, (), (), ())
-    (block,) = without_reversals(observe(RIGID, [record], choice), RIGID, [record], choice).blocks
+    (block,) = observe(RIGID, [record], choice, turns=False).blocks
     return block.masked
 
 

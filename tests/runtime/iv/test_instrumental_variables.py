@@ -19,7 +19,6 @@ from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.drop_reversals import without_reversals
 from modelgen.runtime.rows.observation import observe
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController
 from modelgen.runtime.simulation.excitation import chirp
@@ -112,7 +111,7 @@ def test_iv_and_its_projection_are_the_same_estimate() -> None:
     rng = np.random.default_rng(1)
     records = [with_noise(record, rng) for record in clean("qc", "table_2")]
     choice = choose_filter(QC, records)
-    start = fit_matched(without_reversals(observe(QC, records, choice), QC, records, choice))
+    start = fit_matched(observe(QC, records, choice, turns=False))
     Z = instruments(start, Setting(QC, records, choice))
     fit = two_stage(start, Z)
     weight = np.concatenate([np.full(len(z), w) for w, z in zip(fit.weights, Z, strict=True)])[:, None]
@@ -172,7 +171,7 @@ def test_samples_near_a_reversal_are_left_out_unless_nothing_would_be_left() -> 
     records = clean("qc", "light")
     choice = choose_filter(QC, records)
     whole = observe(QC, records, choice)
-    thinned = without_reversals(whole, QC, records, choice)
+    thinned = observe(QC, records, choice, turns=False)
     masked = {(b.record_name, b.row_name): b.masked for b in thinned.blocks}
     before = {(b.record_name, b.row_name): b.masked for b in whole.blocks}
     assert masked["trapezoid", "m"] > before["trapezoid", "m"]
@@ -183,7 +182,7 @@ def test_samples_near_a_reversal_are_left_out_unless_nothing_would_be_left() -> 
     )
     choice = choose_filter(QC, [swinging], cutoff_hz=200.0)
     whole = observe(QC, [swinging], choice)
-    kept = without_reversals(whole, QC, [swinging], choice)
+    kept = observe(QC, [swinging], choice, turns=False)
     assert [block.masked for block in kept.blocks] == [block.masked for block in whole.blocks]
 
 

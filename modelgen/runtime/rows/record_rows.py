@@ -1,0 +1,179 @@
+"""RecordRows: the rows of a model on one record, made chunk by chunk, whatever the length of the record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filters.fused_operator import fused_operator
+from modelgen.runtime.filters.zero_phase import support_samples
+from modelgen.runtime.model.model import Feature, Model
+from modelgen.runtime.numerics.threads import usable_threads
+from modelgen.runtime.records.channels import Channels, read_continued
+from modelgen.runtime.rows.chunk import Chunk, chunks
+from modelgen.runtime.rows.filter_sections import matched_filtering
+from modelgen.runtime.rows.masks import SUPPORT_TOLERANCE, RowMask, row_masks
+from modelgen.runtime.rows.row_terms import RowTerms, row_terms
+from modelgen.runtime.rows.signal_plan import SignalPlan, signal_plan
+from modelgen.runtime.rows.standstill_speeds import NOTHING, Survey, survey_record
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+Found = TypeVar("Found")
+
+# From so many samples compiled filters are worth the half second that loading numba takes.
+COMPILED_SAMPLES = 500_000
+
+
+@dataclass(frozen=True, eq=False)
+class RecordRows:
+    """One record and how the rows of a model are made of it.
+
+    Attributes
+    ----------
+    source : Channels
+    plan : SignalPlan
+    grid : range
+        Samples of the record that are kept.
+    masks : tuple of RowMask
+        One a row; empty where nothing is masked.
+    survey : Survey
+        What the masks need to know of the whole record.
+    samples : int, optional
+        Samples in a chunk; changes memory and speed, never the result.
+    """
+
+    source: Channels
+    plan: SignalPlan
+    grid: range
+    masks: tuple[RowMask, ...] = ()
+    survey: Survey = NOTHING
+    samples: int | None = None
+
+    @property
+    def terms(self) -> tuple[RowTerms, ...]:
+        """Rows of the model."""
+        return row_terms(self.plan.model)
+
+    @property
+    def halo(self) -> int:
+        """Samples around a chunk that the masks look at."""
+        return max((mask.halo for mask in self.masks), default=0)
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Yield the chunks of the samples kept; each reads when asked, and is to be let go after that."""
+        return chunks(self.source, self.plan, self.grid, self.halo, self.samples)
+
+    def over_chunks(self, work: Callable[[Chunk], Found], threads: int | None = None) -> Iterator[Found]:
+        """Yield what a function makes of each chunk, in their order; several threads take a chunk each.
+
+        `threads` is by default as many as `usable_threads` says.
+        """
+        workers = min(threads or usable_threads(), sum(1 for _ in self.chunks()))
+        if workers <= 1:
+            yield from map(work, self.chunks())
+            return
+        with ThreadPoolExecutor(workers) as pool:
+            yield from pool.map(work, self.chunks())
+
+    def places(self, chunk: Chunk) -> list[IntArray | None]:
+        """Return for each row the places in the chunk that it may use; None for all."""
+        if not self.masks:
+            return [None] * len(self.plan.model.rows)
+        found: list[IntArray | None] = []
+        for mask in self.masks:
+            masked = mask.of(chunk, self.survey.thresholds)
+            found.append(np.flatnonzero(~masked).astype(np.int64) if masked.any() else None)
+        return found
+
+    def lines(self) -> tuple[FloatArray, ...]:
+        """Return every row at all samples kept, masked or not: 1, the columns it touches, y in lines.
+
+        One array a row, shape (columns touched + 2, grid).
+        """
+
+        def of(chunk: Chunk) -> list[FloatArray]:
+            signals = chunk.signals()
+            return [terms.evaluate(signals) for terms in self.terms]
+
+        parts = list(self.over_chunks(of))
+        return tuple(np.concatenate(row, axis=1) for row in zip(*parts, strict=True))
+
+    def derivatives(self, channel: str, orders: Sequence[int]) -> FloatArray:
+        """Return filtered derivatives of a force's channel at the samples kept, shape (grid, orders)."""
+        filtering = self.plan.filtering
+        operator = fused_operator(
+            filtering.forces,
+            filtering.fs,
+            tuple(orders),
+            filtering.factor,
+            filtering.stencil,
+            fast=self.plan.fast,
+        )
+        before, behind = operator.margins
+
+        def of(chunk: Chunk) -> FloatArray:
+            samples = read_continued(self.source, channel, chunk.start - before, chunk.stop + behind)
+            return operator.apply(samples, before, chunk.count)
+
+        return np.concatenate(list(self.over_chunks(of)))
+
+    def feature(self, feature: Feature) -> FloatArray:
+        """Return a nonlinear feature, formed at the full rate and filtered, at the samples kept, (grid,)."""
+
+        def of(chunk: Chunk) -> FloatArray:
+            return self.plan.feature(chunk, feature, chunk.first, chunk.count)
+
+        return np.concatenate(list(self.over_chunks(of)))
+
+
+def matched_rows(
+    model: Model,
+    source: Channels,
+    choice: FilterChoice,
+    factor: int,
+    drop: int = 0,
+    samples: int | None = None,
+    survey: Survey | None = None,
+) -> RecordRows:
+    """Return the rows behind one common filter, with masks, on a grid that keeps off both ends.
+
+    y = D x holds at every instant, so it holds for any linear filter of y and D, exactly, as long as the
+    filter is the same for both: forces, constants and signs of velocities included.
+
+    Raises
+    ------
+    DataError
+        When the record is too short for the filter.
+    """
+    fast = None if source.n >= COMPILED_SAMPLES else False
+    plan = signal_plan(model, matched_filtering(choice, source.fs, factor), fast)
+    deepest = max(signal.derivative for signal in model.signals)
+    order, cutoff_hz = choice.filter_order, choice.cutoff_hz
+    edge = max(support_samples(order, cutoff_hz, source.fs, k, SUPPORT_TOLERANCE) for k in range(deepest + 1))
+    start = max(edge, drop)
+    needed = start + edge + factor * (len(model.base_parameters) + 1)
+    if source.n < needed:
+        raise DataError.at(
+            source.name,
+            f"has {source.n} samples; a filter of {cutoff_hz:.4g} Hz needs at least {needed}",
+            "give a longer record, or a higher cutoff_hz",
+        )
+    masks = row_masks(model, choice, source.fs)
+    rows = RecordRows(source, plan, range(start, source.n - edge, factor), masks, samples=samples)
+    if survey is not None or not plan.directions:
+        return replace(rows, survey=survey or NOTHING)
+    every = RecordRows(source, full_rate(plan), range(source.n), samples=samples)
+    return replace(rows, survey=survey_record(every.chunks(), plan, source.n))
+
+
+def full_rate(plan: SignalPlan) -> SignalPlan:
+    """Return the plan for walking through every sample of a record; its directions are the same."""
+    return replace(plan, filtering=replace(plan.filtering, factor=1))
