@@ -193,14 +193,15 @@ def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE
     if len(blocks) == 1:
         return _solve(blocks, columns, absent, (1.0,))
     scales = _force_scales(blocks)
-    fit = _solve(blocks, columns, absent, tuple(1.0 / scale for scale in scales))
+    rms = _rms(blocks, _weighted(blocks, [1.0 / scale for scale in scales]))
     smallest = [
-        SMALLEST_RESIDUAL * scale if block.has_force else max(rms / load_row_share, SMALLEST_RESIDUAL * scale)
-        for block, scale, rms in zip(blocks, scales, _rms(fit.residuals), strict=True)
+        SMALLEST_RESIDUAL * scale if block.has_force else max(one / load_row_share, SMALLEST_RESIDUAL * scale)
+        for block, scale, one in zip(blocks, scales, rms, strict=True)
     ]
-    for _ in range(ROUNDS):
-        sigmas = [max(rms, least) for rms, least in zip(_rms(fit.residuals), smallest, strict=True)]
-        fit = _solve(blocks, columns, absent, tuple(1.0 / sigma for sigma in sigmas))
+    for _ in range(ROUNDS - 1):
+        rms = _rms(blocks, _weighted(blocks, [1.0 / max(pair) for pair in zip(rms, smallest, strict=True)]))
+    weights = tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True))
+    fit = _solve(blocks, columns, absent, weights)
     return replace(fit, notes=_runaway_notes(fit, scales))
 
 
@@ -210,11 +211,10 @@ def fit_paper(observation: Observation) -> Fit:
     With a single block this is ordinary least squares.
     """
     blocks, columns, absent = _used(observation)
-    fit = _solve(blocks, columns, absent, (1.0,) * len(blocks))
     if len(blocks) == 1:
-        return fit
-    tiny = float(np.finfo(float).tiny)
-    return _solve(blocks, columns, absent, tuple(1.0 / max(rms, tiny) for rms in _rms(fit.residuals)))
+        return _solve(blocks, columns, absent, (1.0,))
+    tiny, rms = float(np.finfo(float).tiny), _rms(blocks, _weighted(blocks, [1.0] * len(blocks)))
+    return _solve(blocks, columns, absent, tuple(1.0 / max(one, tiny) for one in rms))
 
 
 def refit(fit: Fit, columns: Sequence[str]) -> Fit:
@@ -265,8 +265,15 @@ def _solve(
     return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
 
 
-def _rms(residuals: tuple[FloatArray, ...]) -> list[float]:
-    return [float(np.sqrt(np.mean(residual**2))) for residual in residuals]
+def _weighted(blocks: Sequence[RowBlock], weights: Sequence[float]) -> FloatArray:
+    """Return the solution of the weighted rows, from the triangles of the blocks."""
+    stacked = np.concatenate([w * block.triangle for w, block in zip(weights, blocks, strict=True)])
+    return least_squares(stacked[:, :-1], stacked[:, -1]).x
+
+
+def _rms(blocks: Sequence[RowBlock], x: FloatArray) -> list[float]:
+    """Return the rms of each block's residual."""
+    return [block.residual_norm(x) / float(np.sqrt(block.place.size)) for block in blocks]
 
 
 def _force_scales(blocks: tuple[RowBlock, ...]) -> list[float]:
@@ -284,13 +291,13 @@ def _runaway_notes(fit: Fit, scales: list[float]) -> tuple[str, ...]:
     """Return one note per load row whose terms would shrink if its weight were not bounded."""
     freely = tuple(
         1.0 / max(rms, SMALLEST_RESIDUAL * scale)
-        for rms, scale in zip(_rms(fit.residuals), scales, strict=True)
+        for rms, scale in zip(_rms(fit.blocks, fit.solution.x), scales, strict=True)
     )
-    probe = _solve(fit.blocks, fit.columns, fit.absent, freely)
+    probe = _weighted(fit.blocks, freely)
     return tuple(
         f"{block.record_name}, row {block.row_name} holds no force and, weighted by its residual, would pull "
         "its parameters towards zero; its weight is bounded, but noise of the sensors biases what it decides"
         for block in fit.blocks
         if not block.has_force
-        and terms_norm(block, probe.solution.x) < RUNAWAY_SHRINKAGE * terms_norm(block, fit.solution.x)
+        and terms_norm(block, probe) < RUNAWAY_SHRINKAGE * terms_norm(block, fit.solution.x)
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ from modelgen.errors import DataError, Problem
 from modelgen.progress import counted
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.qr_triangle import triangle_of
 from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
@@ -66,6 +68,15 @@ class RowBlock:
     force_scale: float
     differentiated: int
     start: int = 0
+
+    @cached_property
+    def triangle(self) -> FloatArray:
+        """R of [W Y], shape (columns + 1, columns + 1): all that weights and rms of residuals ask for."""
+        return triangle_of(np.column_stack([self.W, self.Y]))
+
+    def residual_norm(self, x: FloatArray) -> float:
+        """Return the norm of Y - W x."""
+        return float(np.linalg.norm(self.triangle[:, -1] - self.triangle[:, :-1] @ x))
 
 
 @dataclass(frozen=True, eq=False)
