@@ -6,7 +6,10 @@ Two bodies, both positions sensed, six parameters, decimation by 10. By hand: bu
 positions, numpy.gradient, decimate(zero_phase=True) on every column of W and Y, lstsq. Both use the same
 interior samples; runs alternate in one process, and medians are compared. Ratios of the processor's own time
 are printed beside, for machines that have other work. The product's side runs on one thread, and on as many
-as it takes where it is not told (a thread for every core this process may use). BLAS has the same number of
+as it takes where it is not told (a thread for every core this process may use). What a user calls is
+`modelgen.identify`: timed with everything that it does by default and without its checks of other cut-offs,
+on a new Record each time (a record keeps its spectra). Filters, rows and solution alone are labelled as
+inner: no user can call them. BLAS has the same number of
 threads for all sides of a run, which is printed: one, unless OPENBLAS_NUM_THREADS says otherwise; by hand,
 only lstsq (a sixth of the time) could use more. The record is made here: a sum of sines that solves the
 equations of motion exactly, plus noise in the torque.
@@ -31,11 +34,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+import modelgen
 from modelgen.runtime.model.model import Model, load_model
 from modelgen.runtime.numerics.banded_least_squares import solve_banded
 from modelgen.runtime.numerics.threads import usable_threads
 from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows import record_rows
 from modelgen.runtime.rows.filter_sections import paper_filtering
 from modelgen.runtime.rows.record_factors import record_factors
 from modelgen.runtime.rows.record_rows import RecordRows
@@ -128,6 +133,13 @@ def by_product(
     return solve_banded(triangles, columns, len(model.base_parameters)).x
 
 
+def at_the_door(model: Model, record: Record, fast: bool, checks: bool) -> object:
+    """Return the estimate that a user gets, without numba's filters unless `fast`."""
+    fresh = Record(record.signals, record.fs, record.name)
+    record_rows.COMPILED_SAMPLES = 0 if fast else sys.maxsize
+    return modelgen.identify(model, fresh, decimation=FACTOR, drift_check=checks)
+
+
 def seconds(work: Callable[[], object]) -> float:
     """Return the time of one call."""
     start = time.perf_counter()
@@ -172,14 +184,22 @@ def main() -> None:
     for kind, fast, least in (("NumPy only", False, "12"), ("fast", True, "25; stretch 60"))[: 1 + HAS_NUMBA]:
         for label, threads in (("one thread", 1), ("default", None)):
             product = partial(by_product, model, record, fast, threads)
-            name = f"{kind}, {label}"
+            name = f"inner: {kind}, {label}"
             sides[name], wanted[name] = product, least
             differ = np.max(np.abs(x - product()) / sd)  # the first one compiles
             print(f"{name}: estimates differ by {differ:.1e} standard deviations  (wanted: 1e-6)")
+    for kind, fast, least in (("NumPy only", False, "1; 8"), ("fast", True, "2; 15"))[: 1 + HAS_NUMBA]:
+        for label, checks, bound in zip(
+            ("all it does", "no drift checks"), (True, False), least.split("; "), strict=True
+        ):
+            name = f"identify, {kind}, {label}"
+            sides[name] = partial(at_the_door, model, record, fast, checks)
+            sides[name]()
+            wanted[name] = bound
     medians = compared(sides, options.runs)
     busy = compared(sides, options.runs, processor_seconds)
     for name, value in medians.items():
-        print(f"{name:22s} {1e9 * value / options.samples:8.1f} ns a sample")
+        print(f"{name:38s} {1e9 * value / options.samples:8.1f} ns a sample")
     for name, least in wanted.items():
         ratio, share = medians["by hand"] / medians[name], busy["by hand"] / busy[name]
         print(f"by hand / {name}: {ratio:.1f}, processor's time {share:.1f}  (wanted: at least {least})")
