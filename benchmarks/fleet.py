@@ -2,8 +2,8 @@
 
     python benchmarks/fleet.py
 
-Writes one record to .npy files (deleted afterwards) that 200 records of 20 machines share under different
-names, then identifies the fleet with one and with two workers, BLAS at one thread each; runs alternate,
+Writes one record to .npy files (deleted afterwards) that 200 records of 20 machines share, each from another
+sample on, then identifies the fleet with one and with two workers, BLAS at one thread each; runs alternate,
 medians are compared. The estimates must not depend on the number of workers. Each run is told on stderr when
 it is over; workers that stand still end the program with a message (`Watch` in `runtime.fleet.dask_cluster`).
 """
@@ -20,6 +20,7 @@ import statistics
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +29,18 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from memory import CHANNELS, write_record
 from throughput import FS, GENERATED
 
-from modelgen.runtime.files.npy_channels import open_npy
+from modelgen.runtime.files.npy_channels import NpyChannels, open_npy
 from modelgen.runtime.fleet.dask_cluster import fleet_client
 from modelgen.runtime.fleet.identify_fleet import FleetEstimate, FleetRecord, identify_fleet
+
+
+def shifted(source: NpyChannels, by: int) -> NpyChannels:
+    """Return the record from so many samples on: the same data twice would be refused."""
+    columns = {
+        channel: replace(column, offset=column.offset + by * column.dtype.itemsize, n=column.n - by)
+        for channel, column in source.columns.items()
+    }
+    return replace(source, columns=columns, n=source.n - by)
 
 
 def identified(client: Any, records: list[FleetRecord]) -> FleetEstimate:
@@ -49,10 +59,10 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        write_record(folder, options.samples)
+        write_record(folder, options.samples + options.records)
         paths = {channel: folder / f"{channel}.npy" for channel in CHANNELS}
         records = [
-            FleetRecord(f"machine {i % 20}", open_npy(paths, FS, name=f"record {i}"))
+            FleetRecord(f"machine {i % 20}", shifted(open_npy(paths, FS, name=f"record {i}"), i))
             for i in range(options.records)
         ]
         times: dict[int, list[float]] = {1: [], 2: []}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.errors import DataError, ModelgenError
+from modelgen.errors import DataError, ModelgenError, Problem
 from modelgen.runtime.fleet.dask_cluster import gathered, joined_in_a_tree
 from modelgen.runtime.fleet.worker import (
     Job,
@@ -30,7 +30,9 @@ from modelgen.runtime.least_squares.hac_covariance import KernelSums
 from modelgen.runtime.least_squares.hac_covariance_chunks import Moments, bandwidth_of, covariance_from_sums
 from modelgen.runtime.least_squares.triangle_fit import FactorFit
 from modelgen.runtime.records.channels import Channels
+from modelgen.runtime.records.same_data import COUNTED_ONCE
 from modelgen.runtime.rows.chunk import CHUNK_SAMPLES
+from modelgen.runtime.rows.record_factors import RecordFactors
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -138,6 +140,9 @@ def identify_fleet(
     factors, failed = gathered(roots, "records filtered")
     if not factors:
         raise DataError.at("records", "none could be used: " + "; ".join(failed.values()), "see the reasons")
+    same = _same_data(factors)
+    if same:
+        raise DataError(*same)
     own = {name: client.submit(own_fit, module_text, roots[name], pure=False) for name in factors}
     own_fits, refused_records = gathered(own, "records solved")
     groups = _groups([record for record in records if record.source.name in factors])
@@ -166,6 +171,17 @@ def identify_fleet(
         refused_records,
         lost,
     )
+
+
+def _same_data(factors: Mapping[str, RecordFactors]) -> list[Problem]:
+    """Return one problem for each record whose triangles are those of another to the last bit."""
+    first: dict[bytes, str] = {}
+    found = []
+    for name, record in factors.items():
+        other = first.setdefault(b"".join(row.R.tobytes() for row in record.rows), name)
+        if other != name:
+            found.append(Problem(f"records {other} and {name}", "hold the same data", COUNTED_ONCE))
+    return found
 
 
 def _groups(records: Sequence[FleetRecord]) -> dict[Group, list[str]]:

@@ -45,6 +45,7 @@ from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.parameters.bounds import bound_reasons
 from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
 from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.records.same_data import same_data_problems
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.rows_by_tag import PAPER, rows_for_tags
 
@@ -265,6 +266,8 @@ def _check(
     for record in known:
         missing = [key for key in measured if key not in record.signals]
         problems += [missing_name(record.name, "channel", key, record.signals) for key in missing]
+    if not problems:
+        problems = same_data_problems(known, measured)
     if problems:
         raise DataError(*problems)
 

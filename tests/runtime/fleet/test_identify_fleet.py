@@ -150,6 +150,20 @@ def test_neither_tasks_nor_workers_change_an_estimate(client: Any, sources: list
                 same_to_rounding(found.records[name], estimate)
 
 
+def test_a_copy_of_a_record_is_refused_with_both_names(
+    client: Any, sources: list[NpyChannels], tmp_path: Path
+) -> None:
+    copied = {}
+    for channel, column in sources[1].columns.items():
+        copied[channel] = tmp_path / f"{channel}.npy"
+        copied[channel].write_bytes(column.path.read_bytes())
+    copy = open_npy(copied, sources[1].fs, name="a copy")
+    with pytest.raises(
+        DataError, match=r"records run 1 and a copy: hold the same data; leave one of them out"
+    ):
+        identify_fleet(client, TEXT, [*fleet_of(sources), FleetRecord("c", copy)], **SETTINGS)
+
+
 def test_workers_use_one_thread_and_keep_their_memory(client: Any) -> None:
     found = client.submit(_environment, pure=False).result(timeout=60.0)
     assert found["OPENBLAS_NUM_THREADS"] == "1"
