@@ -12,6 +12,7 @@ Every error carries one `Problem` per mistake: where it is, what is wrong and wh
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -26,6 +27,18 @@ class Problem:
 
     def __str__(self) -> str:
         return f"{self.where}: {self.what}; {self.remedy}"
+
+
+def listed(names: Iterable[str], most: int = 20, width: int = 80) -> str:
+    """Return "a, b, c and 97 more": a line that a person can read, however many and long the names are."""
+    texts = list(names)
+    shown = ", ".join(shortened(text, width) for text in texts[:most])
+    return shown if len(texts) <= most else f"{shown} and {len(texts) - most} more"
+
+
+def shortened(text: str, width: int = 80) -> str:
+    """Return a text of at most so many characters, its end replaced by "..." where it is longer."""
+    return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
 class ModelgenError(Exception):

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modelgen.errors import DataError
+from modelgen.errors import DataError, shortened
 from modelgen.runtime.files.formats import open_source
-from modelgen.runtime.files.source import Source
+from modelgen.runtime.files.reader_process import DeadlyFileError
+from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import unit_from_text
 from modelgen.runtime.records.faults import Finding, clock_faults, time_faults, zero_faults
 from modelgen.runtime.records.mapping_file import Proposed, mapping_text
@@ -23,6 +25,9 @@ if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
 
 Description = dict[str, Any]
+MOST_TRIES = 200  # to find out which columns of a damaged file can be read
+MOST_LINES = 40  # of a table on a terminal; the proposal and --json hold everything
+WIDEST = 60  # characters of a name in a table
 
 
 def describe_file(path: Path, model: Model | None) -> Description:
@@ -34,11 +39,14 @@ def describe_file(path: Path, model: Model | None) -> Description:
         When the file cannot be read.
     """
     source = open_source(path)
-    columns = _columns(source)
+    source_load = source.load
+    loaded = _loaded(source)
+    source = replace(source, load=lambda names: _again(source_load, loaded, names))
+    columns = {name: values.astype(float) for name, values in loaded.items() if values.dtype.kind in "iuf"}
     proposed = propose(source, model)
     factor, unit = _time_unit(source, columns)
     findings = _findings(source, columns, proposed, factor)
-    problems = _would_fail(path, proposed, findings)
+    problems = _would_fail(source, proposed, findings)
     return {
         "file": str(path),
         "took": list(source.took),
@@ -47,9 +55,9 @@ def describe_file(path: Path, model: Model | None) -> Description:
         "fs_hz": source.fs,
         "columns": [_describe(source, name, columns.get(name)) for name in source.names],
         "scalars": dict(source.scalars),
-        "findings": [asdict(finding) for finding in findings],
+        "findings": [vars(finding) for finding in findings],
         "problems": problems,
-        "channels": [asdict(entry) for entry in proposed],
+        "channels": [vars(entry) for entry in proposed],
         "mapping": mapping_text(
             path.name,
             proposed,
@@ -62,18 +70,33 @@ def describe_file(path: Path, model: Model | None) -> Description:
     }
 
 
-def _columns(source: Source) -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
-    """Return every column that holds numbers; one that does not is listed without them."""
-    found = {}
+def _loaded(source: Source) -> Columns:
+    """Return every column that can be read; one that cannot is listed without numbers."""
     try:
-        found = source.load(source.names)
+        return source.load(source.names)
+    except DeadlyFileError:
+        raise
     except DataError:
-        for name in source.names:
-            try:
-                found.update(source.load((name,)))
-            except DataError:
-                continue
-    return {name: values.astype(float) for name, values in found.items() if values.dtype.kind in "iuf"}
+        return source.load_numeric(source.names) if source.load_numeric else _one_by_one(source)
+
+
+def _again(load: Callable[[Sequence[str]], Columns], loaded: Columns, names: Sequence[str]) -> Columns:
+    """Return columns that have been read, without reading the file once more for them."""
+    return {name: loaded[name] for name in names} if all(name in loaded for name in names) else load(names)
+
+
+def _one_by_one(source: Source) -> Columns:
+    """Return the columns that can be read, where not all can: halves of them, and halves of those."""
+    found: Columns = {}
+    left, tries = [source.names], 0
+    while left and tries < MOST_TRIES:
+        names, tries = left.pop(), tries + 1
+        half = (len(names) + 1) // 2
+        try:
+            found.update(source.load(names))
+        except DataError:
+            left += [part for part in (names[half:], names[:half]) if len(names) > 1 and part]
+    return found
 
 
 def _describe(source: Source, name: str, values: Any) -> Description:
@@ -137,13 +160,13 @@ def _findings(
     return (*findings, *zero_faults(signals, units))
 
 
-def _would_fail(path: Path, proposed: tuple[Proposed, ...], findings: tuple[Finding, ...]) -> list[str]:
+def _would_fail(source: Source, proposed: tuple[Proposed, ...], findings: tuple[Finding, ...]) -> list[str]:
     """Return what reading the file with the proposed mapping would stop at, findings aside."""
     mapping = {entry.key: entry.column for entry in proposed if entry.column is not None}
     if not mapping or any(not finding.kind.startswith("offset") for finding in findings):
         return []
     try:
-        read(path, mapping)
+        read(source, mapping)
     except DataError as error:
         return [str(problem) for problem in error.problems]
     return []
@@ -151,15 +174,21 @@ def _would_fail(path: Path, proposed: tuple[Proposed, ...], findings: tuple[Find
 
 def import_lines(described: Description, written: Path | None, module: Path | None) -> list[str]:
     """Lay out what `describe_file` says as lines of text."""
-    lines = [described["file"], *(f"  took: {text}" for text in described["took"]), ""]
-    rows = [("column", "unit", "to SI", "samples", "from", "to", "first")]
-    for entry in described["columns"]:
+    lines = [described["file"], *_some([f"  took: {text}" for text in described["took"]]), ""]
+    rows = [["column", "unit", "to SI", "samples", "from", "to", "first"]]
+    chosen = {entry["column"] for entry in described["channels"][:MOST_LINES]} | {described["time"]}
+    columns = described["columns"]
+    shown = [entry for k, entry in enumerate(columns) if k < MOST_LINES or entry["column"] in chosen]
+    for entry in shown:
         factor = "" if entry["factor"] is None else f"{entry['factor']:.6g} {entry['si_unit']}"
         numbers = [_number(entry[key]) for key in ("minimum", "maximum", "first")]
-        rows.append((entry["column"], entry["unit"] or "", factor, str(entry["samples"]), *numbers))
+        named = [shortened(entry[key] or "", WIDEST) for key in ("column", "unit")]
+        rows.append([*named, factor, str(entry["samples"]), *numbers])
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     for row in rows:
         lines.append("  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip())
+    if len(shown) < len(columns):
+        lines.append(f"and {len(columns) - len(shown)} more columns: --json lists them all")
     lines.append("")
     clock = described["time"]
     if clock:
@@ -169,11 +198,15 @@ def import_lines(described: Description, written: Path | None, module: Path | No
     else:
         lines.append("times: none found; give --fs or --time to identify")
     findings = described["findings"]
-    lines += [f"found: {finding['what']} (mend with --mend {finding['kind']})" for finding in findings]
-    lines += [f"problem: {text}" for text in described["problems"]]
+    lines += _some([f"found: {finding['what']} (mend with --mend {finding['kind']})" for finding in findings])
+    lines += _some([f"problem: {text}" for text in described["problems"]])
     lines.append("")
-    for entry in described["channels"]:
-        lines.append(f"{entry['key']} <- {entry['column'] or 'no column fits'}  ({entry['why']})")
+    lines += _some(
+        [
+            f"{entry['key']} <- {entry['column'] or 'no column fits'}  ({entry['why']})"
+            for entry in described["channels"]
+        ]
+    )
     if written is not None:
         lines += ["", f"wrote {written}: check it, then"]
         data, model, mapping = (
@@ -181,6 +214,11 @@ def import_lines(described: Description, written: Path | None, module: Path | No
         )
         lines.append(f"  modelgen identify {data} --model {model} --map-file {mapping} --report report.html")
     return lines
+
+
+def _some(lines: list[str]) -> list[str]:
+    """Return the first lines, and how many more there are."""
+    return lines if len(lines) <= MOST_LINES else [*lines[:MOST_LINES], f"and {len(lines) - MOST_LINES} more"]
 
 
 def _number(value: float | None) -> str:

@@ -50,8 +50,11 @@ def encrypted() -> bytes:
 
 
 def mat_bomb() -> bytes:
-    """Return a MATLAB file (level 5) with one compressed element of 4 MB zeros in 4 kB."""
-    body = zlib.compress(bytes(4_000_000))
+    """Return a MATLAB file (level 5) with one compressed variable of 4 MB zeros in 4 kB."""
+    size = 4_000_000
+    flags, shape = struct.pack("<4I", 6, 8, 6, 0), struct.pack("<2I2i", 5, 8, size // 8, 1)
+    head = flags + shape + struct.pack("<2H4s", 1, 3, b"q_m") + struct.pack("<2I", 9, size)
+    body = zlib.compress(struct.pack("<2I", 14, len(head) + size) + head + bytes(size))
     return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + struct.pack("<II", 15, len(body)) + body
 
 

@@ -11,6 +11,7 @@ from modelgen.runtime.files.hdf5 import open_hdf5
 from modelgen.runtime.files.mdf import open_mdf
 from modelgen.runtime.files.npz_and_mat import open_mat, open_npz
 from modelgen.runtime.files.parquet import open_parquet
+from modelgen.runtime.files.size_limits import check_columns
 from modelgen.runtime.files.source import Source
 from modelgen.runtime.files.tdms import open_tdms
 from modelgen.runtime.files.text import open_text
@@ -45,7 +46,9 @@ def open_source(path: Path) -> Source:
         what = f"has the suffix {path.suffix!r}" if path.suffix else "has no suffix"
         raise DataError.at(str(path), what, f"give a file of one of the formats {', '.join(OPENERS)}")
     try:
-        return opener(path)
+        source = opener(path)
     except (OSError, UnicodeError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or error
         raise DataError.at(str(path), f"cannot be read ({reason})", "check the path and the file") from error
+    check_columns(path, len(source.names), source.names)
+    return source

@@ -37,15 +37,16 @@ def twincat_scope(head: Head) -> Layout | None:
     if not any(titles[1:]):
         return None
     names: list[str] = []
-    clocks, clock = {}, ""
+    clocks, clock, count = {}, "", 0
     for title in titles:
         if title == "Name":
-            clock = "time" if not clock else f"time ({sum(n.startswith('time') for n in names) + 1})"
+            clock = f"time ({count + 1})" if clock else "time"
             names.append(clock)
         else:
             names.append(title)
             if title:
                 clocks[title] = clock
+        count += names[-1].startswith("time")
     cells = head.lines[head.first][1]
     first = next(cell for cell in cells if number_from(cell, head.decimal_comma) is not None)
     full = is_long_count(first)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from math import prod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from modelgen.errors import DataError
-from modelgen.runtime.files.size_limits import check_mat, check_zip
+from modelgen.errors import DataError, listed
+from modelgen.runtime.files.mat import MatFile, open_variables
+from modelgen.runtime.files.mat_elements import LEFT_OUT, DamagedFile, Fields
+from modelgen.runtime.files.size_limits import check_columns, check_expansion, check_zip_members
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import states_no_unit
 
@@ -25,12 +29,15 @@ def open_npz(path: Path) -> Source:
         When the file is no archive of plain arrays, or unpacks to far more than its size.
     """
     try:
-        check_zip(path)
         # np.load would leave a file that it opened itself open when it is no archive
         with path.open("rb") as file:
+            check_zip_members(path, file)
             archive = np.load(file, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile):
                 raise ValueError("it holds a single array without a name")
+            check_columns(path, len(archive.files))
+            members = archive.zip.infolist() if archive.zip else []
+            check_expansion(path, sum(member.file_size for member in members))
             arrays = {name: archive[name] for name in archive.files}
         foreign = next((name for name, array in arrays.items() if not isinstance(array, np.ndarray)), None)
         if foreign is not None:
@@ -63,28 +70,61 @@ def open_mat(path: Path) -> Source:
             from modelgen.runtime.files.hdf5 import open_hdf5
 
             return open_hdf5(path)
-    from scipy.io import loadmat
-
     try:
-        check_mat(path)
-        # whosmat would list the variables without reading them, but fails where one is an object
-        loaded = loadmat(path)
-    except DataError:
-        raise
-    except Exception as error:  # a damaged file breaks the parser in many ways
-        remedy = "export it from MATLAB with save(..., '-v7')"
-        raise DataError.at(str(path), f"is no readable MATLAB file ({error})", remedy) from error
-    variables = {name: value for name, value in loaded.items() if not name.startswith("__")}
-    for name, value in variables.items():
-        traces = _dspace_traces(value)
-        if traces is not None:
-            return _source_of_traces(path, name, *traces)
-    arrays = {
-        name: value
-        for name, value in variables.items()
-        if isinstance(value, np.ndarray) and value.dtype.kind in "biufc"
-    }
-    return source_of_arrays(path, arrays)
+        found = open_variables(path)
+        for name, variable in found.variables.items():
+            if {"X", "Y"} <= set(variable.fields) and prod(variable.shape) == 1:
+                traces = _dspace_traces(found.value(name))
+                if traces is not None:
+                    return _source_of_traces(path, name, *traces)
+        return _source_of_variables(found)
+    except DamagedFile as error:
+        raise _no_matlab_file(path, error) from error
+
+
+def _source_of_variables(file: MatFile) -> Source:
+    numeric = {name: variable for name, variable in file.variables.items() if variable.is_numeric}
+
+    def load(names: Sequence[str]) -> Columns:
+        try:
+            return {name: file.value(name).ravel() for name in names}
+        except DamagedFile as error:
+            raise _no_matlab_file(file.path, error) from error
+
+    single = [name for name, variable in numeric.items() if prod(variable.shape) == 1]
+    scalars = {name: values for name in single if (values := file.value(name)).dtype.kind in "iuf"}
+    left_out = [
+        f"{name} ({variable.what})"
+        for name, variable in file.variables.items()
+        if variable.what in LEFT_OUT.values()
+    ]
+    took = [f"left out: {listed(left_out)}"] if left_out else []
+    if file.repeated:
+        took.append(f"stored more than once, the last one counts: {listed(file.repeated)}")
+    shapes = {name: variable.shape for name, variable in numeric.items()}
+    return source_of_shapes(file.path, shapes, scalars, load, took=tuple(took))
+
+
+def _no_matlab_file(path: Path, error: DamagedFile) -> DataError:
+    remedy = "export it from MATLAB with save(..., '-v7')"
+    return DataError.at(str(path), f"is no readable MATLAB file ({error})", remedy)
+
+
+def source_of_shapes(
+    path: Path,
+    shapes: Mapping[str, tuple[int, ...]],
+    single: Columns,
+    load: Callable[[Sequence[str]], Columns],
+    name: str | None = None,
+    tag: str | None = None,
+    units: Mapping[str, str] | None = None,
+    took: tuple[str, ...] = (),
+) -> Source:
+    """Return the source of arrays of these shapes, which `load` returns flat; `single` are numbers alone."""
+    scalars = {key: float(array.item()) for key, array in single.items()}
+    names = tuple(key for key, shape in shapes.items() if _is_vector(shape))
+    fs = next((scalars[key] for key in FS_NAMES if key in scalars), None)
+    return Source(path, names, load, scalars, fs=fs, name=name, tag=tag, units=units or {}, took=took)
 
 
 def source_of_arrays(
@@ -96,20 +136,13 @@ def source_of_arrays(
     took: tuple[str, ...] = (),
 ) -> Source:
     """Return the source of named arrays: vectors are columns, single numbers are scalars."""
-    vectors = {key: array.ravel() for key, array in arrays.items() if _is_vector(array.shape)}
-    scalars = {
-        key: float(array.item())
-        for key, array in arrays.items()
-        if array.size == 1 and array.dtype.kind in "iuf"
-    }
+    single = {key: array for key, array in arrays.items() if array.size == 1 and array.dtype.kind in "iuf"}
+    shapes = {key: array.shape for key, array in arrays.items()}
 
     def load(names: Sequence[str]) -> Columns:
-        return {key: vectors[key] for key in names}
+        return {key: arrays[key].ravel() for key in names}
 
-    fs = next((scalars[key] for key in FS_NAMES if key in scalars), None)
-    return Source(
-        path, tuple(vectors), load, scalars, fs=fs, name=name, tag=tag, units=units or {}, took=took
-    )
+    return source_of_shapes(path, shapes, single, load, name, tag, units, took)
 
 
 def _is_vector(shape: tuple[int, ...]) -> bool:
@@ -117,32 +150,33 @@ def _is_vector(shape: tuple[int, ...]) -> bool:
     return 0 not in shape and sum(length > 1 for length in shape) == 1
 
 
-def _dspace_traces(value: Any) -> tuple[Any, Any] | None:
-    """Return the X and Y of a structure that dSPACE writes, or None for any other variable."""
-    if not isinstance(value, np.ndarray) or value.dtype.names is None or value.size != 1:
+def _dspace_traces(value: Fields) -> tuple[npt.NDArray[Any], Fields] | None:
+    """Return the times and traces of a structure that dSPACE writes, or None for any other one."""
+    X, Y = value["X"][0], value["Y"][0]
+    if not (isinstance(X, dict) and isinstance(Y, dict) and {"Name", "Data"} <= set(Y)):
         return None
-    fields = value.ravel()[0]
-    if not {"X", "Y"} <= set(value.dtype.names):
-        return None
-    X, Y = fields["X"], fields["Y"]
-    kept = isinstance(X, np.ndarray) and isinstance(Y, np.ndarray) and X.dtype.names and Y.dtype.names
-    return (X.ravel(), Y.ravel()) if kept and {"Name", "Data"} <= set(Y.dtype.names) else None
+    times = next(iter(X.get("Data", ())), None)
+    return (times, Y) if isinstance(times, np.ndarray) else None
 
 
-def _source_of_traces(path: Path, variable: str, X: Any, Y: Any) -> Source:
-    arrays: Columns = {"time": np.asarray(X[0]["Data"]).ravel()}
+def _source_of_traces(path: Path, variable: str, times: npt.NDArray[Any], traces: Fields) -> Source:
+    arrays: Columns = {"time": times.ravel()}
     units = {"time": "s"}
-    for trace in Y:
+    check_columns(path, len(traces["Data"]))
+    unit_texts = traces.get("Unit", [""] * len(traces["Data"]))
+    for name, data, unit in zip(traces["Name"], traces["Data"], unit_texts, strict=True):
+        if not isinstance(data, np.ndarray):
+            continue
         # the name is a path into the model: 'Model Root/Encoder/"theta"'
-        key = _text(trace["Name"]).strip().rpartition("/")[2].strip("\"' ") or f"trace {len(arrays)}"
-        key = key if key not in arrays else f"{key} ({len(arrays)})"
-        arrays[key] = np.asarray(trace["Data"]).ravel()
-        unit = _text(trace["Unit"]) if "Unit" in Y.dtype.names else ""
-        if not states_no_unit(unit):
-            units[key] = unit
+        key = _text(name).strip().rpartition("/")[2].strip("\"' ") or f"trace {len(arrays)}"
+        while key in arrays:
+            key = f"{key} ({len(arrays)})"
+        arrays[key] = data.ravel()
+        if not states_no_unit(_text(unit)):
+            units[key] = _text(unit)
     took = (f"a dSPACE recording in the structure {variable}: X is the time in s, Y the traces",)
     return source_of_arrays(path, arrays, units=units, took=took)
 
 
 def _text(cell: Any) -> str:
-    return "".join(str(part) for part in np.asarray(cell).ravel())
+    return cell if isinstance(cell, str) else ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError
 from modelgen.runtime.files.optional_reader import reader_library, unreadable
+from modelgen.runtime.files.reader_process import ask
 
 FloatArray = npt.NDArray[np.float64]
 # (path, column, start, stop) -> samples
@@ -88,17 +88,15 @@ def open_channels(
     return FileChannels(place, dict(columns), float(fs), name or place.stem, found[0], reader)
 
 
-def _hdf5_read(path: Path, column: str, start: int, stop: int) -> npt.NDArray[np.generic]:
-    h5py = reader_library("h5py", path)
-    with h5py.File(path, "r") as file:
-        return np.asarray(file[column][start:stop])
+def _read_beside(kind: str, path: Path, column: str, start: int, stop: int) -> npt.NDArray[np.generic]:
+    """Read a stretch in a process of its own: a damaged file can crash the library."""
+    return np.asarray(ask(f"{kind}.stretch", path, name=column, start=start, stop=stop)[0])
 
 
-def _hdf5_lengths(path: Path, columns: Sequence[str]) -> list[int]:
-    h5py = reader_library("h5py", path)
-    with h5py.File(path, "r") as file:
-        _require(path, columns, partial(_is_in, file))
-        return [len(file[column]) for column in columns]
+def _lengths_beside(kind: str, path: Path, columns: Sequence[str]) -> list[int]:
+    found = dict(zip(columns, ask(f"{kind}.lengths", path, names=list(columns)), strict=True))
+    _require(path, columns, lambda column: found[column] is not None)
+    return [found[column] for column in columns]
 
 
 def _parquet_read(path: Path, column: str, start: int, stop: int) -> npt.NDArray[np.generic]:
@@ -119,34 +117,18 @@ def _parquet_lengths(path: Path, columns: Sequence[str]) -> list[int]:
         return [int(file.metadata.num_rows)] * len(columns)
 
 
-def _mdf_read(path: Path, column: str, start: int, stop: int) -> npt.NDArray[np.generic]:
-    asammdf = reader_library("asammdf", path)
-    with closing(asammdf.MDF(path)) as file:
-        return np.asarray(file.get(column, record_offset=start, record_count=stop - start).samples)
-
-
-def _mdf_lengths(path: Path, columns: Sequence[str]) -> list[int]:
-    asammdf = reader_library("asammdf", path)
-    with closing(asammdf.MDF(path)) as file:
-        _require(path, columns, partial(_is_in, file))
-        places = [file.whereis(column)[0] for column in columns]
-        return [int(file.groups[group].channel_group.cycles_nr) for group, _ in places]
-
-
-def _is_in(file: object, column: str) -> bool:
-    return column in file  # type: ignore[operator]
-
-
 def _require(path: Path, columns: Sequence[str], has: Callable[[str], bool]) -> None:
     for column in columns:
         if not has(column):
             raise DataError.at(str(path), f"has no column {column}", "check the names of the columns")
 
 
+_HDF5 = partial(_read_beside, "hdf5"), partial(_lengths_beside, "hdf5")
+_MDF = partial(_read_beside, "mdf"), partial(_lengths_beside, "mdf")
 FORMATS: dict[str, tuple[Reader, Lengths]] = {
-    ".h5": (_hdf5_read, _hdf5_lengths),
-    ".hdf5": (_hdf5_read, _hdf5_lengths),
+    ".h5": _HDF5,
+    ".hdf5": _HDF5,
     ".parquet": (_parquet_read, _parquet_lengths),
-    ".mf4": (_mdf_read, _mdf_lengths),
-    ".mdf": (_mdf_read, _mdf_lengths),
+    ".mf4": _MDF,
+    ".mdf": _MDF,
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,18 @@ def reader_library(name: str, path: Path) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        what = f"needs {name.partition('.')[0]}, which is not installed"
-        raise DataError.at(str(path), what, "get it with: pip install 'modelgen[io]'") from error
+        raise _missing(name, path) from error
+
+
+def require_library(name: str, path: Path) -> None:
+    """Raise the same DataError without importing the library: another process will."""
+    if find_spec(name) is None:
+        raise _missing(name, path)
+
+
+def _missing(name: str, path: Path) -> DataError:
+    what = f"needs {name.partition('.')[0]}, which is not installed"
+    return DataError.at(str(path), what, "get it with: pip install 'modelgen[io]'")
 
 
 def unreadable(path: Path, kind: str, error: Exception) -> DataError:

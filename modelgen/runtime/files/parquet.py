@@ -28,7 +28,7 @@ def open_parquet(path: Path) -> Source:
     if not path.is_file():
         path.open("rb").close()
     try:
-        schema = parquet.read_schema(path)
+        schema = list(parquet.read_schema(path))
         rows = parquet.read_metadata(path).num_rows
     except Exception as error:  # the library's own exceptions derive from several built-in ones
         raise unreadable(path, "Parquet file", error) from error

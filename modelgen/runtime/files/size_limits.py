@@ -1,17 +1,19 @@
-"""How much memory a data file may ask for: a small one that unpacks to gigabytes is refused."""
+"""How large a data file may be: one that unpacks to gigabytes, or holds too many columns, is refused."""
 
 from __future__ import annotations
 
-import zipfile
-import zlib
+from collections.abc import Iterable
 from pathlib import Path
+from typing import BinaryIO
 
 from modelgen.errors import DataError
 
 ALWAYS_FINE = 256_000_000  # bytes: every machine holds that
+ZIP_MEMBER = b"PK\x01\x02"  # in front of every member in the table of an archive
+BLOCK = 1_000_000  # bytes
+LONGEST_NAME = 1000  # characters of a column's name
 LARGEST_RATIO = 100  # unpacked over packed; measured signals seldom reach 10
-MAT_HEADER, MAT_COMPRESSED = 128, 15  # bytes, and the type of a compressed element (level 5 of the format)
-CHUNK = 1_000_000
+MOST_COLUMNS = 10_000  # of a file, whatever it calls them (variables, members, data sets, channels)
 
 
 def check_expansion(path: Path, unpacked: int) -> None:
@@ -28,28 +30,33 @@ def check_expansion(path: Path, unpacked: int) -> None:
         raise DataError.at(str(path), what, "check where the file comes from, or write it uncompressed")
 
 
-def check_zip(path: Path) -> None:
-    """Refuse a zip archive by what its table of contents states; other files pass."""
-    if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            check_expansion(path, sum(member.file_size for member in archive.infolist()))
+def check_columns(path: Path, count: int, names: Iterable[str] = ()) -> None:
+    """Refuse a file of so many columns, or of columns with such names, before they are listed.
+
+    Raises
+    ------
+    DataError
+        When a person can no longer mean them all.
+    """
+    longest = max(map(len, names), default=0)
+    if longest > LONGEST_NAME:
+        what = f"names a column with {longest} characters, at most {LONGEST_NAME} are read"
+        raise DataError.at(
+            str(path), what, "check that it is a file of measured samples, or rename the column"
+        )
+    if count > MOST_COLUMNS:
+        what = f"holds {count} columns or more, at most {MOST_COLUMNS} are read"
+        raise DataError.at(
+            str(path), what, "export the columns that the model needs into a file of their own"
+        )
 
 
-def check_mat(path: Path) -> None:
-    """Refuse a MATLAB file (level 5) by unpacking its compressed elements piecemeal, as far as the limit."""
-    unpacked = 0
-    with path.open("rb") as file:
-        order = "big" if file.read(MAT_HEADER)[126:128] == b"MI" else "little"
-        while len(tag := file.read(8)) == 8:
-            kind = int.from_bytes(tag[:4], order)  # type: ignore[arg-type]
-            size = int.from_bytes(tag[4:], order)  # type: ignore[arg-type]
-            if kind != MAT_COMPRESSED:
-                file.seek(size, 1)
-                continue
-            unpacker, left = zlib.decompressobj(), size
-            while left > 0 and (piece := file.read(min(CHUNK, left))):
-                left -= len(piece)
-                while piece:
-                    unpacked += len(unpacker.decompress(piece, CHUNK))
-                    piece = unpacker.unconsumed_tail
-                    check_expansion(path, unpacked)
+def check_zip_members(path: Path, file: BinaryIO) -> None:
+    """Refuse a zip archive by its number of members, before its table of them is read; other files pass."""
+    count, before = 0, b""
+    while block := file.read(BLOCK):
+        # a mark may lie across two blocks
+        count += (before[-3:] + block).count(ZIP_MEMBER)
+        check_columns(path, count)
+        before = block
+    file.seek(0)

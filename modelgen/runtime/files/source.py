@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,8 @@ class Source:
         Column to the column of its times, where the file has several.
     took : tuple of str
         What the file was taken for: sentences for its owner to check.
+    load_numeric : callable, optional
+        Returns those of the named columns that are numeric, where `load` would read the file once for each.
     """
 
     path: Path
@@ -51,8 +54,14 @@ class Source:
     units: Mapping[str, str] = field(default_factory=dict)
     clocks: Mapping[str, str] = field(default_factory=dict)
     took: tuple[str, ...] = ()
+    load_numeric: Callable[[Sequence[str]], Columns] | None = None
 
-    @property
+    @cached_property
+    def known(self) -> frozenset[str]:
+        """The names, to ask whether one is among them."""
+        return frozenset(self.names)
+
+    @cached_property
     def clock(self) -> str | None:
         """The first column that is named as times are."""
         known = (name for name in self.names if is_time_name(name))

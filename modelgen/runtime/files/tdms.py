@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
 from modelgen.runtime.files.library_log import kept_log
 from modelgen.runtime.files.optional_reader import reader_library, unreadable
+from modelgen.runtime.files.size_limits import check_columns
 from modelgen.runtime.files.source import Columns, Source, is_time_name
 
 
@@ -33,6 +35,7 @@ def open_tdms(path: Path) -> Source:
             raise unreadable(path, "TDMS file", error) from error
     for group in file.groups():
         for channel in group.channels():
+            check_columns(path, len(columns))
             values = np.asarray(channel[:])
             if values.dtype.kind not in "iuf":
                 continue
@@ -42,7 +45,7 @@ def open_tdms(path: Path) -> Source:
             if unit:
                 units[name] = unit
             step = channel.properties.get("wf_increment")
-            if step:
+            if isinstance(step, (int, float)) and isfinite(step) and step != 0.0:
                 steps[name] = float(step)
 
     def load(names: Sequence[str]) -> Columns:

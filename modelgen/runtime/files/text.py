@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import json
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +22,15 @@ from modelgen.runtime.files.instrument_dialects import DIALECTS, stated_frequenc
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.text_layout import (
     END_MARKS,
-    SEPARATORS,
     SPACES,
     Head,
     Layout,
     cells_of,
-    encoding_of,
     heads,
-    lines_of,
     number_from,
     sniff,
 )
+from modelgen.runtime.files.text_lines import SEPARATORS, encoding_of, lines_of
 from modelgen.runtime.files.timestamps import time_since
 
 RECORD_MARK = "# modelgen record "  # followed by JSON: fs, name and tag of a record written by modelgen
@@ -74,6 +74,7 @@ def open_text(path: Path) -> Source:
         units=layout.units,
         clocks=layout.clocks,
         took=layout.took,
+        load_numeric=lambda names: _numeric(chosen, names),
     )
 
 
@@ -126,15 +127,35 @@ def _header_problems(layout: Layout) -> list[Problem]:
         ]
     problems += [
         Problem(where, f"two columns are named {name}", "give every column its own name")
-        for name in dict.fromkeys(layout.names)
-        if name and layout.names.count(name) > 1
+        for name, count in Counter(layout.names).items()
+        if name and count > 1
     ]
     return problems
 
 
+def _numeric(layout: Layout, names: Sequence[str]) -> Columns:
+    """Return the columns without a cell that is no number; none where a line is too long or short."""
+    place_of = {name: place for place, name in enumerate(layout.names)}
+    places = {name: place_of[name] for name in names}
+    readers = {name: _reader(layout, place) for name, place in places.items()}
+    columns: dict[str, list[float]] = {name: [] for name in names}
+    for _, cells in _sample_lines(layout):
+        if len(cells) != len(layout.names) and not layout.took:
+            return {}
+        for name in list(columns):
+            cell = cells[places[name]] if places[name] < len(cells) else ""
+            value = readers[name](cell) if cell or not layout.ragged else nan
+            if value is None:
+                del columns[name]
+            elif cell:
+                columns[name].append(value)
+    return {name: np.array(column, dtype=float) for name, column in columns.items()}
+
+
 def _load(layout: Layout, names: Sequence[str]) -> Columns:
     """Read columns: all at once where the table holds numbers only, otherwise line by line."""
-    places = {name: layout.names.index(name) for name in names}
+    place_of = {name: place for place, name in enumerate(layout.names)}
+    places = {name: place_of[name] for name in names}
     table = None if layout.ragged else _fast_table(layout, tuple(places.values()))
     columns = None if table is None else [table[:, place] for place in range(table.shape[1])]
     if columns is None:
@@ -144,7 +165,6 @@ def _load(layout: Layout, names: Sequence[str]) -> Columns:
 
 def _fast_table(layout: Layout, places: tuple[int, ...]) -> Table | None:
     """Return the wanted columns, shape (n, len(places)), or None where a line is not so many numbers."""
-    width = layout.names.count("") + len([name for name in layout.names if name])
     try:
         with layout.path.open(encoding=layout.encoding) as file, warnings.catch_warnings():
             warnings.simplefilter("error")  # an empty table is a warning
@@ -169,7 +189,7 @@ def _fast_table(layout: Layout, places: tuple[int, ...]) -> Table | None:
         return None
     if chosen is not None:
         return table
-    return table[:, list(places)] if table.shape[1] == width else None
+    return table[:, list(places)] if table.shape[1] == len(layout.names) else None
 
 
 def _slow_columns(layout: Layout, places: tuple[int, ...]) -> list[Table]:

@@ -8,17 +8,18 @@ cannot be told from the lines alone.
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from modelgen.errors import listed
 from modelgen.runtime.files.source import is_time_name
+from modelgen.runtime.files.text_lines import SEPARATORS, first_lines
 from modelgen.runtime.files.timestamps import is_date, is_long_count, nanoseconds
 from modelgen.runtime.files.units import split_name, states_no_unit, unit_from_text
 
-SEPARATORS = "\t;,"
 SPACES = " "  # any number of them, tried where none of the others separates more
-SNIFFED_LINES = 400  # the samples begin before this line, or the file is a plain table
 END_MARKS = ("EOF", "//END")
 
 
@@ -43,25 +44,6 @@ class Layout:
     ragged: bool = False
     stamps: Mapping[str, str] = field(default_factory=dict)
     took: tuple[str, ...] = ()
-
-
-def encoding_of(path: Path) -> str:
-    """Return the encoding: by its mark, else UTF-8 where the file is, else Latin-1 (old instruments)."""
-    data = path.read_bytes()
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "utf-16"
-    try:
-        data.decode("utf-8")
-    except UnicodeDecodeError:
-        return "latin-1"
-    return "utf-8-sig"
-
-
-def lines_of(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
-    """Yield (number from 1, line without its end)."""
-    with path.open(encoding=encoding) as file:
-        for number, line in enumerate(file, start=1):
-            yield number, line.rstrip("\n")
 
 
 def cells_of(line: str, separator: str) -> list[str]:
@@ -101,14 +83,10 @@ class Head:
 
 def heads(path: Path, encoding: str) -> Iterator[Head]:
     """Yield every way to split the file that gives two lines of numbers in a row, the most columns first."""
-    first_lines = [
-        (number, line)
-        for number, line in _up_to(lines_of(path, encoding), SNIFFED_LINES)
-        if line.strip() and not line.startswith("#")
-    ]
+    lines_above = first_lines(path, encoding)
     found = []
     for separator in (*SEPARATORS, SPACES):
-        lines = tuple((number, tuple(cells_of(line, separator))) for number, line in first_lines)
+        lines = tuple((number, tuple(cells_of(line, separator))) for number, line in lines_above)
         for comma in (False, True) if separator != "," else (False,):
             first = _first_samples(lines, comma)
             if first is not None:
@@ -153,8 +131,8 @@ def sniff(head: Head) -> Layout | None:
         stamps=stamps,
     )
     plain = names == 0 and not between and head.lines[0][0] <= layout.header_line
-    left_out = [f"column {title} holds days, left out" for title in days]
-    left_out += [f"column {title} is empty, left out" for title in empty]
+    left_out = [f"column {listed(days)} holds days, left out"] if days else []
+    left_out += [f"column {listed(empty)} is empty, left out"] if empty else []
     left_out += ["the first column has no name, left out"] if not titles[0] and 0 in filled else []
     if plain and not units and not left_out:
         return layout
@@ -200,24 +178,20 @@ def took_from(layout: Layout, names_line: int) -> tuple[str, ...]:
     """Return what the lines above the samples were taken for."""
     marks = {"\t": "tabs", ";": "semicolons", ",": "commas", SPACES: "spaces"}
     decimal = "a decimal comma" if layout.decimal_comma else "a decimal point"
-    units = ", ".join(f"{name} in {unit}" for name, unit in layout.units.items()) or "none"
+    units = listed(f"{name} in {unit}" for name, unit in layout.units.items()) or "none"
     sentences = [
         f"columns are separated by {marks[layout.separator]}, numbers have {decimal}",
         f"line {names_line} names the columns, samples start at line {layout.header_line + 1}",
         f"units: {units}",
     ]
-    sentences += [f"{name} holds time stamps, counted from {first}" for name, first in layout.stamps.items()]
+    for first in dict.fromkeys(layout.stamps.values()):
+        stamped = [name for name, other in layout.stamps.items() if other == first]
+        hold = "holds" if len(stamped) == 1 else "hold"
+        sentences.append(f"{listed(stamped)} {hold} time stamps, counted from {first}")
     if layout.clocks:
-        pairs = ", ".join(f"{name} by {clock}" for name, clock in layout.clocks.items())
+        pairs = listed(f"{name} by {clock}" for name, clock in layout.clocks.items())
         sentences.append(f"columns of times: {pairs}")
     return tuple(sentences)
-
-
-def _up_to(lines: Iterator[tuple[int, str]], count: int) -> Iterator[tuple[int, str]]:
-    for number, line in lines:
-        if number > count:
-            return
-        yield number, line
 
 
 def _first_samples(lines: Sequence[tuple[int, tuple[str, ...]]], comma: bool) -> int | None:
@@ -262,7 +236,8 @@ def _names_place(head: Head) -> int | None:
 
 def _filled(head: Head) -> set[int]:
     """Return the places of the columns that hold something in the first samples."""
-    return {i for i in range(head.width) if any(line[i : i + 1] != ("",) for line in _samples(head))}
+    samples = _samples(head)
+    return {i for i in range(head.width) if any(line[i : i + 1] != ("",) for line in samples)}
 
 
 def _samples(head: Head) -> list[tuple[str, ...]]:
@@ -283,7 +258,9 @@ def _padded(cells: Sequence[str], width: int) -> list[str]:
 def _different(titles: Sequence[str]) -> tuple[str, ...]:
     """Return the titles; the second and later columns of times of one name are numbered."""
     names: list[str] = []
+    seen: Counter[str] = Counter()
     for title in titles:
-        count = sum(other == title or other.startswith(f"{title} (") for other in names)
-        names.append(f"{title} ({count + 1})" if title and count and is_time_name(title) else title)
+        name = f"{title} ({seen[title] + 1})" if seen[title] and is_time_name(title) else title
+        names.append(name)
+        seen.update(dict.fromkeys((name, name.partition(" (")[0]), 1))
     return tuple(names)

@@ -8,8 +8,10 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
+LONGEST_UNIT = 80  # characters; a longer text is none
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,11 @@ _REPLACED |= {"[": "", "]": ""}
 
 def unit_from_text(text: str) -> Unit | None:
     """Return the unit that "Nm", "[deg/s]", "dV (Voltage)" or "µs" names; None for any other text."""
+    return _unit(text) if len(text) <= LONGEST_UNIT else None
+
+
+@lru_cache(maxsize=4096)  # a file of thousands of columns has few units
+def _unit(text: str) -> Unit | None:
     cleaned = _cleaned(text)
     found = _KNOWN.get(cleaned) or _KNOWN.get(cleaned.replace(" ", ""))
     # "NM" and "DEG" are written by instruments, but Mm and mm are not the same

@@ -6,8 +6,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from modelgen.errors import listed
 from modelgen.runtime.files.source import Source, is_time_name
-from modelgen.runtime.files.units import unit_from_text
+from modelgen.runtime.files.units import Unit, unit_from_text
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.mapping_file import Proposed
 
@@ -43,6 +44,13 @@ REFERENCE = "reference"
 
 
 @dataclass(frozen=True)
+class _Column:
+    name: str
+    words: list[str]
+    unit: Unit | None
+
+
+@dataclass(frozen=True)
 class _Wanted:
     key: str
     unit: str
@@ -61,11 +69,10 @@ def propose(source: Source, model: Model | None) -> tuple[Proposed, ...]:
             for key, column in zip(keys, columns, strict=True)
         )
     wanted = [want for want in _wanted(model) if want.key in model.channels] + _references(model)
-    scores = {
-        (want.key, column): _score(want, column, source.units.get(column))
-        for want in wanted
-        for column in columns
-    }
+    named = [
+        _Column(column, _words(column), unit_from_text(source.units.get(column, ""))) for column in columns
+    ]
+    scores = {(want.key, column.name): _score(want, column) for want in wanted for column in named}
     chosen: dict[str, str] = {}
     ranked = sorted(scores, key=lambda pair: -scores[pair])
     for key, column in ranked:
@@ -77,7 +84,7 @@ def propose(source: Source, model: Model | None) -> tuple[Proposed, ...]:
 
 def _proposed(want: _Wanted, column: str | None, source: Source, columns: Sequence[str]) -> Proposed:
     if column is None:
-        return Proposed(want.key, want.unit, None, None, f"columns: {', '.join(columns)}")
+        return Proposed(want.key, want.unit, None, None, f"columns: {listed(columns)}")
     stated = source.units.get(column)
     unit = unit_from_text(stated or "")
     agrees = unit is not None and unit.si == want.unit
@@ -104,14 +111,13 @@ def _references(model: Model) -> list[_Wanted]:
     return [_Wanted("reference", units.get(a.unit, ""), REFERENCE, a.body) for a in model.actuators[:1]]
 
 
-def _score(want: _Wanted, column: str, stated: str | None) -> float:
+def _score(want: _Wanted, column: _Column) -> float:
     """Return how well a column fits: its whole name, its words for quantity and body, and its unit."""
-    if column.lower() == want.key.lower():
+    name, key, words, unit = column.name.lower(), want.key.lower(), column.words, column.unit
+    if name == key:
         return 20.0
-    words = _words(column)
     told = any(word in TOLD or word.startswith(("soll", "setpoint")) for word in words)
     if want.measures == REFERENCE:
-        unit = unit_from_text(stated or "")
         return 3.0 if told and (unit is None or unit.si == want.unit) else 0.0
     # a force is often logged as what was asked for
     score = -1.0 * told if want.measures == "force" else -4.0 * told
@@ -121,8 +127,7 @@ def _score(want: _Wanted, column: str, stated: str | None) -> float:
     body_words = BODIES.get(want.body, (want.body.lower(),))
     score += 2.0 * any(word in body_words for word in words)
     score -= 2.0 * any(word in BODIES[name] for name in BODIES if name != want.body for word in words)
-    score += 2.0 * (column.lower().endswith(want.key.lower()) or want.key.lower() in column.lower())
-    unit = unit_from_text(stated or "")
+    score += 2.0 * (key in name)
     if unit is not None:
         if unit.si == want.unit:
             score += 3.0
@@ -140,11 +145,13 @@ def _words(name: str) -> list[str]:
 def _keys(columns: Sequence[str]) -> list[str]:
     """Return one channel key a column: letters, digits and _, each of its own."""
     keys: dict[str, None] = {}
+    next_count: dict[str, int] = {}
     for column in columns:
         text = re.sub(r"\W+", "_", column.rpartition(".")[2], flags=re.ASCII).strip("_") or "channel"
         text = text if text[0].isalpha() else f"channel_{text}"
-        key, count = text[:60], 2
+        key, stem = text[:60], text[:57]
         while key in keys:
-            key, count = f"{text[:57]}_{count}", count + 1
+            next_count[stem] = next_count.get(stem, 1) + 1
+            key = f"{stem}_{next_count[stem]}"
         keys[key] = None
     return list(keys)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.files.formats import open_source
+from modelgen.runtime.files.reader_process import DeadlyFileError
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import Unit, split_name, unit_from_text
 from modelgen.runtime.records.faults import Finding, clock_faults, same_clock, time_faults, zero_faults
@@ -107,7 +108,7 @@ def read(
         times_of = {clock, *source.clocks.values()}
         needed = tuple(mapping or (column for column in source.names if column not in times_of))
     picks, problems = _picks(source, needed, mapping or {}, scales or {})
-    if time is not None and time not in source.names:
+    if time is not None and time not in source.known:
         problems.append(missing_name(f"{path}: times", "column", time, source.names))
     if problems:
         raise DataError(*problems)
@@ -117,7 +118,10 @@ def read(
     loaded = _load(source, picks, [c for c in clocks.values() if c], time is None and stated is not None)
     signals = {pick.key: _in_si(loaded[pick.column], pick.factor) for pick in picks}
     factor = _time_factor(source, time_unit, next(iter(clocks.values()), None))
-    times = {key: _times(source, loaded, c, signals[key], time is not None) for key, c in clocks.items()}
+    as_float: Columns = {}  # once a column of times, however many channels have it
+    times = {
+        key: _times(source, loaded, as_float, c, signals[key], time is not None) for key, c in clocks.items()
+    }
     track, findings = _together(source, clocks, times, factor, signals, mend)
     si_units = {pick.key: pick.unit.si for pick in picks if pick.unit} | dict(units or {})
     offsets = mend_offsets(track.signals, si_units, mend) if mend else track
@@ -165,7 +169,7 @@ def _picks(
     for key in keys:
         place = mapping.get(key, key)
         column = _column(source, place.removeprefix("-"))
-        if column not in source.names:
+        if column not in source.known:
             problems.append(missing_name(f"{source.path}: channel {key}", "column", column, source.names))
         unit = unit_from_text(source.units.get(column, ""))
         factor = scales.get(key, unit.factor if unit else 1.0)
@@ -194,15 +198,17 @@ def _picks(
 
 def _column(source: Source, name: str) -> str:
     """Return the column of a name; a title may be given with its unit, as it stands in the file."""
-    return name if name in source.names or split_name(name)[0] not in source.names else split_name(name)[0]
+    return name if name in source.known or split_name(name)[0] not in source.known else split_name(name)[0]
 
 
 def _load(source: Source, picks: Sequence[_Pick], clocks: Sequence[str], optional: bool) -> Columns:
     """Load the picked columns and the times, which may be unreadable where nobody asked for them."""
     columns = dict.fromkeys(pick.column for pick in picks)
-    wanted = dict.fromkeys((*columns, *(clock for clock in clocks if clock in source.names)))
+    wanted = dict.fromkeys((*columns, *(clock for clock in clocks if clock in source.known)))
     try:
         return source.load(tuple(wanted))
+    except DeadlyFileError:
+        raise
     except DataError:
         if not clocks or not optional or any(clock in columns for clock in clocks):
             raise
@@ -224,13 +230,20 @@ def _time_factor(source: Source, given: str | None, clock: str | None) -> float:
 
 
 def _times(
-    source: Source, loaded: Columns, clock: str | None, samples: npt.NDArray[Any], given: bool
+    source: Source,
+    loaded: Columns,
+    as_float: Columns,
+    clock: str | None,
+    samples: npt.NDArray[Any],
+    given: bool,
 ) -> npt.NDArray[np.float64] | None:
     """Return the times as the file has them, or None where it has none of the channel's length."""
     if clock is None or clock not in loaded:
         return None
     if loaded[clock].size == samples.size and loaded[clock].dtype.kind in "iuf":
-        return loaded[clock].astype(float)
+        if clock not in as_float:
+            as_float[clock] = loaded[clock].astype(float)
+        return as_float[clock]
     if not given:
         return None
     what = f"has {loaded[clock].size} samples of type {loaded[clock].dtype}, the channels have {samples.size}"
@@ -248,7 +261,8 @@ def _together(
     """Return the channels on common times, mended as asked, and what was found wrong with the times."""
     keys = list(signals)
     first = times[keys[0]]
-    known = {key: found * factor for key, found in times.items() if found is not None}
+    scaled = {id(found): found * factor for found in times.values() if found is not None}
+    known = {key: scaled[id(found)] for key, found in times.items() if found is not None}
     if first is None or len(known) < len(keys):
         return Track(np.empty(0), signals), ()
     distinct = {str(clocks[key]): known[key] for key in keys}

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.errors import DataError, Problem
+from modelgen.errors import DataError, Problem, listed, shortened
+from modelgen.runtime.files.size_limits import LONGEST_NAME
 from modelgen.runtime.records.record_facts import RecordFacts
 
 FloatArray = npt.NDArray[np.float64]
@@ -127,11 +128,11 @@ class Record:
 
 
 def missing_name(where: str, kind: str, name: str, available: Iterable[str]) -> Problem:
-    """Return the problem "has no <kind> <name>", with the closest name and all that there are."""
+    """Return the problem "has no <kind> <name>", with the closest name and those that there are."""
     names = list(available)
-    close = difflib.get_close_matches(name, names, n=1)
+    close = difflib.get_close_matches(name[:LONGEST_NAME], names, n=1)
     hint = f"did you mean {close[0]}? " if close else ""
-    return Problem(where, f"has no {kind} {name}", f"{hint}available: {', '.join(names) or 'none'}")
+    return Problem(where, f"has no {kind} {shortened(name)}", f"{hint}available: {listed(names) or 'none'}")
 
 
 def _label_problems(name: Any, tag: Any) -> list[Problem]:
@@ -186,10 +187,8 @@ def _length_problems(where: str, channels: Mapping[str, FloatArray]) -> list[Pro
     if not lengths:
         return []
     if len(dict.fromkeys(lengths.values())) > 1:
-        listed = ", ".join(f"{key} {length}" for key, length in lengths.items())
-        return [
-            Problem(where, f"channels differ in length: {listed}", "cut all channels to the same samples")
-        ]
+        found = listed(f"{key} {length}" for key, length in lengths.items())
+        return [Problem(where, f"channels differ in length: {found}", "cut all channels to the same samples")]
     shortest = min(lengths.values())
     if shortest < 2:
         return [Problem(where, f"has {shortest} sample(s)", "give at least two samples")]

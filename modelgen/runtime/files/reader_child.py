@@ -1,0 +1,89 @@
+"""What a reading process does: it answers calls of `reader_process` until nobody asks any more.
+
+A call is a line of JSON: {"call": "hdf5.listing", "path": ..., "arguments": {...}}. The answer is a line of
+JSON for everything that the call yields, {"part": ...} or {"array": type, "shape": ...} followed by the
+array's bytes, and a last line: {"done": true}, or {"failed": ...} for what went wrong. Nothing is pickled.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from modelgen.runtime.files.optional_reader import reader_library
+from modelgen.runtime.files.size_limits import ALWAYS_FINE, LARGEST_RATIO
+
+PLAIN = "biufcSUmM"  # kinds of arrays whose bytes are all there is
+Call = Callable[..., Iterator[Any]]
+BUFFER = 1 << 20  # bytes of a pipe
+PATIENCE_S, BYTES_PER_S = 2, 2_000_000  # of processor time for a file, and more for a large one
+# the module that answers a kind of call, and the library that it needs
+MODULES = {
+    "hdf5": ("modelgen.runtime.files.hdf5_calls", "h5py"),
+    "mdf": ("modelgen.runtime.files.mdf_calls", "asammdf"),
+}
+
+
+def serve() -> None:
+    """Answer calls from standard input on standard output."""
+    answers = os.fdopen(os.dup(1), "wb", BUFFER)
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):  # what a library prints must not come between the answers, nor onto a screen
+        os.dup2(nothing, stream)
+    warnings.simplefilter("ignore")
+    for line in sys.stdin.buffer:
+        _answer(json.loads(line), answers)
+        answers.flush()
+
+
+def _answer(asked: dict[str, Any], answers: BinaryIO) -> None:
+    kind, _, name = asked["call"].partition(".")
+    path = Path(asked["path"])
+    module, library = MODULES[kind]
+    try:
+        reader_library(library, path)  # how long that takes is not the file's fault
+        call: Call = getattr(import_module(module), name)
+        _limit(path.stat().st_size)
+        for part in call(path, **asked["arguments"]):
+            if isinstance(part, np.ndarray):
+                if part.dtype.kind not in PLAIN:
+                    raise TypeError(f"a column is of type {part.dtype}")
+                _say(answers, {"array": part.dtype.str, "shape": part.shape})
+                answers.write(np.ascontiguousarray(part).data.cast("B") if part.size else b"")
+            else:
+                _say(answers, {"part": part})
+        last: dict[str, Any] = {"done": True}
+    except Exception as error:  # a damaged file breaks the libraries in many ways
+        last = {"failed": str(error) or type(error).__name__}
+        error.__traceback__ = None  # it holds a file half opened
+        gc.collect()
+    _say(answers, last)
+
+
+def _say(answers: BinaryIO, what: dict[str, Any]) -> None:
+    answers.write(json.dumps(what).encode() + b"\n")
+
+
+def _limit(size: int) -> None:
+    """Let the system end this process when a file of this size takes too long or too much memory."""
+    with suppress(ImportError, OSError, ValueError):  # where the system has such limits
+        import resource
+
+        _, hard = resource.getrlimit(resource.RLIMIT_CPU)
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        allowed = int(used.ru_utime + used.ru_stime) + PATIENCE_S + size // BYTES_PER_S
+        resource.setrlimit(resource.RLIMIT_CPU, (allowed, hard))
+        _, hard = resource.getrlimit(resource.RLIMIT_AS)
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        memory = pages * resource.getpagesize() + ALWAYS_FINE + LARGEST_RATIO * size
+        resource.setrlimit(resource.RLIMIT_AS, (memory, hard))
