@@ -1,139 +1,206 @@
-"""What a generated module may consist of: its syntax, names and imports, checked on the parsed text.
+"""Whether a text is one that the generator could have written, line by line (`modelgen.generated_module.skeleton`).
 
-Importing such a module computes nothing: outside its functions there are only literals. Inside them there is
-arithmetic on arrays, and no way to reach a file, another module or the interpreter.
+A text that passes holds the fixed lines of the template, and between them lines of a few small forms over
+names that its own literals declare. No name has to be resolved: what is not in a form is refused. Importing
+such a text computes nothing; its functions do arithmetic on arrays of the sizes that it declares, and end.
 """
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Iterator
+import math
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
 
 from modelgen.errors import Problem
+from modelgen.generated_module.literals import LONGEST_LITERAL, Declared, declared_by, literal_value
+from modelgen.generated_module.skeleton import BODY, HEAD, LITERAL, SLOTS
 
 REMEDY = "generate the module again (modelgen generate)"
+SMALLER = "describe the machine with fewer bodies"
+LARGEST_ARRAY = 10_000_000  # numbers a sample; a thousand bodies, all of them sensed, have six millions
+LONGEST_SUM = 2000  # terms; the compiler of Python 3.11 goes to 3000
+
+_SLOT = re.compile(r"<([A-Za-z0-9_ ]+)>")
+_REFERENCE = re.compile(r'([sfp])\["([^"]+)"\]')
+_KINDS = {"s": "signal", "f": "feature", "p": "parameter"}
 
 
-def _words(text: str) -> frozenset[str]:
-    return frozenset(text.split())
+class Deviation(Exception):
+    """Where a text leaves the skeleton (in characters), what is wrong there, and the remedy."""
+
+    def __init__(self, at: int, what: str, remedy: str = REMEDY) -> None:
+        self.at, self.what, self.remedy = at, what, remedy
 
 
-IMPORTS = ("from typing import NamedTuple", "import numpy as np")
-# The only way out of the module is fixed to the letter: statements of identify() below its docstring.
-IDENTIFY = (
-    "import sys",
-    "import modelgen",
-    "return modelgen.identify(modelgen.model_from_module(sys.modules[__name__]), records, **options)",
-)
-CONSTANTS = _words(
-    "ABSENT ACTUATORS BASE_PARAMETERS CHAIN COMPOSITES CONTRACT_VERSION CUBIC_SPRINGS FEATURES FRICTION "
-    "IDENTIFIABLE KNOWN PARAMETERS PARAMETER_SETS ROLES ROWS SENSORS SENSOR_SET SIGNALS SPEC_SHA256 "
-    "TITLE UNITS"
-)
-FUNCTIONS = _words(
-    "base_from_physical base_jacobian columns features fit_physical measurement physical_from_base regressor "
-    "state_space"
-)
-BUILTINS = _words("abs dict float len max range zip")
-ATTRIBUTES = _words(
-    "T abs append array asarray astype clip cosh default_rng exp eye imag inf linalg log max ndarray "
-    "normal random sign sinh solve tolist where zeros"
-)
-LITERALS = (ast.Constant, ast.Tuple, ast.Dict, ast.UnaryOp, ast.USub, ast.Load)
-SYNTAX = (
-    *LITERALS,
-    *(ast.Expr, ast.Assign, ast.AugAssign, ast.Return, ast.If, ast.For, ast.Break),
-    *(ast.FunctionDef, ast.arguments, ast.arg),
-    *(ast.List, ast.ListComp, ast.DictComp, ast.comprehension, ast.IfExp),
-    *(ast.Name, ast.Attribute, ast.Subscript, ast.Slice, ast.Store, ast.Call, ast.keyword),
-    *(ast.BinOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.MatMult),
-    *(ast.BoolOp, ast.Or, ast.Compare, ast.Eq, ast.Lt, ast.Gt),
-)
+class Match(NamedTuple):
+    """A line of a text in one of the skeleton's forms: its place, and (slot, what stands in it) pairs."""
+
+    start: int
+    end: int
+    values: tuple[tuple[str, str], ...]
 
 
-def allow_list_problems(tree: ast.Module) -> Iterator[Problem]:
-    """Report what a generated module would not contain; `where` of a problem is its line."""
-    known = BUILTINS | _bound_names(tree)
-    for place, statement in enumerate(tree.body):
-        what = _statement_problem(statement, first=place == 0)
-        if what:
-            yield Problem(f"line {statement.lineno}", what, REMEDY)
-        elif isinstance(statement, ast.FunctionDef) and statement.name != "identify":
-            for node in ast.walk(statement):
-                what = _node_problem(node, known)
-                if what:
-                    yield Problem(f"line {getattr(node, 'lineno', statement.lineno)}", what, REMEDY)
+@dataclass(frozen=True)
+class Line:
+    """One line of the skeleton, or two that belong together: fixed parts, and names of slots between them."""
+
+    shown: str
+    parts: tuple[str, ...]
+
+    def match(self, text: str, at: int) -> Match | None:
+        """Return the line that begins at `at` if it has this form."""
+        start, values = at, []
+        for place, part in enumerate(self.parts):
+            if place % 2:
+                found = _pattern(part).match(text, at)
+                if found is None:
+                    return None
+                values.append((part, found.group()))
+                at = found.end()
+            elif text.startswith(part, at):
+                at += len(part)
+            else:
+                return None
+        return Match(start, at, tuple(values))
 
 
-def _bound_names(tree: ast.Module) -> frozenset[str]:
-    """Return the names that the module itself gives a value to."""
-    names = {
-        node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
-    }
-    names |= {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
-    names |= {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
-    return frozenset({*names, "np"})
+@dataclass(frozen=True)
+class Place:
+    """Where one of some lines stands: once (""), once or not at all ("?"), or any number of times ("*")."""
+
+    mark: str
+    lines: tuple[Line, ...]
+
+    def match(self, text: str, at: int) -> Match | None:
+        """Return the line that begins at `at` if it has one of the forms."""
+        return next((found for line in self.lines if (found := line.match(text, at))), None)
 
 
-def _statement_problem(statement: ast.stmt, first: bool) -> str:
-    """Return what is wrong with a statement outside all functions, or an empty text."""
-    if getattr(statement, "type_params", None):  # of Python 3.12
-        return "has type parameters"
-    match statement:
-        case ast.Expr(ast.Constant(str())) if first:
-            return ""
-        case ast.Import() | ast.ImportFrom():
-            text = ast.unparse(statement)
-            return "" if text in IMPORTS else f"imports more than NumPy ({text[:80]})"
-        case ast.Assign([ast.Name(name)], value) if name in CONSTANTS:
-            return "" if _is_literal(value) else f"computes {name} when it is imported"
-        case ast.ClassDef("StateSpace", [ast.Name("NamedTuple")], [], body, []):
-            same = _is_text(body[0]) and all(map(_is_field, body[1:]))
-            return "" if same else "changes the class StateSpace"
-        case ast.FunctionDef(name) if name in FUNCTIONS:
-            return ""
-        case ast.FunctionDef("identify", arguments, [ast.Expr(ast.Constant()), *body], []):
-            same = (*map(ast.unparse, body),) == IDENTIFY and ast.unparse(arguments) == "records, **options"
-            return "" if same and statement.returns is None else "changes the function identify"
-    return f"holds {_described(statement)} that modelgen does not write"
+def first_deviation(text: str) -> Problem | None:
+    """Return the first thing in a text that the generator would not have written; `where` is its line."""
+    try:
+        at, literals = _follow(_places(HEAD), text, 0, Declared({}, {}))
+        declared = declared_by(literals)
+        for variants in BODY:
+            at = _follow_one(variants, text, at, declared)
+        if at != len(text):
+            raise Deviation(at, f"{_found(text, at)} where modelgen writes nothing more")
+    except Deviation as found:
+        return Problem(f"line {text[: found.at].count(chr(10)) + 1}", found.what, found.remedy)
+    return None
 
 
-def _node_problem(node: ast.AST, known: frozenset[str]) -> str:
-    """Return what is wrong with a part of a function, or an empty text."""
-    match node:
-        case ast.Attribute(_, name, ctx) if name not in ATTRIBUTES or not isinstance(ctx, ast.Load):
-            return f"uses the attribute {name}"
-        case ast.Name(name) if name not in known or name.startswith("__"):
-            return f"uses the name {name}"
-        case ast.arg(name, annotation) if annotation is not None or name.startswith("__"):
-            return f"has the unusual argument {name}"
-        case ast.FunctionDef(name) if node.decorator_list or node.returns or not _plain_defaults(node.args):
-            return f"has a decorator, an annotation or a default in {name}"
-        case ast.Constant(value) if not isinstance(value, str | int | float | complex | None):
-            return f"holds {value!r}"
-    return "" if isinstance(node, SYNTAX) else f"holds {_described(node)} that modelgen does not write"
+def _follow_one(variants: tuple[str, ...], text: str, at: int, declared: Declared) -> int:
+    """Return where one of some blocks ends; complain about the one that comes furthest."""
+    deviations = []
+    for block in variants:
+        try:
+            return _follow(_places(block), text, at, declared)[0]
+        except Deviation as found:
+            deviations.append(found)
+    raise max(deviations, key=lambda found: found.at)
 
 
-def _is_literal(value: ast.expr) -> bool:
-    return all(isinstance(node, LITERALS) for node in ast.walk(value))
+def _follow(
+    block: tuple[Place, ...], text: str, at: int, declared: Declared
+) -> tuple[int, dict[str, object]]:
+    """Return where the block that begins at `at` ends, and the literals in it."""
+    literals: dict[str, object] = {}
+    wanted: list[str] = []
+    for place in block:
+        wanted += [line.shown for line in place.lines]
+        match = place.match(text, at)
+        if match is None and not place.mark:
+            raise Deviation(at, f"{_found(text, at)} where modelgen writes {_forms(wanted)}")
+        while match:
+            literals |= _checked(match, declared)
+            at, wanted = match.end, wanted[-len(place.lines) :] if place.mark == "*" else []
+            match = place.match(text, at) if place.mark == "*" else None
+    return at, literals
 
 
-def _is_text(statement: ast.stmt) -> bool:
-    return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+@cache
+def _places(block: str) -> tuple[Place, ...]:
+    """Read a block of the skeleton."""
+    found: list[Place] = []
+    for line in block.splitlines():
+        mark, source = line[:1].strip(), line[2:]
+        last = found[-1].lines if found else ()
+        if mark == "+":
+            found[-1] = Place("*", (*last[:-1], _line(f"{last[-1].shown}\n{source}")))
+        elif mark == "*" and found[-1].mark == "*":
+            found[-1] = Place("*", (*last, _line(source)))
+        else:
+            found.append(Place(mark, (_line(source),)))
+    return tuple(found)
 
 
-def _is_field(statement: ast.stmt) -> bool:
-    return (
-        isinstance(statement, ast.AnnAssign)
-        and statement.value is None
-        and ast.unparse(statement.annotation) == "np.ndarray"
-    )
+def _line(source: str) -> Line:
+    return Line(source, tuple(_SLOT.split(f"{source}\n")))
 
 
-def _plain_defaults(arguments: ast.arguments) -> bool:
-    defaults = [*arguments.defaults, *(default for default in arguments.kw_defaults if default is not None)]
-    return all(isinstance(default, ast.Constant) and default.value is None for default in defaults)
+@cache
+def _pattern(slot: str) -> re.Pattern[str]:
+    return re.compile(SLOTS.get(slot, LITERAL))
 
 
-def _described(node: ast.AST) -> str:
-    return f"a node {type(node).__name__}"
+def _checked(match: Match, declared: Declared) -> dict[str, object]:
+    """Return the literals in a line of the right form; refuse numbers and names that are declared nowhere."""
+    literals: dict[str, object] = {}
+    sizes = [1]
+    for slot, source in match.values:
+        if slot.isupper():
+            literals[slot] = _literal(source, match.start)
+        elif slot in declared.counts:
+            if int(source) >= declared.counts[slot]:
+                raise Deviation(match.start, f"uses {slot} {source} of {declared.counts[slot]}, from 0")
+        elif slot[:-1] in declared.counts:
+            sizes.append(int(source))
+            if sizes[-1] != declared.counts[slot[:-1]]:
+                raise Deviation(match.start, f"has {source} {slot}, not {declared.counts[slot[:-1]]}")
+        elif slot != "text":
+            _check_names(slot, source, match.start, declared)
+    if math.prod(sizes) > LARGEST_ARRAY:
+        raise Deviation(match.start, f"makes an array of more than {LARGEST_ARRAY} numbers", SMALLER)
+    return literals
+
+
+def _check_names(slot: str, source: str, at: int, declared: Declared) -> None:
+    """Refuse a name that is declared nowhere, and a sum that no compiler takes."""
+    names = [(_KINDS[letter], name) for letter, name in _REFERENCE.findall(source)]
+    if slot in declared.names:
+        names.append((slot, source))
+    for kind, name in names:
+        if name not in declared.names[kind]:
+            raise Deviation(at, f"names the {kind} {name!r}, which the module does not declare")
+    if source.count(" + ") + source.count(" - ") > LONGEST_SUM:
+        raise Deviation(at, f"holds a sum of more than {LONGEST_SUM} terms", SMALLER)
+
+
+def _literal(source: str, at: int) -> object:
+    if source.count(",") > LONGEST_LITERAL:
+        raise Deviation(at, f"holds a literal of more than {LONGEST_LITERAL} entries", SMALLER)
+    try:
+        return literal_value(source)
+    except ValueError as error:
+        raise Deviation(at, str(error)) from error
+
+
+def _found(text: str, at: int) -> str:
+    """Return in words what stands at a place of a text."""
+    if at == len(text):
+        return "ends"
+    line = text[at : at + 60].partition("\n")[0].strip()
+    return f"holds {line!a}" if line else "has an empty line"
+
+
+def _forms(wanted: list[str]) -> str:
+    """Return in words the lines of the skeleton that may stand in one place: the first and the last."""
+    lines = [_SLOT.sub(_shown_slot, form.strip()) for form in (wanted[0], wanted[-1])]
+    return " or ".join(dict.fromkeys(repr(line) if line else "an empty line" for line in lines))
+
+
+def _shown_slot(slot: re.Match[str]) -> str:
+    return "..." if slot[1].isupper() else slot[0]

@@ -43,6 +43,7 @@ class ModelView:
     resistance_count: int
     output_count: int
     has_features: bool
+    measures_features: bool  # friction of known size stands on the left-hand side
     feature_lines: tuple[tuple[str, str], ...]
     measurement_lines: tuple[str, ...]
     regressor_lines: tuple[str, ...]
@@ -83,6 +84,7 @@ def model_view(model: BaseModel) -> ModelView:
         resistance_count=len(space.resistances),
         output_count=len(space.outputs),
         has_features=bool(rows.features),
+        measures_features=any(key in feature_keys for parts in measurement for _, key in parts),
         feature_lines=tuple((feature.key, _feature_source(feature)) for feature in rows.features),
         measurement_lines=tuple(
             f"y[:, {row}] = {_signal_sum(parts, feature_keys)}"
@@ -132,7 +134,8 @@ def _base_source(rows: IdentificationRows, base: BaseParameter) -> str:
             parts.append((factor, f'p["{name}"]'))
             continue
         top, bottom = polynomial(composite.numerator), polynomial(composite.denominator)
-        parts.append((factor, top if bottom == "1.0" else f"({top}) / ({bottom})"))
+        single = bottom == "1.0" and (factor == 1 or len(composite.numerator) == 1)
+        parts.append((factor, top if single else f"({top}) / ({bottom})"))
     return weighted_sum(parts)
 
 
@@ -209,7 +212,13 @@ def _constants(model: BaseModel, space: StateSpace, units: Mapping[str, str]) ->
         "PARAMETER_SETS": {name: dict(table) for name, table in spec.parameter_sets.items()},
         "SIGNALS": tuple(_signal(signal, rows) for signal in rows.signals),
         "FEATURES": tuple(
-            {"key": f.key, "function": f.function, "of": f.of, "times": f.times} for f in rows.features
+            {
+                "key": f.key,
+                "function": f.function,
+                "of": f.of if isinstance(f.of, str) else _as_floats(f.of),
+                "times": f.times,
+            }
+            for f in rows.features
         ),
         "ROWS": tuple(_row(row, lever_of) for row in rows.rows),
         "FRICTION": tuple(

@@ -9,7 +9,8 @@ from typing import Literal, NamedTuple
 
 from modelgen.atomic_write import check_place, make_folder, place_within, write_whole
 from modelgen.errors import Problem, RenderError
-from modelgen.generated_module.module_check import has_header, module_text, seal, source_problems
+from modelgen.generated_module.allow_list import REMEDY
+from modelgen.generated_module.module_check import has_header, module_problems, module_text, seal
 from modelgen.render.environment import environment
 from modelgen.render.view import ModelView, model_view
 from modelgen.spec.load import ChainSpec
@@ -29,16 +30,18 @@ def render(view: ModelView) -> str:
     Raises
     ------
     RenderError
-        If the text is not one that modelgen would execute (`modelgen.generated_module.allow_list`): it is
+        If the text is not one that modelgen would execute (`modelgen.generated_module.module_check`): it is
         never written.
     """
     fields = {field.name: getattr(view, field.name) for field in dataclasses.fields(view)}
     text = seal(environment().get_template("module.py.j2").render(fields))
-    problems = source_problems(text)
+    problems = module_problems(text)
     if problems:
         name = f"module {view.chain}_{view.sensor_set}"
-        remedy = "report this chain: modelgen must not write such a module"
-        raise RenderError(*(Problem(f"{name}, {p.where}", p.what, remedy) for p in problems))
+        remedies = {REMEDY: "report this chain: modelgen must not write such a module"}
+        raise RenderError(
+            *(Problem(f"{name}, {p.where}", p.what, remedies.get(p.remedy, p.remedy)) for p in problems)
+        )
     return text
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import unicodedata
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -10,6 +9,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from modelgen.errors import Problem
+from modelgen.generated_module.literals import hidden_character
 from modelgen.spec.chain import Friction
 from modelgen.spec.units import Measures, Motion
 from modelgen.spec.words import identifier_problem, nearest, path, shown, suggest
@@ -29,7 +29,7 @@ def _title(text: str) -> str:
         raise _explained("is empty", "write a title, or leave the key out to use the name")
     if len(text) > 200:
         raise _explained(f"has {len(text)} characters", "shorten it to 200")
-    odd = next((c for c in text if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")), None)
+    odd = hidden_character(text)
     if odd is not None:  # a line break or an invisible mark would change the generated module's text
         raise _explained(f"holds the control character U+{ord(odd):04X}", "write one line of visible text")
     return text

@@ -33,6 +33,11 @@ def is_terms(value: Any) -> bool:
 
 def column_problems(module: Any) -> list[tuple[str, str]]:
     """Return (place, what is wrong) for the functions of a module whose tables are in order."""
+    with np.errstate(all="ignore"):  # what overflows differs, and is told as that
+        return _function_problems(module)
+
+
+def _function_problems(module: Any) -> list[tuple[str, str]]:
     rows, width = len(module.ROWS), len(module.BASE_PARAMETERS)
     rng = np.random.default_rng(0)
     signals = {entry["key"]: rng.uniform(-1.0, 1.0, SAMPLES) for entry in module.SIGNALS}
@@ -43,12 +48,15 @@ def column_problems(module: Any) -> list[tuple[str, str]]:
         features = module.features(signals)
         measurement, regressor = module.measurement(signals), module.regressor(signals)
         base = module.base_from_physical(physical)
-        recovered = module.physical_from_base(base)
+        # a search for them may take long, and its text is the same in every module
+        searched = hasattr(module, "fit_physical")
+        recovered = dict.fromkeys(module.IDENTIFIABLE) if searched else module.physical_from_base(base)
+        space = tuple(module.state_space({**module.KNOWN, **physical}))
     except Exception as error:  # whatever a broken module raises
         return [("functions", f"raise {type(error).__name__} ({error}) at {PROBED}")]
     expected = {entry["key"]: _feature(entry, signals) for entry in module.FEATURES}
-    found = _features_problems(features, expected)
-    found += _form_problems(described, rows, width, ("1", *signals, *expected))
+    found = _features_problems(features, expected) + _space_problems(module, space)
+    found += _form_problems(described, rows, width, frozenset(("1", *signals, *expected)))
     found += _array_problems("measurement()", measurement, (SAMPLES, rows))
     found += _array_problems("regressor()", regressor, (SAMPLES, rows, width))
     found += _array_problems("base_from_physical()", base, (width,))
@@ -78,11 +86,11 @@ def _features_problems(features: Any, expected: Mapping[str, FloatArray]) -> lis
     return [
         (f"features()[{key!r}]", f"differs from its entry in FEATURES at {PROBED}")
         for key, value in expected.items()
-        if not _close(features[key], value)
+        if np.shape(features[key]) != (SAMPLES,) or not _close(np.asarray(features[key], float), value).all()
     ]
 
 
-def _form_problems(described: Any, rows: int, width: int, keys: tuple[str, ...]) -> list[tuple[str, str]]:
+def _form_problems(described: Any, rows: int, width: int, keys: frozenset[str]) -> list[tuple[str, str]]:
     """Return what is wrong with the form of columns(): one entry a row, known columns, known keys."""
     if not isinstance(described, Mapping) or sorted(described) != ["measurement", "regressor"]:
         return [("columns()", "is not a dict of measurement and regressor")]
@@ -107,7 +115,7 @@ def _form_problems(described: Any, rows: int, width: int, keys: tuple[str, ...])
     return found
 
 
-def _terms_problems(place: str, terms: Any, keys: tuple[str, ...]) -> list[tuple[str, str]]:
+def _terms_problems(place: str, terms: Any, keys: frozenset[str]) -> list[tuple[str, str]]:
     if not is_terms(terms):
         return [(place, "is not a tuple of (coefficient, key) pairs")]
     return [(place, f"names {key!r}, which is no signal or feature") for _, key in terms if key not in keys]
@@ -120,6 +128,17 @@ def _array_problems(place: str, value: Any, shape: tuple[int, ...]) -> list[tupl
     return [(place, f"returns {got}, not float64 {shape}, for {SAMPLES} samples")]
 
 
+def _space_problems(module: Any, space: tuple[Any, ...]) -> list[tuple[str, str]]:
+    """Return what is wrong with the shapes of the matrices that state_space() returns."""
+    states = 2 * sum(len(entry["bodies"]) for entry in module.ROLES.values() if entry["role"] == "inertia")
+    outputs, forces, frictions = len(module.SENSORS), len(module.ACTUATORS), len(module.FRICTION)
+    shapes = [(n, k) for n in (states, outputs) for k in (states, forces, frictions)]
+    wanted = [shapes[place] for place in (0, 1, 3, 4, 2, 5)]  # A, B, C, D, E, F
+    if [getattr(matrix, "shape", None) for matrix in space] == wanted:
+        return []
+    return [("state_space()", f"does not return A, B, C, D, E, F of shapes {', '.join(map(str, wanted))}")]
+
+
 def _disagreements(
     described: Any, measurement: FloatArray, regressor: FloatArray, known: Mapping[str, FloatArray]
 ) -> list[tuple[str, str]]:
@@ -128,18 +147,18 @@ def _disagreements(
     found = [
         (f"measurement(), row {row}", what)
         for row, terms in enumerate(described["measurement"])
-        if not _close(measurement[:, row], _sum(terms, known))
+        if not _close(measurement[:, row], _sum(terms, known)).all()
     ]
     for row, entries in enumerate(described["regressor"]):
-        for column in range(regressor.shape[2]):
-            if not _close(regressor[:, row, column], _sum(entries.get(column, ()), known)):
-                found.append((f"regressor(), row {row}, column {column}", what))
+        expected = np.zeros((SAMPLES, regressor.shape[2]))
+        for column, terms in entries.items():
+            expected[:, column] = _sum(terms, known)
+        wrong = np.flatnonzero(~_close(regressor[:, row], expected))
+        found += [(f"regressor(), row {row}, column {column}", what) for column in wrong.tolist()]
     return found
 
 
-def _close(got: Any, expected: FloatArray) -> bool:
-    array = np.asarray(got, dtype=float)
-    if array.shape != expected.shape:
-        return False
-    scale = float(np.max(np.abs(expected), initial=0.0))
-    return bool(np.all(np.abs(array - expected) <= TOLERANCE * scale))
+def _close(got: FloatArray, expected: FloatArray) -> npt.NDArray[np.bool_]:
+    """Tell for every column, shape (N,) or (N, columns), whether it differs by rounding only."""
+    scale = np.max(np.abs(expected), axis=0)
+    return np.asarray(np.all(np.abs(got - expected) <= TOLERANCE * scale, axis=0))

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -66,6 +67,8 @@ TEXT = Kind("a non-empty string", _is_text)
 TEXT_OR_NONE = Kind("a non-empty string or None", _or_none(_is_text))
 TEXTS = Kind("a tuple of strings", _is_texts)
 COUNT = Kind("an integer, zero or more", _is_count)
+# elimination and differentiation of the rows that modelgen derives stay below 20
+ORDER = Kind("an integer from 0 to 99", lambda value: _is_count(value) and value < 100)
 PAIR_OR_NONE = Kind("a pair of strings or None", _or_none(lambda value: _is_names(value) and len(value) == 2))
 LEVER = Kind("a positive number", lambda value: is_number(value) and value > 0.0)
 NAMES = Kind("a tuple of different strings", _is_names)
@@ -102,7 +105,7 @@ ENTRIES: dict[str, dict[str, Kind]] = {
         "key": TEXT,
         "sensor": TEXT_OR_NONE,
         "actuator": TEXT_OR_NONE,
-        "derivative": COUNT,
+        "derivative": ORDER,
         "unit": TEXT,
     },
     "FEATURES": {
@@ -117,8 +120,8 @@ ENTRIES: dict[str, dict[str, Kind]] = {
         "name": TEXT,
         "origin": TEXT,
         "bodies": TEXTS,
-        "differentiated": COUNT,
-        "order": COUNT,
+        "differentiated": ORDER,
+        "order": ORDER,
         "reversals": TEXTS,
         "unit": TEXT,
         "lever": LEVER,
@@ -217,15 +220,15 @@ def _reference_problems(module: Any) -> list[tuple[str, str]]:
     for index, sensor in enumerate(module.SENSORS):
         if (sensor["body"] is None) == (sensor["deflection"] is None):
             found.append((f"SENSORS[{index}]", "needs either a body or a deflection"))
-    found += _spring_problems(module)
+    found += _coordinate_problems(module)
     for place, name, allowed, kind in _references(module):
         if name not in allowed:
             found.append((place, f"names {name!r}, which is no {kind}"))
     return found
 
 
-def _spring_problems(module: Any) -> list[tuple[str, str]]:
-    """Return what is wrong with the cubic springs: one for each such parameter, on bodies that exist."""
+def _coordinate_problems(module: Any) -> list[tuple[str, str]]:
+    """Return what is wrong with cubic springs, one for each such parameter, and friction: the bodies."""
     springs = getattr(module, "CUBIC_SPRINGS", ())
     cubic = [name for name, entry in module.ROLES.items() if entry["role"] == "stiffness3"]
     named = [entry["parameter"] for entry in springs]
@@ -235,21 +238,24 @@ def _spring_problems(module: Any) -> list[tuple[str, str]]:
     for index, entry in enumerate(springs):
         if any(place >= bodies for place, _ in entry["deflection"]):
             found.append((f"CUBIC_SPRINGS[{index}]", f"has a coordinate beyond the {bodies} bodies"))
+    for index, entry in enumerate(module.FRICTION):
+        if not bodies <= entry["state"] < 2 * bodies:
+            found.append((f"FRICTION[{index}]['state']", f"is no velocity of the {bodies} bodies"))
     return found
 
 
 def _repeated(place: str, keys: list[str]) -> list[tuple[str, str]]:
-    twice = [key for key in dict.fromkeys(keys) if keys.count(key) > 1]
+    twice = [key for key, times in Counter(keys).items() if times > 1]
     return [(place, f"use {key!r} twice") for key in twice]
 
 
-def _references(module: Any) -> list[tuple[str, str, tuple[str, ...], str]]:
+def _references(module: Any) -> list[tuple[str, str, frozenset[str], str]]:
     """Return (place, name, allowed names, kind of thing) for every name that must point somewhere."""
-    sensors = tuple(entry["key"] for entry in module.SENSORS)
-    actuators = tuple(entry["key"] for entry in module.ACTUATORS)
-    signals = tuple(entry["key"] for entry in module.SIGNALS)
-    physical = (*module.PARAMETERS, *module.KNOWN)
-    refs: list[tuple[str, str | None, tuple[str, ...], str]] = []
+    sensors = frozenset(entry["key"] for entry in module.SENSORS)
+    actuators = frozenset(entry["key"] for entry in module.ACTUATORS)
+    signals = frozenset(entry["key"] for entry in module.SIGNALS)
+    parameters, physical = frozenset(module.PARAMETERS), frozenset((*module.PARAMETERS, *module.KNOWN))
+    refs: list[tuple[str, str | None, frozenset[str], str]] = []
     for i, entry in enumerate(module.SIGNALS):
         refs.append((f"SIGNALS[{i}]['sensor']", entry["sensor"], sensors, "sensor"))
         refs.append((f"SIGNALS[{i}]['actuator']", entry["actuator"], actuators, "actuator"))
@@ -262,12 +268,13 @@ def _references(module: Any) -> list[tuple[str, str, tuple[str, ...], str]]:
     for i, entry in enumerate(module.FRICTION):
         names = (entry["coulomb_plus"], entry["coulomb_minus"], entry["offset"])
         refs += [(f"FRICTION[{i}]", name, physical, "parameter") for name in names]
-    refs += [("IDENTIFIABLE", name, module.PARAMETERS, "parameter") for name in module.IDENTIFIABLE]
-    refs += [("ABSENT", name, module.PARAMETERS, "parameter") for name in module.ABSENT]
+    refs += [("IDENTIFIABLE", name, parameters, "parameter") for name in module.IDENTIFIABLE]
+    refs += [("ABSENT", name, parameters, "parameter") for name in module.ABSENT]
     refs += [("ROLES", name, physical, "parameter") for name in module.ROLES]
-    refs += [("PARAMETERS", name, tuple(module.ROLES), "key of ROLES") for name in module.PARAMETERS]
+    roles, units = frozenset(module.ROLES), frozenset(module.UNITS)
+    refs += [("PARAMETERS", name, roles, "key of ROLES") for name in module.PARAMETERS]
     for name in dict.fromkeys((*module.PARAMETERS, *module.BASE_PARAMETERS)):
-        refs.append(("UNITS", name, tuple(module.UNITS), "key of UNITS"))
+        refs.append(("UNITS", name, units, "key of UNITS"))
     for title, values in module.PARAMETER_SETS.items():
         refs += [(f"PARAMETER_SETS[{title!r}]", name, physical, "parameter") for name in values]
     return [(place, name, allowed, kind) for place, name, allowed, kind in refs if name is not None]

@@ -270,7 +270,7 @@ def load_model(path: str | Path, trust: bool = False) -> Model:
     """Execute a generated module's file and return its model.
 
     Only a file that modelgen generated is executed, and only as it was generated: its header, its digest and
-    the allow-list of what a module consists of are checked first (`modelgen.generated_module.module_check`).
+    every line of it are checked first (`modelgen.generated_module.module_check`).
 
     Parameters
     ----------

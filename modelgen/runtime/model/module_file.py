@@ -44,6 +44,8 @@ def execute_file(path: Path, trust: bool = False) -> ModuleType:
     try:
         with path.open("rb") as file:
             content = file.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
+            raise DataError.at(where, f"is larger than {MAX_BYTES // 1_000_000} MB", remedy)
         text = module_text(content)
         place = str(path.resolve())
     except OSError as error:
