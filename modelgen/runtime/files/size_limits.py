@@ -52,8 +52,13 @@ def check_columns(path: Path, count: int, names: Iterable[str] = ()) -> None:
 
 
 def check_zip_members(path: Path, file: BinaryIO) -> None:
-    """Refuse a zip archive by its number of members, before its table of them is read; other files pass."""
+    """Refuse a zip archive by its number of members, before its table of them is read; other files pass.
+
+    The table stands at the end. Where it takes so many bytes that not all its members are counted here, it is
+    read, which takes no more than a second, and counted then.
+    """
     count, before = 0, b""
+    file.seek(max(0, path.stat().st_size - 32 * BLOCK))
     while block := file.read(BLOCK):
         # a mark may lie across two blocks
         count += (before[-3:] + block).count(ZIP_MEMBER)
