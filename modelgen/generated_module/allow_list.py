@@ -1,4 +1,4 @@
-"""Whether a text is one that the generator could have written, line by line (`modelgen.generated_module.skeleton`).
+"""Whether a text is one that the generator could have written, line by line (`skeleton`).
 
 A text that passes holds the fixed lines of the template, and between them lines of a few small forms over
 names that its own literals declare. No name has to be resolved: what is not in a form is refused. Importing

@@ -151,12 +151,12 @@ def test_the_end_of_a_text_is_told() -> None:
     assert first_deviation(MOTOR + "x = 1\n") == Problem(
         f"line {last + 1}", "holds 'x = 1' where modelgen writes nothing more", REMEDY
     )
-    cut = MOTOR[: MOTOR.rindex("    return run")]
+    cut = MOTOR[: MOTOR.rindex("    return modelgen.identify")]
     problem = first_deviation(cut)
     assert problem is not None
     assert problem.what == (
         "ends where modelgen writes "
-        "'return run(model_from_module(sys.modules[__name__]), records, **options)'"
+        "'return modelgen.identify(modelgen.model_from_module(sys.modules[__name__]), records, **options)'"
     )
     assert problem.where == f"line {last}"
 
