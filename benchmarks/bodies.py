@@ -22,7 +22,7 @@ import math
 import statistics
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -66,7 +66,7 @@ class Signals:
 
 def chain_model(bodies: int) -> Model:
     """Return a chain of so many bodies, every position sensed, every body actuated."""
-    modelgen.spec.load.MAX_BYTES = 10**9
+    modelgen.spec.load.SPEC = replace(modelgen.spec.load.SPEC, largest=10**9)
     lines = ["[chain]", 'name = "c"', 'motion = "rotation"']
     for i in range(bodies):
         lines += ["[[bodies]]", f'name = "b{i}"', f'inertia = "J{i}"', f'viscous = "F{i}"']

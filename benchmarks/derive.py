@@ -14,6 +14,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import sympy as sp
 from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
@@ -115,7 +116,7 @@ def chain_of(bodies: int) -> ChainSpec:
     """Return a long chain; the reader's limit on the size of a file does not concern the derivation."""
     import modelgen.spec.load
 
-    modelgen.spec.load.MAX_BYTES = 10**9
+    modelgen.spec.load.SPEC = replace(modelgen.spec.load.SPEC, largest=10**9)
     return chain(bodies)
 
 

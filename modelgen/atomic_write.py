@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import threading
+from itertools import count
 from pathlib import Path
 
 from modelgen.errors import ModelgenError
+
+MOST_DRAFTS = 1000  # left behind by runs that were killed
+CLOSED_ON_EXEC = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
 
 def write_whole(path: str | Path, data: bytes, *, overwrite: bool) -> None:
     """Write `data` to `path` so that no reader ever sees half a file.
 
-    The bytes go to a temporary file in the same folder, which then takes the place of `path` in one step.
+    The bytes go to a draft in the same folder, which then takes the place of `path` in one step. Of several
+    processes that write one file without `overwrite`, one succeeds.
 
     Parameters
     ----------
@@ -32,24 +38,70 @@ def write_whole(path: str | Path, data: bytes, *, overwrite: bool) -> None:
     target = Path(path)
     check_place(target)
     if target.exists() and not overwrite:
-        raise ModelgenError.at(str(target), "exists already", "choose another name, or ask to overwrite it")
+        raise _exists(target)
     if not target.parent.is_dir():
         raise ModelgenError.at(str(target), f"has no folder {target.parent}", "create the folder first")
-    # opened here rather than by tempfile, whose files are readable by their owner only
-    draft = target.with_name(f".{target.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
-        with draft.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(draft, target)
+        draft, handle = _new_draft(target.parent)
+        try:
+            with open(handle, "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            if overwrite:
+                os.replace(draft, target)
+            else:
+                _put_in_place(draft, target)
+        finally:
+            draft.unlink(missing_ok=True)
+    except FileExistsError as error:
+        raise _exists(target) from error
     except OSError as error:
         what = f"cannot be written ({error.strerror})"
         raise ModelgenError.at(
             str(target), what, "check the path, its permissions and the free space"
         ) from error
-    finally:
-        draft.unlink(missing_ok=True)
+
+
+def _exists(target: Path) -> ModelgenError:
+    return ModelgenError.at(str(target), "exists already", "choose another name, or ask to overwrite it")
+
+
+def _new_draft(folder: Path) -> tuple[Path, int]:
+    """Create an empty file under a name that nobody has; what others left there is not touched.
+
+    Not by tempfile, whose files are readable by their owner only. The name does not grow with the target's.
+    """
+    for number in count():
+        draft = folder / f".modelgen-{os.getpid()}-{threading.get_ident()}-{number}.tmp"
+        try:
+            return draft, os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | CLOSED_ON_EXEC, 0o666)
+        except FileExistsError:
+            if number == MOST_DRAFTS:
+                raise OSError(errno.EBUSY, f"{number} drafts .modelgen-*.tmp are left there") from None
+    raise AssertionError  # the numbers have no end
+
+
+def _put_in_place(draft: Path, target: Path) -> None:
+    """Give the draft the target's name, which nobody may have by then.
+
+    Raises
+    ------
+    FileExistsError
+        When somebody was faster.
+    """
+    try:
+        os.link(draft, target)
+    except FileExistsError:
+        raise
+    except (OSError, NotImplementedError, AttributeError):  # a file system without links
+        # the empty file holds the name until the draft replaces it
+        os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL | CLOSED_ON_EXEC, 0o666))
+        try:
+            os.replace(draft, target)
+        except BaseException:
+            target.unlink(missing_ok=True)
+            raise
 
 
 def check_place(path: Path) -> None:
@@ -60,15 +112,12 @@ def check_place(path: Path) -> None:
     ModelgenError
         When the path is one of these, or cannot be a path.
     """
-    where = str(path) if str(path).isprintable() else ascii(str(path))
+    where = str(path)
     try:
         if "\0" in str(path):
             raise ValueError("a null byte in its name")
         link, other = path.is_symlink(), path.exists() and not path.is_file()
-    except (
-        ValueError,
-        OSError,
-    ) as error:  # a null byte, a name that is too long, a folder that may not be read
+    except (ValueError, OSError) as error:  # a null byte, a name too long, a folder that may not be read
         reason = getattr(error, "strerror", None) or str(error)
         raise ModelgenError.at(where, f"cannot be written ({reason})", "choose another name") from error
     if link:

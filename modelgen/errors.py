@@ -16,14 +16,36 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
+LONGEST = 600  # characters of each part of a message; names may have megabytes
+
+
+def visible(text: str) -> str:
+    """Return a text with control characters written out: a file's name must not steer the terminal."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
+def _shortened(text: str) -> str:
+    """Return a text of bounded length: its beginning and its end tell more than its middle."""
+    if len(text) <= LONGEST:
+        return visible(text)
+    half = LONGEST // 2
+    return f"{visible(text[:half])} [... {len(text) - 2 * half} characters ...] {visible(text[-half:])}"
+
 
 @dataclass(frozen=True)
 class Problem:
-    """One mistake: where (file, key, channel, sample), what is wrong, and the remedy."""
+    """One mistake: where (file, key, channel, sample), what is wrong, and the remedy.
+
+    Each is kept in one line of visible characters, of a length that a terminal shows.
+    """
 
     where: str
     what: str
     remedy: str
+
+    def __post_init__(self) -> None:
+        for name in ("where", "what", "remedy"):
+            object.__setattr__(self, name, _shortened(getattr(self, name)))
 
     def __str__(self) -> str:
         return f"{self.where}: {self.what}; {self.remedy}"

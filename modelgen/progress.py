@@ -10,13 +10,21 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TextIO, TypeVar
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, TaskID
 
 T = TypeVar("T")
+
+
+def is_terminal(stream: TextIO | None) -> bool:
+    """Tell whether somebody watches a stream; one that was closed is None, or fails."""
+    try:
+        return stream is not None and stream.isatty()
+    except ValueError:
+        return False
 
 
 class _Display:
@@ -55,7 +63,7 @@ def shown(console: Console | None = None) -> Iterator[None]:
 
     Nothing is shown where stderr goes to a file or another program. `console` takes the place of stderr.
     """
-    if console is None and not sys.stderr.isatty():
+    if console is None and not is_terminal(sys.stderr):
         yield
         return
     token = _display.set(_Display(console))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from modelgen.errors import DataError, Problem, SpecError
+from modelgen.magnitudes import REMEDY, is_usable, shown_number
 
 if TYPE_CHECKING:
     from modelgen.runtime.simulation.excitation import Excitation
@@ -38,7 +40,7 @@ def load_chain(spec: str) -> ChainSpec:
     """Read a spec from a path, or from the catalogue if it looks like no path."""
     from modelgen.spec.load import catalog_path, load_spec
 
-    looks_like_path = Path(spec).is_file() or Path(spec).suffix or Path(spec).name != spec
+    looks_like_path = os.path.isfile(spec) or Path(spec).suffix or Path(spec).name != spec
     return load_spec(spec if looks_like_path else catalog_path(spec))
 
 
@@ -138,9 +140,12 @@ def cutoffs_from(text: str | None) -> Sequence[float] | str | None:
 def _number_or(text: str) -> float | str:
     """Return a number if the text is one, else the text."""
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
         return text
+    if not is_usable(number):
+        raise DataError.at(shown_number(text), "cannot be calculated with", REMEDY)
+    return number
 
 
 def amounts(option: str, items: Iterable[str]) -> dict[str, float]:
@@ -155,6 +160,9 @@ def amounts(option: str, items: Iterable[str]) -> dict[str, float]:
             problems.append(
                 Problem(f"{option} {item}", "cannot be read", "write KEY=NUMBER, such as q_m=2e-5")
             )
+            continue
+        if not is_usable(amounts[key]):
+            problems.append(Problem(f"{option} {item}", "cannot be calculated with", REMEDY))
     if problems:
         raise DataError(*problems)
     return amounts

@@ -13,14 +13,16 @@ noise = 1e-4
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from modelgen.documents import toml_document
 from modelgen.errors import DataError, ModelgenError, Problem
+from modelgen.magnitudes import REMEDY, is_usable
+from modelgen.read_file import INSTRUMENTS, read_text
 
 if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
@@ -50,10 +52,7 @@ def load_candidates(path: Path, chain: ChainSpec) -> Candidates:
     from modelgen.runtime.simulation.instrument import Instrument
     from modelgen.spec.chain import Sensor
 
-    try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise DataError.at(str(path), f"is no TOML: {error}", "correct it") from error
+    given = toml_document(read_text(path, INSTRUMENTS), str(path))
     problems = list(_problems(str(path), given, chain))
     if problems:
         raise DataError(*problems)
@@ -127,6 +126,8 @@ def _problems(where: str, given: Mapping[str, Any], chain: ChainSpec) -> Iterato
                     yield Problem(f"{place}.{name}", "is unknown", f"use {', '.join(known)}")
                 elif name in LEVELS and (isinstance(value, bool) or not isinstance(value, (int, float))):
                     yield Problem(f"{place}.{name}", f"is {value!r}", "give zero or a positive number")
+                elif name in LEVELS and not (is_usable(value) and value >= 0.0):
+                    yield Problem(f"{place}.{name}", f"is {value!r}", REMEDY)
 
 
 def _sensor_problems(place: str, key: str, table: Mapping[str, Any], bodies: list[str]) -> Iterator[Problem]:

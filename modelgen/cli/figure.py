@@ -38,7 +38,7 @@ class Panel:
     rebuilt: FloatArray
 
 
-def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2) -> None:
+def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2, overwrite: bool = True) -> None:
     """Draw measured force, rebuilt force and their difference in a grid of panels, and write a picture.
 
     Raises
@@ -72,4 +72,4 @@ def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2) -> None:
         drawn = io.BytesIO()
         kind = path.suffix.lower().removeprefix(".")
         FigureCanvasAgg(figure).print_figure(drawn, dpi=120, format=kind, metadata=undated)
-    write_whole(path, drawn.getvalue(), overwrite=True)
+    write_whole(path, drawn.getvalue(), overwrite=overwrite)

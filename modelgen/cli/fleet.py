@@ -12,6 +12,7 @@ from modelgen.cli.arguments import Trust
 from modelgen.cli.output import report, say
 from modelgen.errors import DataError, ModelgenError
 from modelgen.progress import shown
+from modelgen.read_file import MODULE, read_text
 
 if TYPE_CHECKING:
     from modelgen.runtime.fleet.identify_fleet import FleetEstimate, FleetRecord
@@ -68,7 +69,7 @@ def fleet(
     with shown(), fleet_client(scheduler, workers) as client:
         found = identify_fleet(
             client,
-            module.read_text(encoding="utf-8"),
+            read_text(module, MODULE),
             records,
             cutoff_hz,
             filter_order,

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
-from typer.core import TyperGroup
 
 from modelgen.cli.arguments import (
     Trust,
@@ -28,6 +27,7 @@ from modelgen.cli.arguments import (
     proof_of,
     sensor_sets,
 )
+from modelgen.cli.command_group import CheckedCommand, ExplainedGroup
 from modelgen.cli.compare import compare
 from modelgen.cli.data_arguments import (
     BESIDE_REFERENCE,
@@ -41,47 +41,13 @@ from modelgen.cli.data_arguments import (
 from modelgen.cli.design import design
 from modelgen.cli.examples import examples_of
 from modelgen.cli.fleet import fleet
-from modelgen.cli.output import explain, note, print_json, report, say
+from modelgen.cli.output import note, print_json, report, say
 from modelgen.cli.validate import validate
-from modelgen.errors import ModelgenError, Problem, SpecError
-from modelgen.progress import counted, shown
-
-# typer brings its own copy of click, whose errors it does not export; they share this base
-UsageError: Any = typer.BadParameter.__mro__[1]
-
-
-class _Explained(TyperGroup):
-    """The group of all commands: tells what is wrong and what to do, for every mistake, with no traceback."""
-
-    def invoke(self, ctx: Any) -> Any:
-        try:
-            with shown():
-                return super().invoke(ctx)
-        except ModelgenError as error:
-            for problem in error.problems:
-                explain(problem)
-            raise typer.Exit(error.exit_code) from error
-        except UsageError as error:
-            command = error.ctx.command_path if error.ctx else "modelgen"
-            what = error.format_message().strip().rstrip(".").replace("\n", " ")
-            explain(Problem(command, what, f"see {command} --help"))
-            raise typer.Exit(2) from error
-        except BrokenPipeError:
-            raise  # the reader of a pipe has gone: typer ends quietly
-        except OSError as error:
-            where = str(error.filename or "file")
-            explain(Problem(where, str(error.strerror or error), "check the path and its permissions"))
-            raise typer.Exit(2) from error
-        except MemoryError as error:
-            explain(Problem("memory", "is not enough", "give fewer, shorter or decimated records"))
-            raise typer.Exit(2) from error
-        except KeyboardInterrupt as error:
-            typer.echo("interrupted", err=True)
-            raise typer.Exit(130) from error
-
+from modelgen.errors import SpecError
+from modelgen.progress import counted
 
 app = typer.Typer(
-    cls=_Explained,
+    cls=ExplainedGroup,
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
@@ -102,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     app(args=arguments, prog_name="modelgen")
 
 
-@app.command(epilog=examples_of("demo"))
+@app.command(cls=CheckedCommand, epilog=examples_of("demo"))
 def demo(as_json: Json = False) -> None:
     """Show the paper end to end: derive, simulate, identify.
 
@@ -118,7 +84,7 @@ def demo(as_json: Json = False) -> None:
         console().print(demo_tables(found))
 
 
-@app.command(epilog=examples_of("new"))
+@app.command(cls=CheckedCommand, epilog=examples_of("new"))
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the chain: letters, digits and _.")],
     as_json: Json = False,
@@ -137,7 +103,7 @@ def new(
     report({"written": [str(path)]}, [f"wrote {path}; next: modelgen show {path}"], as_json)
 
 
-@app.command(epilog=examples_of("show"))
+@app.command(cls=CheckedCommand, epilog=examples_of("show"))
 def show(
     spec: Spec,
     sensors: Annotated[
@@ -170,7 +136,7 @@ def show(
         console().print(chain_tables(described))
 
 
-@app.command(epilog=examples_of("generate"))
+@app.command(cls=CheckedCommand, epilog=examples_of("generate"))
 def generate(
     specs: Annotated[list[str], typer.Argument(metavar="SPEC", help="TOML files or names of the catalogue.")],
     sensors: SensorSet = None,
@@ -214,7 +180,7 @@ def generate(
         raise typer.Exit(1)
 
 
-@app.command("import", epilog=examples_of("import"))
+@app.command("import", cls=CheckedCommand, epilog=examples_of("import"))
 def import_(
     data: Annotated[Path, typer.Argument(metavar="FILE", help="A data file of any format modelgen reads.")],
     module: Annotated[
@@ -242,7 +208,7 @@ def import_(
     report(described, import_lines(described, path, module), as_json)
 
 
-@app.command(epilog=examples_of("identify"))
+@app.command(cls=CheckedCommand, epilog=examples_of("identify"))
 def identify(
     context: typer.Context,
     data: Annotated[
@@ -421,7 +387,7 @@ def identify(
         typer.echo(estimate.summary(), nl=False)
 
 
-@app.command(epilog=examples_of("simulate"))
+@app.command(cls=CheckedCommand, epilog=examples_of("simulate"))
 def simulate(
     spec: Spec,
     sensors: Annotated[str, typer.Option("--sensors", metavar="S", help="The sensor set that records.")],
@@ -508,7 +474,7 @@ def simulate(
     report(facts, [line], as_json)
 
 
-app.command(epilog=examples_of("validate"))(validate)
-app.command(epilog=examples_of("compare"))(compare)
-app.command(epilog=examples_of("fleet"))(fleet)
-app.command(epilog=examples_of("design"))(design)
+app.command(cls=CheckedCommand, epilog=examples_of("validate"))(validate)
+app.command(cls=CheckedCommand, epilog=examples_of("compare"))(compare)
+app.command(cls=CheckedCommand, epilog=examples_of("fleet"))(fleet)
+app.command(cls=CheckedCommand, epilog=examples_of("design"))(design)

@@ -7,41 +7,48 @@ import math
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import typer
 
-from modelgen.errors import Problem
+from modelgen.errors import Problem, visible
+from modelgen.progress import is_terminal
+
+LISTED = 100  # mistakes; more of them have one cause
 
 
 def say(step: str) -> None:
     """Show progress, unless stderr goes to a file or another program."""
-    if sys.stderr.isatty():
+    if is_terminal(sys.stderr):
         typer.echo(f"{step} ...", err=True)
 
 
 def note(lines: Sequence[str]) -> None:
     """Tell on stderr what the user should know beside the answer."""
-    for line in lines:
-        typer.echo(visible(line), err=True)
-
-
-def visible(text: str) -> str:
-    """Return a text with control characters written out: a file's name must not steer the terminal."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+    with suppress(OSError):  # a full disk, a closed pipe: the answer itself goes elsewhere
+        for line in lines:
+            typer.echo(visible(line), err=True)
 
 
 def explain(problem: Problem) -> None:
     """Tell a mistake on stderr: what is wrong and what to do, on a terminal in two lines and in colour."""
-    problem = Problem(visible(problem.where), visible(problem.what), visible(problem.remedy))
-    if not sys.stderr.isatty():
-        typer.echo(f"error: {problem}", err=True)
+    if not is_terminal(sys.stderr):
+        note([f"error: {problem}"])
         return
     colour = None if _wants_colour() else False
     typer.secho("error: ", fg="red", bold=True, nl=False, err=True, color=colour)
     typer.echo(f"{problem.where}: {problem.what}", err=True)
     typer.secho("  try: ", fg="green", nl=False, err=True, color=colour)
     typer.echo(problem.remedy, err=True)
+
+
+def explain_all(problems: Sequence[Problem]) -> None:
+    """Tell every mistake, the first hundred of them."""
+    for problem in problems[:LISTED]:
+        explain(problem)
+    if len(problems) > LISTED:
+        note([f"error: and {len(problems) - LISTED} more"])
 
 
 def _wants_colour() -> bool:

@@ -15,6 +15,8 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from modelgen.progress import is_terminal
+
 if TYPE_CHECKING:
     from modelgen.symbolic.base_parameters import BaseModel
     from modelgen.symbolic.equations.newton import Equation, MotionEquations
@@ -30,7 +32,7 @@ Description = dict[str, Any]
 
 def console() -> Console:
     """Return the console on stdout; what is piped into a file is wider than the 80 columns rich assumes."""
-    narrow = not sys.stdout.isatty() and "COLUMNS" not in os.environ
+    narrow = not is_terminal(sys.stdout) and "COLUMNS" not in os.environ
     return Console(width=120 if narrow else None, highlight=False)
 
 

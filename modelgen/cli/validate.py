@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -79,13 +78,14 @@ def validate(
     from modelgen.cli.tables import console
     from modelgen.runtime.identification.identify import identify
     from modelgen.runtime.model.model import load_model
+    from modelgen.runtime.results.estimate_file import load_estimate
     from modelgen.runtime.simulation.controller_file import load_controller
     from modelgen.runtime.simulation.validate import parameters_of, split
     from modelgen.runtime.simulation.validate import validate as run
 
     model = load_model(module, trust)
     loop, drive = load_controller(controller)
-    saved = _load_json(estimate)
+    saved = load_estimate(estimate)
     parameters = {**parameters_of(saved, model), **amounts("--set", value or ())}
     given = DataOptions(mapping or (), scale or (), fs, time, time_unit, map_file, mend or ())
     readings = read_files(data, model, given, REFERENCE, BESIDE_REFERENCE)
@@ -95,6 +95,9 @@ def validate(
     say("simulating")
     found = run(model, parameters, records, loop, used=tuple(saved.get("records", ())), **options)
     if hold_out is not None:
+        if "method" not in saved:
+            remedy = "give a file that modelgen identify -o wrote"
+            raise DataError.at(f"{estimate}: method", "is missing", remedy)
         first, rest = zip(*(split(record, hold_out) for record in records), strict=True)
         again = identify(model, first, method=saved["method"], progress=say)
         found += run(model, {**parameters, **again.physical}, rest, loop, **options)
@@ -159,14 +162,3 @@ def validation_tables(described: Mapping[str, Any]) -> Group:
         ]
         parts.append(table(heading, columns, rows))
     return Group(*parts)
-
-
-def _load_json(path: Path) -> dict[str, Any]:
-    remedy = "give a file that modelgen identify -o wrote"
-    try:
-        saved = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise DataError.at(str(path), f"is no JSON: {error}", remedy) from error
-    if not isinstance(saved, dict):
-        raise DataError.at(str(path), "is no saved estimate", remedy)
-    return saved

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modelgen.atomic_write import write_whole
+from modelgen.atomic_write import check_place, write_whole
 from modelgen.cli.arguments import compared_sensor_sets, load_chain
 from modelgen.errors import DataError, ModelgenError
 from modelgen.report.page import report_page
@@ -33,6 +33,7 @@ def check_output(path: Path, suffixes: Sequence[str], overwrite: bool) -> None:
     """Refuse the path of a result before any work is done for it; any suffix will do if there are none."""
     if suffixes and path.suffix.lower() not in suffixes:
         raise DataError.at(str(path), f"has the suffix {path.suffix!r}", f"give it {' or '.join(suffixes)}")
+    check_place(path)
     if path.exists() and not overwrite:
         raise DataError.at(str(path), "exists already", "choose another name, or give --overwrite")
 
@@ -70,7 +71,7 @@ def write_figure(
     check_output(path, FIGURES, overwrite)
     panels = force_panels(model, [reading.record for reading in readings], estimate)
     try:
-        draw_forces(panels, path, columns=min(len(panels), 2))
+        draw_forces(panels, path, columns=min(len(panels), 2), overwrite=overwrite)
     except ImportError as error:
         remedy = "get it with: pip install 'modelgen[plot]'"
         raise DataError.at(str(path), "needs matplotlib, which is not installed", remedy) from error

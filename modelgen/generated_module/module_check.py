@@ -34,15 +34,9 @@ def has_header(text: str) -> bool:
     return HEADER.search(text) is not None
 
 
-def module_text(content: bytes) -> str:
-    """Decode a module's file; line ends that a version control system changed do not count as edits.
-
-    Raises
-    ------
-    UnicodeDecodeError
-        When the content is no UTF-8 text.
-    """
-    return content.decode("utf-8").replace("\r\n", "\n")
+def module_text(text: str) -> str:
+    """Return a module's text; line ends that a version control system changed do not count as edits."""
+    return text.replace("\r\n", "\n")
 
 
 def module_problems(text: str) -> list[Problem]:

@@ -7,13 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import jinja2
-from jinja2.sandbox import ImmutableSandboxedEnvironment
-
 from modelgen.errors import RenderError
 from modelgen.render.environment import environment
 from modelgen.render.languages import C99, MATLAB, Language, feature_source, signal_sum, state_space_lines
 from modelgen.render.plain_model import PlainModel, plain_model
+from modelgen.render.user_templates import render_templates
 from modelgen.spec.load import ChainSpec
 from modelgen.symbolic.pipeline import build
 
@@ -46,33 +44,17 @@ def user_files(spec: ChainSpec, sensor_set: str, folder: Path) -> dict[str, str]
     Raises
     ------
     RenderError
-        When the folder has no template, or one of them fails: its name, line and reason.
+        When the folder has no template, or one of them fails, takes too long or leads out of the folder.
     """
     templates = sorted(path.name for path in folder.glob("*.j2")) if folder.is_dir() else []
     if not templates:
         remedy = "give a folder with a file such as model.jl.j2"
         raise RenderError.at(str(folder), "holds no template (*.j2)", remedy)
     model = plain_model(build(spec, sensor_set))
-    env = ImmutableSandboxedEnvironment(
-        loader=jinja2.FileSystemLoader(folder),
-        undefined=jinja2.StrictUndefined,
-        autoescape=False,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    files = {}
-    for name in templates:
-        suffix = name.removesuffix(".j2").partition(".")[2]
-        if not suffix:
-            continue  # a part that other templates include
-        try:
-            files[f"{model.name}.{suffix}"] = env.get_template(name).render(model=model)
-        except (jinja2.TemplateError, TypeError, ValueError, ArithmeticError, LookupError) as error:
-            line = getattr(error, "lineno", None)
-            where = f"{folder / name}" + (f": line {line}" if line else "")
-            raise RenderError.at(where, f"fails ({error})", "correct the template") from error
-    return files
+    # a part that other templates include has no suffix
+    suffixes = {name: name.removesuffix(".j2").partition(".")[2] for name in templates}
+    names = {name: f"{model.name}.{suffix}" for name, suffix in suffixes.items() if suffix}
+    return render_templates(folder, names, {"model": model})
 
 
 def _printed(language: Language, model: PlainModel) -> dict[str, Any]:

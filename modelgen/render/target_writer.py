@@ -8,6 +8,7 @@ from pathlib import Path
 
 from modelgen.atomic_write import check_place, make_folder, place_within, write_whole
 from modelgen.errors import RenderError
+from modelgen.read_file import GENERATED, read_bytes
 from modelgen.render.target import target_files, user_files
 from modelgen.render.writer import Drift, check_modules, write_modules
 from modelgen.spec.load import ChainSpec
@@ -52,8 +53,8 @@ def write_files(spec: ChainSpec, sensor_sets: Iterable[str], folder: Path, files
     texts = {place_within(folder, name): text for name, text in made}
     for path, text in texts.items():
         check_place(path)
-        known = path.exists() and (MARK in path.read_bytes() or path.read_bytes() == text.encode())
-        if path.exists() and not known:
+        content = read_bytes(path, GENERATED) if path.exists() else MARK
+        if MARK not in content and content != text.encode():
             remedy = "move it away or choose another folder with -o"
             raise RenderError.at(str(path), "exists and was not written by modelgen", remedy)
     make_folder(folder)
@@ -70,6 +71,6 @@ def check_files(spec: ChainSpec, sensor_sets: Iterable[str], folder: Path, files
             path = folder / name
             if not path.is_file():
                 drifts.append(Drift(path, "missing"))
-            elif path.read_bytes() != text.encode():
+            elif read_bytes(path, GENERATED) != text.encode():
                 drifts.append(Drift(path, "different"))
     return drifts

@@ -11,6 +11,7 @@ from modelgen.atomic_write import check_place, make_folder, place_within, write_
 from modelgen.errors import Problem, RenderError
 from modelgen.generated_module.allow_list import REMEDY
 from modelgen.generated_module.module_check import has_header, module_problems, module_text, seal
+from modelgen.read_file import GENERATED, read_bytes, read_text
 from modelgen.render.environment import environment
 from modelgen.render.view import ModelView, model_view
 from modelgen.spec.load import ChainSpec
@@ -99,9 +100,14 @@ def write_modules(
 
 def _is_generated(path: Path) -> bool:
     try:
-        return has_header(module_text(path.read_bytes()))
-    except UnicodeDecodeError:
+        return has_header(module_text(read_text(path, GENERATED)))
+    except RenderError:
         return False
+
+
+def _is_of_chain(path: Path, chain: str) -> bool:
+    text = read_bytes(path, GENERATED).decode("utf-8", errors="replace")
+    return f'\nCHAIN = "{chain}"\n' in text or f"\nCHAIN = '{chain}'\n" in text
 
 
 def check_modules(spec: ChainSpec, sensor_sets: Iterable[str], folder: Path) -> list[Drift]:
@@ -111,12 +117,10 @@ def check_modules(spec: ChainSpec, sensor_sets: Iterable[str], folder: Path) -> 
         path = folder / f"{module_name(spec, name)}.py"
         if not path.is_file():
             drifts.append(Drift(path, "missing"))
-        elif path.read_bytes() != generate(spec, name).encode():
+        elif read_bytes(path, GENERATED) != generate(spec, name).encode():
             drifts.append(Drift(path, "different"))
     expected = {f"{module_name(spec, name)}.py" for name in spec.sensor_sets}
     for path in sorted(folder.glob(f"{spec.name}_*.py")):
-        mine = f'\nCHAIN = "{spec.name}"\n' in (text := path.read_text(encoding="utf-8", errors="replace"))
-        mine = mine or f"\nCHAIN = '{spec.name}'\n" in text
-        if mine and path.name not in expected:
+        if path.name not in expected and path.is_file() and _is_of_chain(path, spec.name):
             drifts.append(Drift(path, "left over"))
     return drifts

@@ -10,17 +10,17 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
-import tomllib
 from fractions import Fraction
 from importlib.resources import files
 from pathlib import Path, PurePath
 from typing import Any
 
+from modelgen.documents import Document, toml_document
 from modelgen.errors import Problem, SpecError
+from modelgen.read_file import SPEC, read_text
 from modelgen.spec.chain import GROUND, LINK_ROLES, Body, ChainSpec, Friction, Link, Parameter, Sensor
 from modelgen.spec.references import check_references
-from modelgen.spec.tables import Document, check_tables
+from modelgen.spec.tables import check_tables
 from modelgen.spec.units import Motion
 from modelgen.spec.words import shown, suggest
 
@@ -37,8 +37,6 @@ __all__ = [
     "parse_spec",
 ]
 
-MAX_BYTES = 1_000_000  # a larger file is refused: it is no chain, and must not fill the memory
-
 
 def load_spec(path: str | os.PathLike[str]) -> ChainSpec:
     """Read a chain's TOML file.
@@ -48,24 +46,7 @@ def load_spec(path: str | os.PathLike[str]) -> ChainSpec:
     SpecError
         If the file cannot be read or is wrong; one problem for every mistake in it.
     """
-    where, file = os.fspath(path), Path(path)
-    where = where if where.isprintable() else ascii(where)
-    try:
-        if file.is_dir():
-            raise SpecError.at(where, "is a folder", "name the TOML file in it")
-        if not file.is_file():
-            remedy = "check the path, or start one with modelgen new"
-            raise SpecError.at(where, "is not a file that exists", remedy)
-        with file.open("rb") as stream:
-            content = stream.read(MAX_BYTES + 1)
-        _check_size(content, where)
-        text = content.decode()
-    except OSError as error:
-        raise SpecError.at(where, f"cannot be read ({error.strerror})", "check its permissions") from None
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise SpecError.at(f"{where}: line {line}", "is not UTF-8 text", "save the file as UTF-8") from None
-    return parse_spec(text, file.name)
+    return parse_spec(read_text(path, SPEC), PurePath(path).name)
 
 
 def parse_spec(text: str, source: str) -> ChainSpec:
@@ -80,8 +61,9 @@ def parse_spec(text: str, source: str) -> ChainSpec:
     if not source.isprintable():  # it becomes part of a comment in generated modules
         raise SpecError.at(ascii(source), "has a file name with control characters", "rename the file")
     content = text.encode(errors="surrogatepass")
-    _check_size(content, source)
-    document = _parse_toml(text, source)
+    if len(content) > SPEC.largest:
+        raise SpecError.at(source, "is larger than 1 MB", "check that this is a chain's TOML file")
+    document = toml_document(text, source, SpecError)
     problems = check_tables(document)
     spec = _draft(document, source, hashlib.sha256(content).hexdigest())
     problems += check_references(document, spec)
@@ -105,27 +87,6 @@ def catalog_path(name: str) -> Path:
 
 def _catalog() -> Path:
     return Path(str(files("modelgen") / "catalog"))
-
-
-def _check_size(content: bytes, where: str) -> None:
-    if len(content) > MAX_BYTES:
-        raise SpecError.at(where, "is larger than 1 MB", "check that this is a chain's TOML file")
-
-
-def _parse_toml(text: str, source: str) -> Document:
-    try:
-        return tomllib.loads(text.removeprefix("\ufeff"))
-    except tomllib.TOMLDecodeError as error:
-        found = re.fullmatch(r"(.*) \(at (.*)\)", str(error), re.DOTALL)
-        what, place = found.groups() if found else (str(error), "TOML")
-        remedy = "correct the TOML there; text needs quotes, and a key or table is written once only"
-        raise SpecError.at(f"{source}: {place}", f"is not valid TOML ({what})", remedy) from None
-    except RecursionError:
-        raise SpecError.at(
-            source, "nests lists or tables too deeply", "use the tables of the format"
-        ) from None
-    except ValueError:  # Python refuses to read such integers
-        raise SpecError.at(source, "holds a number of thousands of digits", "shorten the number") from None
 
 
 def _draft(document: Document, source: str, sha256: str) -> ChainSpec:

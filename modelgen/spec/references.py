@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
+from modelgen.documents import Document
 from modelgen.errors import Problem
 from modelgen.spec.chain import GROUND, LINK_ROLES, ChainSpec, Parameter, Sensor, elements
-from modelgen.spec.tables import BodyTable, Document, FileTable, LinkTable
+from modelgen.spec.tables import BodyTable, FileTable, LinkTable
 from modelgen.spec.units import Motion, Role
 from modelgen.spec.words import identifier_problem, listed, path, shown, suggest
 

@@ -8,13 +8,13 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
+from modelgen.documents import Document
 from modelgen.errors import Problem
 from modelgen.generated_module.literals import hidden_character
+from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.spec.chain import Friction
 from modelgen.spec.units import Measures, Motion
 from modelgen.spec.words import identifier_problem, nearest, path, shown, suggest
-
-Document = dict[str, Any]
 
 
 def _name(text: str) -> str:
@@ -47,13 +47,19 @@ def _ratio(value: float) -> float:
     return value
 
 
+def _usable(value: float) -> float:
+    if not is_usable(value):
+        raise _explained(f"is {value:g}", REMEDY)
+    return value
+
+
 def _explained(what: str, remedy: str) -> PydanticCustomError:
     """Return an error that the reference checks need not know of: the value can still be referred to."""
     return PydanticCustomError("explained", "", {"what": what, "remedy": remedy})
 
 
 _Name = Annotated[str, AfterValidator(_name)]
-_Number = Annotated[float, Field(allow_inf_nan=False)]
+_Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_usable)]
 _Pair = Annotated[list[str], BeforeValidator(_pair)]
 
 

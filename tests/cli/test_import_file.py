@@ -99,7 +99,7 @@ def test_microseconds_are_guessed_from_the_step(tmp_path: Path) -> None:
         ('[channels.q]\ncolumn = "a"\ncolour = 1\n[tme]', ("channels.q.colour: is not known", "tme: is not")),
         ('mend = "gaps"\n[channels.q]\ncolumn = "a"', ("mend: is no list",)),
         ('[time]\nfs_hz = -1\n[channels.q]\ncolumn = "a"', ("time.fs_hz: is -1",)),
-        ("[channels", ("is no TOML",)),
+        ("[channels", ("is not valid TOML",)),
     ],
 )
 def test_mistakes_in_a_mapping_file(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:

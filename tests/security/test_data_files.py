@@ -66,7 +66,7 @@ GOOD = npz(fs=1000.0, q_m=np.sin(np.arange(100.0)))
 HEADER = "{'descr': '<f8', 'fortran_order': False, 'shape': (%s,), }"
 
 ARCHIVES: dict[str, tuple[Callable[[], bytes], str]] = {
-    "empty": (lambda: b"", "is no NumPy archive"),
+    "empty": (lambda: b"", "is empty"),
     "text": (lambda: b"t,q_m\n0,1\n", "is no NumPy archive"),
     "pickle": (lambda: PICKLE, "is no NumPy archive"),
     "pickle as a member": (lambda: archive("q_m.npy", PICKLE), "is no NumPy archive|data type"),
@@ -146,13 +146,13 @@ TEXTS: dict[str, tuple[bytes, str]] = {
     ),
     "frequency that is no number": (
         b'# modelgen record {"fs": NaN, "name": "a", "tag": null}\nt,q_m\n0,1\n1,2\n',
-        "finite and positive",
+        MARK,
     ),
     "open quote": (b't,q_m\n0,"1\n1,2\n2,3\n', "line|column|cannot be read"),
     "utf-16 cut short": ("t,q_m\n0,1\n".encode("utf-16")[:-1], "cannot be read|line|samples|sample"),
 }
 OTHERS = {
-    "mat: empty": ("a.mat", lambda: b"", "is no readable MATLAB file"),
+    "mat: empty": ("a.mat", lambda: b"", "is empty"),
     "mat: text": ("a.mat", lambda: b"q_m = [1 2 3];", "is no readable MATLAB file"),
     "mat: pickle": ("a.mat", lambda: PICKLE, "is no readable MATLAB file"),
     "mat: truncated": ("a.mat", lambda: mat_bomb()[:1000], "is no readable MATLAB file"),

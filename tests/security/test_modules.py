@@ -277,16 +277,16 @@ WHOLE = {
     "one line more": (TEXT.encode() + b"\n# more\n", "was changed after it was generated"),
     "cut short": (TEXT.encode()[:-100], "was changed after it was generated"),
     "broken syntax": (seal(TEXT + "\nx = (\n").encode(), "line 1[0-9]+: has an empty line where"),
-    "null byte": (seal(TEXT + "\x00").encode(), r"holds '\\x00' where modelgen writes nothing more"),
+    "null byte": (seal(TEXT + "\x00").encode(), "holds null bytes"),
     "written anew": (seal(TEXT.replace("'", '"')).encode(), "where modelgen writes"),
-    "utf-16": (codecs.BOM_UTF16 + TEXT.encode("utf-16-le"), "cannot be read"),
-    "latin-1": (b"# -*- coding: latin-1 -*-\n# \xe9\n" + TEXT.encode(), "cannot be read"),
+    "utf-16": (codecs.BOM_UTF16 + TEXT.encode("utf-16-le"), "not UTF-8 text"),
+    "latin-1": (b"# -*- coding: latin-1 -*-\n# \xe9\n" + TEXT.encode(), "not UTF-8 text"),
     "coding cookie": (
         seal("# -*- coding: utf-7 -*-\n+AG8AcABlAG4-('pwned','w')\n" + TEXT).encode(),
         "line 1: holds '# -\\*- coding: utf-7 -\\*-' where modelgen writes",
     ),
-    "pickle": (b"\x80\x04cos\nsystem\n(S'touch pwned'\ntR.", "cannot be read"),
-    "bytecode": (b"\xa7\r\r\n" + bytes(100), "cannot be read"),
+    "pickle": (b"\x80\x04cos\nsystem\n(S'touch pwned'\ntR.", "not UTF-8 text"),
+    "bytecode": (b"\xa7\r\r\n" + bytes(100), "not UTF-8 text"),
 }
 
 

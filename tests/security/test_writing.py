@@ -160,10 +160,10 @@ def test_a_file_in_place_of_the_folder(trap: Path) -> None:
 def test_a_folder_that_cannot_be_written(
     trap: Path, monkeypatch: pytest.MonkeyPatch, code: int, words: str
 ) -> None:
-    def refuse(self: Path, *arguments: object, **options: object) -> None:
+    def refuse(*arguments: object, **options: object) -> None:
         raise OSError(code, words)
 
-    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr("modelgen.atomic_write.os.open", refuse)
     with pytest.raises(ModelgenError, match=f"cannot be written \\({words}\\); check the path"):
         write_whole(trap / "a.csv", b"new", overwrite=True)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from modelgen.errors import DataError
+from modelgen.read_file import DATA, TEXT_DATA, check_file
 from modelgen.runtime.files.hdf5 import open_hdf5
 from modelgen.runtime.files.mdf import open_mdf
 from modelgen.runtime.files.npz_and_mat import open_mat, open_npz
@@ -39,12 +40,11 @@ def open_source(path: Path) -> Source:
     DataError
         When the file is absent, unreadable, or of no known format.
     """
-    if "\0" in str(path):
-        raise DataError.at(ascii(str(path)), "cannot be read (a null byte in its name)", "check the path")
     opener = OPENERS.get(path.suffix.lower())
     if opener is None:
         what = f"has the suffix {path.suffix!r}" if path.suffix else "has no suffix"
         raise DataError.at(str(path), what, f"give a file of one of the formats {', '.join(OPENERS)}")
+    check_file(path, TEXT_DATA if opener is open_text else DATA)
     try:
         source = opener(path)
     except (OSError, UnicodeError, csv.Error) as error:

@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.read_file import DATA, open_file
 from modelgen.runtime.files.mat_elements import (
     COMPRESSED,
     LEFT_OUT,
@@ -76,7 +77,7 @@ class MatFile:
             When they are not what the variable's head says.
         """
         variable = self.variables[name]
-        with self.path.open("rb") as file:
+        with open_file(self.path, DATA) as file:
             file.seek(variable.place)
             data = file.read(variable.size)
         if self.level == 4:
@@ -96,7 +97,7 @@ def open_variables(path: Path) -> MatFile:
     DataError
         When it unpacks to far more than its size, or holds too many variables.
     """
-    with path.open("rb") as file:
+    with open_file(path, DATA) as file:
         start = file.read(HEADER)
         mark = start[126:128]
         if 0 in start[:4]:  # a text stands there in level 5, the type of the first variable in level 4

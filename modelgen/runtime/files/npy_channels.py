@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
+from modelgen.read_file import STRETCHES, check_file, open_file
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -36,7 +38,10 @@ class NpyColumn:
             When the file cannot be read any more, or has become shorter.
         """
         try:
-            with self.path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as mapped:
+            with (
+                open_file(self.path, STRETCHES) as file,
+                mmap(file.fileno(), 0, access=ACCESS_READ) as mapped,
+            ):
                 place = self.offset + start * self.dtype.itemsize
                 samples = np.frombuffer(mapped, self.dtype, stop - start, place)
                 copied = samples.astype(np.float64)
@@ -60,7 +65,8 @@ class NpyChannels:
         """Return samples start to stop of a channel."""
         samples = self.columns[channel].read(start, stop)
         if channel in self.factors:
-            samples *= self.factors[channel]
+            with np.errstate(over="ignore"):  # who uses it asks how large it is
+                samples *= self.factors[channel]
         return samples
 
 
@@ -90,8 +96,8 @@ def open_npy(
     """
     if not paths:
         raise DataError.at("record", "has no channels", "give one .npy file a channel")
-    if not 0.0 < fs < np.inf:
-        raise DataError.at("fs", f"is {fs!r}", "give the sampling frequency in Hz, finite and positive")
+    if not is_frequency(fs):
+        raise DataError.at("fs", f"is {shown_number(fs)}", FREQUENCY_REMEDY)
     columns = {channel: _column(Path(path)) for channel, path in paths.items()}
     if len(dict.fromkeys(column.n for column in columns.values())) > 1:
         listed = ", ".join(f"{channel} {column.n}" for channel, column in columns.items())
@@ -107,6 +113,7 @@ def unreadable(path: Path, why: str) -> DataError:
 
 
 def _column(path: Path) -> NpyColumn:
+    check_file(path, STRETCHES)
     try:
         array: npt.NDArray[np.generic] = np.load(path, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:

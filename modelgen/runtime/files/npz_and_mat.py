@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, listed
+from modelgen.read_file import DATA, open_file
 from modelgen.runtime.files.mat import MatFile, open_variables
 from modelgen.runtime.files.mat_elements import LEFT_OUT, DamagedFile, Fields
 from modelgen.runtime.files.size_limits import check_columns, check_expansion, check_zip_members
@@ -30,7 +31,7 @@ def open_npz(path: Path) -> Source:
     """
     try:
         # np.load would leave a file that it opened itself open when it is no archive
-        with path.open("rb") as file:
+        with open_file(path, DATA) as file:
             check_zip_members(path, file)
             archive = np.load(file, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile):
@@ -65,7 +66,7 @@ def open_mat(path: Path) -> Source:
         When the file is no MATLAB file, unpacks to far more than its size, or h5py is missing for one of
         version 7.3.
     """
-    with path.open("rb") as file:
+    with open_file(path, DATA) as file:
         if b"MATLAB 7.3" in file.read(128):
             from modelgen.runtime.files.hdf5 import open_hdf5
 

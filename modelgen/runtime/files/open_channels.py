@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
+from modelgen.read_file import STRETCHES, check_file
 from modelgen.runtime.files.optional_reader import reader_library, unreadable
 from modelgen.runtime.files.reader_process import ask
 
@@ -44,7 +46,8 @@ class FileChannels:
         if len(samples) != stop - start:
             what = f"ends at sample {start + len(samples)} of {self.n}"
             raise DataError.at(f"{self.path}: column {column}", what, "write the file again")
-        return np.asarray(samples, dtype=float) * factor
+        with np.errstate(over="ignore"):  # who uses it asks how large it is
+            return np.asarray(samples, dtype=float) * factor
 
 
 def open_channels(
@@ -72,8 +75,9 @@ def open_channels(
     if place.suffix.lower() not in FORMATS:
         what = f"has the suffix {place.suffix!r}"
         raise DataError.at(str(place), what, f"give a file of one of the formats {', '.join(FORMATS)}")
-    if not place.is_file():
-        raise DataError.at(str(place), "is no file", "check the path")
+    if not is_frequency(fs):
+        raise DataError.at("fs", f"is {shown_number(fs)}", FREQUENCY_REMEDY)
+    check_file(place, STRETCHES)
     reader, lengths = FORMATS[place.suffix.lower()]
     names = [column for column, _ in columns.values()]
     try:

@@ -25,8 +25,6 @@ def open_parquet(path: Path) -> Source:
         When pyarrow is missing, the file is none, or it unpacks to far more than its size.
     """
     parquet = reader_library("pyarrow.parquet", path)
-    if not path.is_file():
-        path.open("rb").close()
     try:
         schema = list(parquet.read_schema(path))
         rows = parquet.read_metadata(path).num_rows

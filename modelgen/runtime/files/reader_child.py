@@ -20,8 +20,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from modelgen.read_file import ALWAYS_FINE, LARGEST_RATIO
 from modelgen.runtime.files.optional_reader import reader_library
-from modelgen.runtime.files.size_limits import ALWAYS_FINE, LARGEST_RATIO
 
 PLAIN = "biufcSUmM"  # kinds of arrays whose bytes are all there is
 Call = Callable[..., Iterator[Any]]

@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.read_file import DATA, check_file
 from modelgen.runtime.files.optional_reader import require_library, unreadable
 from modelgen.runtime.files.reader_child import BUFFER, PLAIN
 
@@ -150,7 +151,7 @@ def ask(call: str, path: Path, **arguments: Any) -> list[Any]:
     """
     what, library = KINDS[call.partition(".")[0]]
     require_library(library, path)
-    path.open("rb").close()
+    check_file(path, DATA)
     asked = {"call": call, "path": str(path.absolute()), "arguments": arguments}
     try:
         *parts, last = _READERS[call.partition(".")[0]].answers(json.dumps(asked).encode() + b"\n")

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import BinaryIO
 
 from modelgen.errors import DataError
+from modelgen.read_file import ALWAYS_FINE, LARGEST_RATIO
 
-ALWAYS_FINE = 256_000_000  # bytes: every machine holds that
 ZIP_MEMBER = b"PK\x01\x02"  # in front of every member in the table of an archive
 BLOCK = 1_000_000  # bytes
 LONGEST_NAME = 1000  # characters of a column's name
-LARGEST_RATIO = 100  # unpacked over packed; measured signals seldom reach 10
 MOST_COLUMNS = 10_000  # of a file, whatever it calls them (variables, members, data sets, channels)
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from modelgen.errors import DataError
 from modelgen.runtime.files.library_log import kept_log
 from modelgen.runtime.files.optional_reader import reader_library, unreadable
-from modelgen.runtime.files.size_limits import check_columns
+from modelgen.runtime.files.size_limits import check_columns, check_expansion
 from modelgen.runtime.files.source import Columns, Source, is_time_name
 
 
@@ -20,7 +21,7 @@ def open_tdms(path: Path) -> Source:
     Raises
     ------
     DataError
-        When npTDMS is missing or the file is none.
+        When npTDMS is missing, the file is none, or it states far more samples than it holds.
     """
     nptdms = reader_library("nptdms", path)
     columns: Columns = {}
@@ -28,8 +29,10 @@ def open_tdms(path: Path) -> Source:
     steps: dict[str, float] = {}
     with kept_log("nptdms") as said:
         try:
+            stated = nptdms.TdmsFile.read_metadata(path)
+            check_expansion(path, 8 * sum(len(c) for group in stated.groups() for c in group.channels()))
             file = nptdms.TdmsFile.read(path)
-        except OSError:
+        except (OSError, DataError):
             raise
         except Exception as error:  # the parser breaks in many ways on a file that is none
             raise unreadable(path, "TDMS file", error) from error

@@ -6,7 +6,6 @@ comma, semicolon or tab. What instruments write above or beside that is found by
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.documents import json_document
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.files.instrument_dialects import DIALECTS, stated_frequency
 from modelgen.runtime.files.source import Columns, Source
@@ -30,7 +30,7 @@ from modelgen.runtime.files.text_layout import (
     number_from,
     sniff,
 )
-from modelgen.runtime.files.text_lines import SEPARATORS, encoding_of, lines_of
+from modelgen.runtime.files.text_lines import SEPARATORS, encoding_of, lines_of, opened_text
 from modelgen.runtime.files.timestamps import time_since
 
 RECORD_MARK = "# modelgen record "  # followed by JSON: fs, name and tag of a record written by modelgen
@@ -105,8 +105,8 @@ def _stated_record(path: Path, encoding: str) -> dict[str, Any]:
 def _stated(where: str, text: str) -> dict[str, Any]:
     remedy = "remove the line, or write the record again"
     try:
-        stated = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        stated = json_document(text, where, remedy)
+    except DataError as error:
         raise DataError.at(where, "is a damaged record header", remedy) from error
     kinds: dict[str, Any] = {"fs": (int, float), "name": str, "tag": (str, type(None))}
     if not isinstance(stated, dict) or not all(isinstance(stated.get(key), kinds[key]) for key in kinds):
@@ -166,7 +166,7 @@ def _load(layout: Layout, names: Sequence[str]) -> Columns:
 def _fast_table(layout: Layout, places: tuple[int, ...]) -> Table | None:
     """Return the wanted columns, shape (n, len(places)), or None where a line is not so many numbers."""
     try:
-        with layout.path.open(encoding=layout.encoding) as file, warnings.catch_warnings():
+        with opened_text(layout.path, layout.encoding) as file, warnings.catch_warnings():
             warnings.simplefilter("error")  # an empty table is a warning
             rows = (line.replace(",", ".") for line in file) if layout.decimal_comma else file
             # without columns that hold no numbers, every line's width is checked by the parser

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.errors import DataError
+from modelgen.magnitudes import LARGEST
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.filters.block_numpy import largest
 from modelgen.runtime.model.model import Model
@@ -72,6 +73,6 @@ def _piece(model: Model, source: Channels, start: int, stop: int, name: str) -> 
             remedy = f"give it; the model needs {', '.join(model.channels)}"
             raise DataError.at(source.name, f"has no channel {key}", remedy) from error
     for key, samples in signals.items():
-        if not np.isfinite(largest(samples)):
+        if not largest(samples) <= LARGEST:
             raise not_finite(source, key, start, stop)
     return Record(signals, source.fs, name)

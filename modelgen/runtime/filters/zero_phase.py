@@ -7,12 +7,14 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.errors import DataError
 from modelgen.runtime.filters.derivatives import differentiate
 
 FloatArray = npt.NDArray[np.float64]
 
 # Chebyshev I of MATLAB's `decimate`: order, ripple in dB, cut-off as a fraction of the new Nyquist frequency
 DECIMATE_ORDER = 8
+MOST_REACH = 10_000_000  # samples of an impulse response, either way
 DECIMATE_RIPPLE_DB = 0.05
 DECIMATE_CUTOFF = 0.8
 
@@ -58,6 +60,9 @@ def support_samples(order: int, cutoff_hz: float, fs: float, derivative: int, to
 
     sos = _butterworth(order, cutoff_hz, fs)
     half = int(np.ceil((2.0 - np.log10(tolerance)) * order * fs / cutoff_hz)) + 8 * (derivative + 1)
+    if half > MOST_REACH:
+        what = f"of {cutoff_hz:g} Hz reaches over {2 * half:.3g} samples at {fs:g} Hz"
+        raise DataError.at("cut-off", what, "give a higher cut-off")
     impulse = np.zeros(2 * half + 1)
     impulse[half] = 1.0
     response = np.abs(differentiate(sosfiltfilt(sos, impulse, padtype=None), 1.0, derivative))

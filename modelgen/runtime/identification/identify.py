@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from modelgen.errors import DataError, Problem
+from modelgen.magnitudes import SMALLEST
 from modelgen.runtime.diagnostics.cutoff_agreement import (
     all_disagreements,
     coordinates_of,
@@ -44,7 +45,7 @@ from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.parameters.bounds import bound_reasons
 from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
-from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.records.record import Record, magnitude_problem, missing_name
 from modelgen.runtime.records.same_data import same_data_problems
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.rows_by_tag import PAPER, rows_for_tags
@@ -266,6 +267,10 @@ def _check(
     for record in known:
         missing = [key for key in measured if key not in record.signals]
         problems += [missing_name(record.name, "channel", key, record.signals) for key in missing]
+        # products of such samples would be lost: no answer, or one of rounding
+        given = {key: record.signals[key] for key in model.channels if key in record.signals}
+        faint = [magnitude_problem(f"{record.name}: channel {k}", v, SMALLEST) for k, v in given.items()]
+        problems += [problem for problem in faint if problem is not None]
     if not problems:
         problems = same_data_problems(known, measured)
     if problems:

@@ -11,7 +11,8 @@ from pathlib import Path
 from types import CodeType, ModuleType
 
 from modelgen.errors import DataError, Problem
-from modelgen.generated_module.module_check import MAX_BYTES, module_problems, module_text
+from modelgen.generated_module.module_check import module_problems, module_text
+from modelgen.read_file import MODULE, read_text
 
 TRUST = "check the path, or pass trust=True (--trust) if you know the file: loading a module executes it"
 
@@ -40,18 +41,8 @@ def execute_file(path: Path, trust: bool = False) -> ModuleType:
     if path.suffix != ".py":
         raise DataError.at(str(path), "is no .py file", "give the module that modelgen generate has written")
     where = str(path)
-    remedy = "give the path of a module that modelgen generate has written"
-    try:
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
-        if len(content) > MAX_BYTES:
-            raise DataError.at(where, f"is larger than {MAX_BYTES // 1_000_000} MB", remedy)
-        text = module_text(content)
-        place = str(path.resolve())
-    except OSError as error:
-        raise DataError.at(where, f"cannot be read ({error.strerror})", remedy) from error
-    except ValueError as error:  # no UTF-8, or a path with a null byte
-        raise DataError.at(ascii(where)[1:-1], f"cannot be read ({error})", remedy) from error
+    text = module_text(read_text(path, MODULE))
+    place = str(path.resolve())
     if not trust:
         refuse_foreign(text, where)
     return _execute(_module_name(path.stem, place.encode()), place, text, where)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.magnitudes import LARGEST
 from modelgen.runtime.records.record import Record
 
 FloatArray = npt.NDArray[np.float64]
@@ -73,9 +74,9 @@ def read_continued(source: Channels, channel: str, start: int, stop: int) -> Flo
 
 
 def not_finite(source: Channels, channel: str, start: int, stop: int) -> DataError:
-    """Return the error that names the first sample that is not finite."""
+    """Return the error that names the first sample that is not finite, or beyond what can be calculated."""
     low = max(start, 0)
     samples = np.asarray(source.read(channel, low, min(stop, source.n)), dtype=float)
-    bad = int(np.flatnonzero(~np.isfinite(samples))[0])
+    bad = int(np.flatnonzero(~(np.abs(samples) <= LARGEST))[0])
     remedy = "cut the record there, or interpolate the missing samples"
     return DataError.at(f"{source.name}: channel {channel}, sample {low + bad}", f"is {samples[bad]}", remedy)

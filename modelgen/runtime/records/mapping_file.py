@@ -16,14 +16,15 @@ mend = ["duplicates"]
 from __future__ import annotations
 
 import json
-import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from modelgen.documents import toml_document
 from modelgen.errors import DataError, Problem
+from modelgen.magnitudes import FACTOR_REMEDY, FREQUENCY_REMEDY, is_frequency, is_usable
+from modelgen.read_file import MAPPING, read_text
 from modelgen.runtime.files.units import unit_from_text
 
 TABLES = {"time": ("column", "unit", "fs_hz", "period_s"), "channel": ("column", "factor", "negate", "unit")}
@@ -50,15 +51,8 @@ def load_mapping(path: str | Path) -> MappingFile:
     DataError
         With one problem per mistake in it.
     """
-    source = Path(path)
-    try:
-        document = tomllib.loads(source.read_text(encoding="utf-8"))
-    except OSError as error:
-        what = f"cannot be read ({error.strerror})"
-        raise DataError.at(str(source), what, "check the path; modelgen import FILE writes one") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DataError.at(str(source), f"is no TOML ({error})", "correct it there") from error
-    problems = _shape_problems(str(source), document)
+    document = toml_document(read_text(path, MAPPING), str(path))
+    problems = _shape_problems(str(path), document)
     if problems:
         raise DataError(*problems)
     channels = document.get("channels", {})
@@ -179,9 +173,9 @@ def _table_problems(where: str, table: Any, kind: str) -> list[Problem]:
         value = table.get(key, 1.0)
         if key == "factor" and isinstance(value, str) and value:
             continue  # the name of a scalar that the file holds
-        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        number = isinstance(value, (int, float)) and not isinstance(value, bool) and is_usable(value)
         if not number or value == 0.0 or (key != "factor" and value < 0.0):
-            problems.append(
-                Problem(f"{where}.{key}", f"is {value!r}", "give a finite number other than zero")
-            )
+            problems.append(Problem(f"{where}.{key}", f"is {value!r}", FACTOR_REMEDY))
+        elif key == "fs_hz" and not is_frequency(value):
+            problems.append(Problem(f"{where}.{key}", f"is {value!r}", FREQUENCY_REMEDY))
     return problems

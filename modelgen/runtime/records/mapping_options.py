@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 from modelgen.errors import DataError, Problem
+from modelgen.magnitudes import is_usable
 
 T = TypeVar("T")
 CHANNEL_KEY = r"[A-Za-z][A-Za-z0-9_]{0,63}"
@@ -70,4 +70,4 @@ def _factor_from_text(text: str) -> float | str | None:
         factor = float(text)
     except ValueError:
         return text if re.fullmatch(r"[A-Za-z_]\w*", text) else None
-    return factor if math.isfinite(factor) and factor != 0.0 else None
+    return factor if is_usable(factor) and factor != 0.0 else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
+from modelgen.magnitudes import FACTOR_REMEDY, is_usable, shown_number
 from modelgen.runtime.files.formats import open_source
 from modelgen.runtime.files.reader_process import DeadlyFileError
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import Unit, split_name, unit_from_text
 from modelgen.runtime.records.faults import Finding, clock_faults, same_clock, time_faults, zero_faults
-from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.records.record import Record, magnitude_problem, missing_name
 from modelgen.runtime.records.repair import Track, check_mends, join_clocks, mend_offsets, mend_times
 from modelgen.runtime.records.sampling_frequency import sampling_frequency
 
@@ -116,6 +116,7 @@ def read(
     stated = source.fs if fs is None else fs
     clocks = {pick.key: clock if time else source.clocks.get(pick.column, clock) for pick in picks}
     loaded = _load(source, picks, [c for c in clocks.values() if c], time is None and stated is not None)
+    _check_magnitudes(path, loaded)
     signals = {pick.key: _in_si(loaded[pick.column], pick.factor) for pick in picks}
     factor = _time_factor(source, time_unit, next(iter(clocks.values()), None))
     as_float: Columns = {}  # once a column of times, however many channels have it
@@ -179,9 +180,11 @@ def _picks(
                     missing_name(f"{source.path}: scale of {key}", "scalar", factor, source.scalars)
                 )
             factor = source.scalars.get(factor, 1.0)
-        if not math.isfinite(factor) or factor == 0.0:
-            remedy = "give a finite number other than zero"
-            problems.append(Problem(f"{source.path}: scale of {key}", f"is {factor!r}", remedy))
+        if not is_usable(factor) or factor == 0.0:
+            problems.append(
+                Problem(f"{source.path}: scale of {key}", f"is {shown_number(factor)}", FACTOR_REMEDY)
+            )
+            factor = 1.0
         signed = -factor if place.startswith("-") else factor
         picks.append(_Pick(key, column, signed, unit, key in scales))
     # a misspelt scale would silently leave a channel in the wrong unit
@@ -213,6 +216,13 @@ def _load(source: Source, picks: Sequence[_Pick], clocks: Sequence[str], optiona
         if not clocks or not optional or any(clock in columns for clock in clocks):
             raise
         return source.load(tuple(columns))
+
+
+def _check_magnitudes(path: Path, loaded: Columns) -> None:
+    numbers = {column: values.ravel() for column, values in loaded.items() if values.dtype.kind in "iuf"}
+    found = [magnitude_problem(f"{path}: column {column}", values) for column, values in numbers.items()]
+    if any(found):
+        raise DataError(*(problem for problem in found if problem is not None))
 
 
 def _in_si(values: npt.NDArray[Any], factor: float) -> npt.NDArray[Any]:

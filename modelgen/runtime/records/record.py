@@ -6,7 +6,6 @@ import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem, listed, shortened
-from modelgen.runtime.files.size_limits import LONGEST_NAME
+from modelgen.magnitudes import FAINTEST, FREQUENCY_REMEDY, LARGEST, is_frequency, shown_number
 from modelgen.runtime.records.record_facts import RecordFacts
 
 FloatArray = npt.NDArray[np.float64]
@@ -130,7 +129,8 @@ class Record:
 def missing_name(where: str, kind: str, name: str, available: Iterable[str]) -> Problem:
     """Return the problem "has no <kind> <name>", with the closest name and those that there are."""
     names = list(available)
-    close = difflib.get_close_matches(name[:LONGEST_NAME], names, n=1)
+    # the time of a comparison grows with the product of both lengths
+    close = difflib.get_close_matches(name[:64], [n for n in names[:200] if len(n) <= 64], n=1)
     hint = f"did you mean {close[0]}? " if close else ""
     return Problem(where, f"has no {kind} {shortened(name)}", f"{hint}available: {listed(names) or 'none'}")
 
@@ -147,9 +147,9 @@ def _label_problems(name: Any, tag: Any) -> list[Problem]:
 
 
 def _fs_problems(where: str, fs: Any) -> list[Problem]:
-    if isinstance(fs, Real) and not isinstance(fs, bool) and 0.0 < float(fs) < np.inf:
+    if is_frequency(fs):
         return []
-    return [Problem(f"{where}: fs", f"is {fs!r}", "give the sampling frequency in Hz, finite and positive")]
+    return [Problem(f"{where}: fs", f"is {shown_number(fs)}", FREQUENCY_REMEDY)]
 
 
 def _channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list[Problem]]:
@@ -170,7 +170,8 @@ def _channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list
     missing = (
         np.ma.getmaskarray(given) if isinstance(given, np.ma.MaskedArray) else np.zeros(given.shape, bool)
     )
-    array = np.array(given, dtype=np.float64, order="C", copy=True, subok=False)
+    with np.errstate(over="ignore"):  # a long double beyond a double becomes infinite, which is refused
+        array = np.array(given, dtype=np.float64, order="C", copy=True, subok=False)
     bad = np.flatnonzero(missing | ~np.isfinite(array))
     if bad.size:
         first = int(bad[0])
@@ -178,8 +179,30 @@ def _channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list
         what = f"is {value} ({bad.size} of {array.size} samples are not finite)"
         remedy = "cut the record there, or interpolate the missing samples"
         return array, [Problem(f"{where}, sample {first}", what, remedy)]
+    problem = magnitude_problem(where, array)
+    if problem is not None:
+        return array, [problem]
     array.flags.writeable = False
     return array, []
+
+
+def magnitude_problem(where: str, samples: npt.NDArray[Any], least: float = FAINTEST) -> Problem | None:
+    """Return what is wrong where samples that are finite are beyond the limits, or none reaches `least`."""
+    size = np.abs(samples, dtype=np.longdouble if samples.dtype.itemsize > 8 else np.float64)
+    peak = float(np.fmax.reduce(size, initial=0.0))
+    if peak == 0.0 or least <= peak <= LARGEST:
+        return None
+    beyond = (size > LARGEST) & np.isfinite(size)
+    remedy = "check the file, the unit and the factor"
+    if beyond.any():
+        first = int(np.argmax(beyond))
+        what = f"is {samples[first]:g} ({np.count_nonzero(beyond)} samples are beyond {LARGEST:g})"
+        return Problem(f"{where}, sample {first}", what, remedy)
+    if peak >= least:
+        return None
+    first = int(np.argmax(size == peak))
+    what = f"is {samples[first]:g}, the largest of all: none reaches {least:g}"
+    return Problem(f"{where}, sample {first}", what, remedy)
 
 
 def _length_problems(where: str, channels: Mapping[str, FloatArray]) -> list[Problem]:

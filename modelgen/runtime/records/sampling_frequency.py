@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from numbers import Real
-
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
 
 FloatArray = npt.NDArray[np.float64]
 UNIFORM = 1e-3  # of the step: how far a step may be from the others
@@ -33,10 +32,8 @@ def sampling_frequency(where: str, stated: float | None, times: FloatArray | Non
     DataError
         When neither is given, the times are not uniform, or the two disagree by more than 0.1 %.
     """
-    if stated is not None and not (isinstance(stated, Real) and 0.0 < stated < np.inf):
-        raise DataError.at(
-            where, f"sampling frequency is {stated!r} Hz", "give fs in Hz, finite and positive"
-        )
+    if stated is not None and not is_frequency(stated):
+        raise DataError.at(where, f"sampling frequency is {shown_number(stated)} Hz", FREQUENCY_REMEDY)
     if times is None:
         if stated is None:
             remedy = "give fs in Hz, or the name of a column of times in seconds"

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.magnitudes import LARGEST
 from modelgen.runtime.filters.block_numba import LoopBlocks
 from modelgen.runtime.filters.block_numpy import largest
 from modelgen.runtime.filters.derivatives import differentiate
@@ -123,7 +124,7 @@ class SignalPlan:
         before, behind = operator.margins
         low, high = start - before, start + (count - 1) * operator.factor + 1 + behind
         found, reading = operator.checked(stretch.read(channel, low, high), before, count)
-        if not np.isfinite(reading):
+        if not reading <= LARGEST:
             raise stretch.not_finite(channel, low, high)
         for column, derivative in enumerate(operator.derivatives):
             self._without_rounding(found[:, column], reading, derivative)
@@ -132,7 +133,7 @@ class SignalPlan:
     def _checked(self, stretch: Stretch, channel: str, start: int, stop: int) -> FloatArray:
         """Return samples of a channel as they are."""
         samples = stretch.read(channel, start, stop)
-        if not np.isfinite(largest(samples)):
+        if not largest(samples) <= LARGEST:
             raise stretch.not_finite(channel, start, stop)
         return samples
 

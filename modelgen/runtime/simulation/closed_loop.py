@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.runtime.simulation.plant import Plant
 from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, Mode
 
@@ -41,8 +42,8 @@ class PositionVelocityController:
 
     def __post_init__(self) -> None:
         for name, value in (("kp", self.kp), ("kv", self.kv), ("rate_gain", self.rate_gain)):
-            if not isfinite(value):
-                raise DataError.at(f"controller: {name}", f"is {value!r}", "give a finite number")
+            if not is_usable(value):
+                raise DataError.at(f"controller: {name}", f"is {value!r}", f"give a finite number; {REMEDY}")
 
 
 @dataclass(frozen=True, eq=False)

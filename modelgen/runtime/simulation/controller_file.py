@@ -17,13 +17,16 @@ velocity = "central"
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
+from math import inf
 from pathlib import Path
 from typing import Any
 
+from modelgen.documents import toml_document
 from modelgen.errors import DataError, Problem
+from modelgen.magnitudes import REMEDY, is_usable
+from modelgen.read_file import CONTROLLER, read_text
 from modelgen.runtime.records.record import missing_name
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController
 from modelgen.runtime.simulation.drive import Drive
@@ -41,14 +44,8 @@ def load_controller(path: Path) -> tuple[PositionVelocityController, Drive]:
     DataError
         When the file cannot be read as TOML, or a table or key is wrong or missing.
     """
-    try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "is no text in UTF-8"
-        raise DataError.at(str(path), f"cannot be read: {reason}", "give a controller's TOML file") from error
-    except tomllib.TOMLDecodeError as error:
-        raise DataError.at(str(path), f"is no TOML: {error}", "correct it") from error
     where = str(path)
+    given = toml_document(read_text(path, CONTROLLER), where)
     problems = [missing_name(where, "table", key, ("controller", "drive")) for key in given if key not in
                 ("controller", "drive")]  # fmt: skip
     law, drive = given.get("controller", {}), given.get("drive", {})
@@ -77,6 +74,8 @@ def _key_problems(
         if key in known and not (isinstance(value, str) if key == "velocity" else number):
             kind = "a text" if key == "velocity" else "a number"
             problems.append(Problem(f"{where}.{key}", f"is {value!r}", f"give {kind}"))
+        elif key in known and number and value != inf and not is_usable(value):
+            problems.append(Problem(f"{where}.{key}", f"is {value!r}", REMEDY))
     return problems
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import inf
 
 from modelgen.errors import DataError, Problem
+from modelgen.magnitudes import REMEDY, is_usable
 
 # how a sampled controller gets the velocity; the numbers are those of step_kernel
 VELOCITIES = {"true": 0, "backward": 1, "central": 2}
@@ -62,6 +63,11 @@ class Drive:
             Problem(f"drive: {name}", f"is {getattr(self, name)!r}", remedy)
             for name, holds, remedy in demands
             if not holds
+        ]
+        problems += [
+            Problem(f"drive: {name}", f"is {getattr(self, name)!r}", REMEDY)
+            for name in ("rate_hz", "delay_s", "bandwidth_hz", "limit", "encoder_step")
+            if getattr(self, name) not in (None, inf) and not is_usable(getattr(self, name))
         ]
         if problems:
             raise DataError(*problems)

@@ -17,10 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
+from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, is_usable, shown_number
 from modelgen.runtime.records.record import Record
 
 FloatArray = npt.NDArray[np.float64]
 
+MOST_STEPS = 5e7  # of a simulation: three hours at 5 kHz
 SHORTEST_DWELL_S = 0.04
 # The chirp fades in and out over this part of the sweep.
 FADE = 0.05
@@ -203,8 +205,7 @@ def trapezoid(
 
 def check_fs(fs: float) -> None:
     """Raise DataError unless the sampling frequency is finite and positive."""
-    remedy = "give the sampling frequency in Hz, finite and positive"
-    _require(("fs", 0.0 < fs < np.inf, f"is {fs:g}", remedy))
+    _require(("fs", is_frequency(fs), f"is {shown_number(fs)}", FREQUENCY_REMEDY))
 
 
 def check_band(f_start_hz: float, f_stop_hz: float, fs: float) -> None:
@@ -229,9 +230,12 @@ def _times(duration_s: float, fs: float, oversample: int) -> FloatArray:
     """Return the times of the internal steps, from the first sample to the last."""
     check_fs(fs)
     _require(
-        ("duration_s", 2.0 <= duration_s * fs < np.inf, f"is {duration_s:g} s", "give two samples or more"),
+        ("duration_s", is_usable(duration_s) and duration_s * fs >= 2.0, f"is {duration_s:g} s",
+         "give two samples or more"),
         ("oversample", oversample >= 1, f"is {oversample}", "give a whole number, 1 or more"),
     )  # fmt: skip
+    remedy = f"give at most {MOST_STEPS:g} internal steps"
+    _require(("duration_s", duration_s * fs * oversample <= MOST_STEPS, f"is {duration_s:g} s", remedy))
     times: FloatArray = np.arange((round(duration_s * fs) - 1) * oversample + 1) / (fs * oversample)
     return times
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, inf, sqrt
+from math import hypot, sqrt
 
 from modelgen.errors import DataError, Problem
+from modelgen.magnitudes import is_usable
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class Instrument:
         problems = [
             Problem(f"instrument: {name}", f"is {getattr(self, name)!r}", "give zero or a positive number")
             for name in ("noise", "resolution", "price")
-            if not 0.0 <= getattr(self, name) < inf
+            if not (getattr(self, name) >= 0.0 and is_usable(getattr(self, name)))
         ]
         if problems:
             raise DataError(*problems)

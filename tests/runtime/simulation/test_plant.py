@@ -110,11 +110,13 @@ def test_every_wrong_parameter_is_named_at_once() -> None:
     wrong = {"J_m": 0.0, "F_vm": float("nan"), "F_sm": -1.0, "J_c": -2.0, "K": "stiff"}
     assert complaints(EMPS, wrong) == [  # type: ignore[arg-type]
         "parameters: J_m: is 0.0 kg m^2; an inertia must be positive",
-        "parameters: F_vm: is nan; give a finite number in N m s/rad",
+        "parameters: F_vm: is nan; give a finite number in N m s/rad; "
+        "give zero or a magnitude from 1e-30 to 1e+30; check the unit",
         "parameters: F_sm: is -1.0 N m; a friction force must be zero or positive",
         "parameters: J_c: is -2.0 kg m^2; an inertia must be positive",
         "parameters: F_vmc: is missing; give its value in N m s/rad",
-        "parameters: K: is 'stiff'; give a finite number in N m/rad",
+        "parameters: K: is 'stiff'; give a finite number in N m/rad; "
+        "give zero or a magnitude from 1e-30 to 1e+30; check the unit",
     ]
 
 

@@ -169,7 +169,7 @@ def test_a_split_keeps_every_sample_once() -> None:
         ("[controller]\nkp = 1.0\nkv = 1.0\n[drive]\nlimit = -1.0", r"drive: limit: is -1.0"),
         ("[loop]\n[controller]\nkp = 1.0\nkv = 1.0", r"loop.toml: has no table loop"),
         ("drive = 3\n[controller]\nkp = 1.0\nkv = 1.0", r"loop.toml: drive: is no table"),
-        ("kp = ", r"loop.toml: is no TOML"),
+        ("kp = ", r"loop.toml: .*is not valid TOML"),
     ],
 )
 def test_wrong_controllers_are_explained(text: str, message: str, tmp_path: Path) -> None:
@@ -183,5 +183,5 @@ def test_a_controller_in_si_units(tmp_path: Path) -> None:
     path = tmp_path / "loop.toml"
     path.write_text("[controller]\nkp = 3\nkv = 0.5\nrate_gain = 0.0\n[drive]\nbandwidth_hz = 300.0\n")
     assert load_controller(path) == (PositionVelocityController(3.0, 0.5, 0.0), Drive(bandwidth_hz=300.0))
-    with pytest.raises(DataError, match="cannot be read: No such file"):
+    with pytest.raises(DataError, match=r"cannot be read \(No such file"):
         load_controller(tmp_path / "absent.toml")

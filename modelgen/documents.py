@@ -1,0 +1,142 @@
+"""TOML and JSON -> plain values: of bounded depth and size, every mistake in words of one kind.
+
+Both parsers call themselves for every list in a list, and Python refuses integers of thousands of digits; a
+key of ten thousand parts takes TOML's parser minutes. A glance over the text comes before them.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Iterator
+from typing import Any
+
+from modelgen.errors import DataError, ModelgenError, Problem
+
+DEEPEST = 32  # lists and tables in one another, and parts of a dotted key; nothing modelgen reads has ten
+MOST_TOML_TABLES = 30_000  # and lists: the parser takes seconds for more
+MOST_TABLES, MOST_ITEMS = 500_000, 2_000_000  # in JSON, which is packed denser than what it becomes
+INTEGERS = range(-(2**63), 2**63)  # what TOML promises to hold
+TOML_MARKS, JSON_MARKS = re.compile(r"[\[\]{}\"'#.]"), re.compile(r"[\[\]{}\"]")
+STRINGS = re.compile(
+    r'''"""(?:[^"\\]|\\.|"(?!""))*+"{3,5}|"(?!"")[^"\\]*+(?:\\.[^"\\]*+)*+"|'''
+    r"""'''(?:[^']|'(?!''))*+'{3,5}|'(?!'')[^']*+'""",
+    re.DOTALL,
+)
+SEPARATORS = frozenset("=,\n[]{}#")
+
+Document = dict[str, Any]
+
+
+def toml_document(text: str, where: str, error: type[ModelgenError] = DataError) -> Document:
+    """Return what a TOML text says.
+
+    Raises
+    ------
+    ModelgenError
+        Of the given sort: when the text is no TOML, nests too deeply, or holds integers beyond 64 bits.
+    """
+    _check_depth(text, TOML_MARKS, where, error)
+    if text.count("[") + text.count("{") > MOST_TOML_TABLES:
+        raise error.at(where, f"holds more than {MOST_TOML_TABLES} tables or lists", "check what the file is")
+    try:
+        document = tomllib.loads(text.removeprefix("\ufeff"))
+    except tomllib.TOMLDecodeError as reason:
+        found = re.fullmatch(r"(.*) \(at (.*)\)", str(reason), re.DOTALL)
+        what, place = found.groups() if found else (str(reason), "TOML")
+        remedy = "correct the TOML there; text needs quotes, and a key or table is written once only"
+        raise error.at(f"{where}: {place}", f"is not valid TOML ({what})", remedy) from None
+    except RecursionError:
+        raise _too_deep(where, error) from None
+    except ValueError:
+        raise _too_long(where, error) from None
+    _check_integers(document, where, error)
+    return document
+
+
+def json_document(text: str, where: str, remedy: str, error: type[ModelgenError] = DataError) -> Any:
+    """Return what a JSON text says, with no NaN or infinity in it; the errors are those of TOML."""
+    if text.count("{") + text.count("[") > MOST_TABLES or text.count(",") > MOST_ITEMS:
+        raise error.at(where, f"holds more than {MOST_TABLES} tables or {MOST_ITEMS} values", remedy)
+    _check_depth(text, JSON_MARKS, where, error)
+    try:
+        document = json.loads(
+            text.removeprefix("\ufeff"), parse_constant=_refuse_constant, parse_int=_integer
+        )
+    except json.JSONDecodeError as reason:
+        place = f"{where}: line {reason.lineno} column {reason.colno}"
+        raise error.at(place, f"is no JSON: {reason.msg}", remedy) from None
+    except RecursionError:
+        raise _too_deep(where, error) from None
+    except ValueError as reason:
+        if isinstance(reason, _NoNumber):
+            raise error.at(where, f"holds {reason}", remedy) from None
+        raise _too_long(where, error) from None
+    return document
+
+
+class _NoNumber(ValueError):
+    """A number that JSON does not have: NaN, Infinity, an integer beyond 64 bits."""
+
+
+def _refuse_constant(word: str) -> float:
+    raise _NoNumber(f"{word}, which is no number in JSON")
+
+
+def _integer(digits: str) -> int:
+    if len(digits) > 20 or int(digits) not in INTEGERS:
+        raise _NoNumber(f"{digits[:20]}..., an integer beyond 64 bits")
+    return int(digits)
+
+
+def _too_deep(where: str, error: type[ModelgenError]) -> ModelgenError:
+    return error.at(where, "nests lists or tables too deeply", "use the tables of the format")
+
+
+def _too_long(where: str, error: type[ModelgenError]) -> ModelgenError:
+    return error.at(where, "holds a number of thousands of digits", "shorten the number")
+
+
+def _check_depth(text: str, marks: re.Pattern[str], where: str, error: type[ModelgenError]) -> None:
+    """Refuse brackets in brackets, and keys of many parts, without reading what they hold."""
+    depth = parts = place = dot = 0
+    while found := marks.search(text, place):
+        mark, place = found.group(), found.end()
+        if mark == "#":
+            place = text.find("\n", place)
+        elif mark in "\"'":
+            string = STRINGS.match(text, found.start())
+            place = string.end() if string else -1
+        elif mark == ".":
+            # a number or a date has one dot, and something between them
+            parts = parts + 1 if not SEPARATORS & set(text[dot : place - 1]) else 1
+            dot = place
+        else:
+            depth = max(depth + (mark in "[{") - (mark in "]}"), 0)
+        if depth > DEEPEST or parts > DEEPEST:
+            raise _too_deep(where, error)
+        if place < 0:  # the end of the text, or a string without one, which the parser refuses
+            return
+
+
+def _check_integers(document: Any, where: str, error: type[ModelgenError]) -> None:
+    problems = [
+        Problem(f"{where}: {path}", "is an integer beyond 64 bits", "shorten the number")
+        for path, value in _leaves(document)
+        if isinstance(value, int) and value not in INTEGERS
+    ]
+    if problems:
+        raise error(*problems)
+
+
+def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every value that is no list or table, with its path."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _leaves(item, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from _leaves(item, f"{path}[{index}]")
+    else:
+        yield path, value

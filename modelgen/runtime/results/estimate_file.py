@@ -1,0 +1,118 @@
+"""What `modelgen identify -o` saved -> the same values, every one of the type it was written with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from modelgen.documents import json_document
+from modelgen.errors import DataError, Problem
+from modelgen.magnitudes import is_usable
+from modelgen.read_file import ESTIMATE, read_text
+from modelgen.runtime.results.estimate import FORMAT_VERSION
+
+Holds = Callable[[Any], bool]
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_real(value: Any) -> bool:
+    """Tell whether a value is a finite number, or null, which stands for one that was not."""
+    return value is None or (isinstance(value, (int, float)) and not isinstance(value, bool))
+
+
+def _is_value(value: Any) -> bool:
+    return _is_real(value) and (value is None or is_usable(value))
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def _list_of(holds: Holds) -> Holds:
+    return lambda value: isinstance(value, list) and all(map(holds, value))
+
+
+def _table_of(holds: Holds) -> Holds:
+    return lambda value: isinstance(value, dict) and all(map(holds, value.values()))
+
+
+def _is_interval(value: Any) -> bool:
+    return _list_of(_is_real)(value) and len(value) == 2
+
+
+def _is_square(value: Any) -> bool:
+    return _list_of(_list_of(_is_real))(value) and all(len(row) == len(value) for row in value)
+
+
+TEXT, TEXTS = (_is_text, "a text"), (_list_of(_is_text), "a list of texts")
+NUMBER, NUMBERS = (_is_real, "a finite number or null"), (_table_of(_is_real), "a table of numbers")
+VALUES = (_table_of(_is_value), "a table of numbers between 1e-30 and 1e30, zeros or nulls")
+MATRIX = (_is_square, "a square matrix of finite numbers, a list a row")
+TABLE = (_table_of(lambda _: True), "a table")
+TABLES = (_list_of(TABLE[0]), "a list of tables")
+DEVIATIONS = ("bse", "relative_std", "physical_bse", "noise_std", "drift_std", "printed_std", "delay_std")
+KEYS: Mapping[str, tuple[Holds, str]] = {
+    "format": (lambda value: value == "modelgen estimate", 'the text "modelgen estimate"'),
+    "version": (lambda value: value == FORMAT_VERSION and _is_count(value), f"the number {FORMAT_VERSION}"),
+    **dict.fromkeys(("chain", "sensor_set", "title", "method", "covariance_kind", "residual_dof"), TEXT),
+    **dict.fromkeys(("records", "notes"), TEXTS),
+    **dict.fromkeys(("params", "physical", "nuisance", "delays"), VALUES),
+    **dict.fromkeys(DEVIATIONS, NUMBERS),
+    **dict.fromkeys(("units", "not_identifiable"), (_table_of(_is_text), "a table of texts")),
+    "conf_int_95": (_table_of(_is_interval), "a table of pairs of numbers"),
+    "other_solutions": (_list_of(_table_of(_is_real)), "a list of tables of numbers"),
+    "base": (_list_of(_is_real), "a list of numbers"),
+    **dict.fromkeys(("cov_params", "printed_covariance"), MATRIX),
+    "nobs": (_is_count, "a number of rows"),
+    **dict.fromkeys(("condition_number", "condition_number_raw", "relative_error"), NUMBER),
+    **dict.fromkeys(("error_norm", "sigma"), NUMBER),
+    "rows": TABLES,
+    **dict.fromkeys(("pruning", "filtering", "checks"), TABLE),
+}
+NEEDED = ("format", "chain", "physical", "records")
+# keys whose tables or matrices have an entry for each of `params`
+PER_PARAMETER = ("bse", "relative_std", "conf_int_95", "noise_std", "drift_std", "printed_std", "cov_params",
+                 "printed_covariance")  # fmt: skip
+
+
+def load_estimate(path: Path) -> Mapping[str, Any]:
+    """Read a saved estimate, `Estimate.to_dict` in JSON.
+
+    Raises
+    ------
+    DataError
+        With one problem per mistake: a key that is missing, unknown, of another type or length.
+    """
+    where = str(path)
+    saved = json_document(read_text(path, ESTIMATE), where, ESTIMATE.remedy)
+    if not isinstance(saved, dict):
+        raise DataError.at(where, "is no saved estimate", ESTIMATE.remedy)
+    problems = [
+        Problem(f"{where}: {key}", "is missing", ESTIMATE.remedy) for key in NEEDED if key not in saved
+    ]
+    for key, value in saved.items():
+        if key not in KEYS:
+            problems.append(Problem(f"{where}: {key}", "is no key of an estimate", ESTIMATE.remedy))
+        elif not KEYS[key][0](value):
+            problems.append(Problem(f"{where}: {key}", f"is not {KEYS[key][1]}", ESTIMATE.remedy))
+    if problems:
+        raise DataError(*problems)
+    problems = _length_problems(where, saved)
+    if problems:
+        raise DataError(*problems)
+    return saved
+
+
+def _length_problems(where: str, saved: Mapping[str, Any]) -> list[Problem]:
+    if "params" not in saved:
+        return []
+    count = len(saved["params"])
+    return [
+        Problem(f"{where}: {key}", f"has {len(saved[key])} entries, params has {count}", ESTIMATE.remedy)
+        for key in PER_PARAMETER
+        if key in saved and len(saved[key]) != count
+    ]

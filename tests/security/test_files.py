@@ -1,0 +1,198 @@
+"""Every place that opens an input, with everything that a path may lead to: one message, at once."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import stat
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modelgen.cli.candidates import load_candidates
+from modelgen.errors import ModelgenError
+from modelgen.read_file import DATA, open_file
+from modelgen.render.target import user_files
+from modelgen.runtime.files.formats import OPENERS
+from modelgen.runtime.files.npy_channels import open_npy
+from modelgen.runtime.files.open_channels import FORMATS, open_channels
+from modelgen.runtime.model.model import load_model
+from modelgen.runtime.records.mapping_file import load_mapping
+from modelgen.runtime.records.read_record import read_record
+from modelgen.runtime.results.estimate_file import load_estimate
+from modelgen.runtime.simulation.controller_file import load_controller
+from modelgen.spec.load import catalog_path, load_spec
+
+CHAIN = load_spec(catalog_path("emps_rigid"))
+MEGABYTES = 500
+ENTRIES: dict[str, tuple[str, Callable[[Path], object]]] = {
+    "spec": ("a.toml", load_spec),
+    "module": ("a.py", load_model),
+    "trusted module": ("a.py", lambda path: load_model(path, trust=True)),
+    "mapping": ("a.toml", load_mapping),
+    "controller": ("a.toml", load_controller),
+    "instruments": ("a.toml", lambda path: load_candidates(path, CHAIN)),
+    "estimate": ("a.json", load_estimate),
+    "template": ("a.txt.j2", lambda path: user_files(CHAIN, "qm", path.parent)),
+    "npy": ("a.npy", lambda path: open_npy({"q_m": path}, 1000.0)),
+    **{f"record{suffix}": (f"a{suffix}", read_record) for suffix in OPENERS},
+    **{
+        f"stretches{suffix}": (f"a{suffix}", lambda path: open_channels(path, {"q_m": ("q_m", 1.0)}, 1000.0))
+        for suffix in FORMATS
+    },
+}
+DEEP, DIGITS = 50_000, "9" * 5000
+CONTENTS = {
+    "empty": b"",
+    "UTF-16": "kp = 1\n".encode("utf-16"),
+    "UTF-16 without a mark": "kp = 1\n".encode("utf-16-le"),
+    "UTF-32": "kp = 1\n".encode("utf-32"),
+    "UTF-32 the other way": b"\0\0\xfe\xff" + "kp = 1\n".encode("utf-32-be"),
+    "EBCDIC": "t,q_m\n0,1\n1,2\n2,3\n".encode("cp500"),
+    "null bytes": b"t,q_m\n0,1\n\0\0\0\0\n",
+    "noise": np.random.default_rng(1).bytes(10_000),
+    "one line": b"1," * 6_000_000,
+    "deep TOML lists": b"a = " + b"[" * DEEP + b"]" * DEEP,
+    "deep TOML tables": b"a = " + b"{a=" * DEEP + b"1" + b"}" * DEEP,
+    "a key of many parts": b".".join([b"a"] * DEEP) + b" = 1",
+    "a table of many parts": b"[" + b".".join([b"a"] * DEEP) + b"]",
+    "quoted parts": b".".join([b'"a"'] * DEEP) + b" = 1",
+    "deep JSON lists": b"[" * DEEP + b"]" * DEEP,
+    "deep JSON tables": b'{"a":' * DEEP + b"1" + b"}" * DEEP,
+    "TOML integer": f"a = {DIGITS}".encode(),
+    "TOML hexadecimal": f"a = 0x{DIGITS}".encode(),
+    "JSON integer": f'{{"format": {DIGITS}}}'.encode(),
+    "JSON infinity": b'{"format": Infinity}',
+    "many quotes": b'a = "' + b'\\"' * 400_000,
+    "open quotes": b'a = """' + b'\\"""' * 200_000,
+}
+
+
+def link_to(target: str) -> Callable[[Path], object]:
+    return lambda path: path.symlink_to(target)
+
+
+def sparse(size: int, head: bytes = b"") -> Callable[[Path], object]:
+    def make(path: Path) -> None:
+        path.write_bytes(head)
+        os.truncate(path, size)
+
+    return make
+
+
+PLACES: dict[str, Callable[[Path], object]] = {
+    "absent": lambda path: None,
+    "folder": Path.mkdir,
+    "pipe": os.mkfifo,
+    "socket": lambda path: os.mknod(path, stat.S_IFSOCK | 0o600),
+    "device": link_to("/dev/zero"),
+    "other device": link_to("/dev/tty"),
+    "link to itself": lambda path: path.symlink_to(path),
+    "link to nowhere": link_to("absent"),
+    "link to a folder": link_to("/"),
+    "sparse": sparse(300_000_000),
+    "sparse, 10 TB": sparse(10**13),
+    "sparse below a table": sparse(10**10, b"t,q_m\n0.000,1\n0.001,2\n"),
+    "file without size": link_to("/proc/self/pagemap"),
+}
+NAMES = {"null byte": "a\0", "too long": "a" * 5000, "half a surrogate": "a\ud800", "not text": "a\udcff"}
+
+
+@pytest.fixture(autouse=True)
+def bounded(trap: Path) -> Iterator[None]:
+    """Five seconds and 500 MB."""
+
+    def late(*_: object) -> None:
+        raise AssertionError("it takes longer than 5 s")
+
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    old = signal.signal(signal.SIGALRM, late)
+    resource.setrlimit(resource.RLIMIT_AS, (used + MEGABYTES * 1_000_000, before[1]))
+    signal.setitimer(signal.ITIMER_REAL, 5.0)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, old)
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def refused(entry: str, path: Path) -> None:
+    with pytest.raises(ModelgenError) as caught:
+        ENTRIES[entry][1](path)
+    assert caught.value.exit_code == 2
+    for problem in caught.value.problems:
+        assert str(problem).isprintable()
+        assert len(str(problem)) < 2500
+
+
+@pytest.mark.parametrize("kind", PLACES)
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_what_is_no_file_to_read(trap: Path, entry: str, kind: str) -> None:
+    path = trap / "folder" / ENTRIES[entry][0]
+    path.parent.mkdir()
+    PLACES[kind](path)
+    refused(entry, path)
+
+
+@pytest.mark.parametrize("kind", NAMES)
+@pytest.mark.parametrize("entry", [name for name in ENTRIES if name != "template"])
+def test_a_name_that_no_file_has(trap: Path, entry: str, kind: str) -> None:
+    refused(entry, trap / (NAMES[kind] + ENTRIES[entry][0]))
+
+
+@pytest.mark.parametrize("kind", CONTENTS)
+@pytest.mark.parametrize("entry", [name for name in ENTRIES if name != "trusted module"])
+def test_what_is_no_such_text(trap: Path, entry: str, kind: str) -> None:
+    path = trap / "folder" / ENTRIES[entry][0]
+    path.parent.mkdir()
+    path.write_bytes(CONTENTS[kind])
+    plain = CONTENTS[kind].isascii() and b"\0" not in CONTENTS[kind]
+    if entry == "template" and plain and len(CONTENTS[kind]) < 1_000_000:
+        assert user_files(CHAIN, "qm", path.parent) == {"emps_rigid_qm.txt": CONTENTS[kind].decode()}
+        return
+    refused(entry, path)
+
+
+def test_a_file_that_may_not_be_read(trap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (trap / "a.toml").write_text("")
+
+    def refuse(*_: object) -> int:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("modelgen.read_file.os.open", refuse)
+    for entry in ("spec", "mapping", "controller", "instruments"):
+        with pytest.raises(ModelgenError, match=r"a\.toml: cannot be read \(Permission denied\)"):
+            ENTRIES[entry][1](trap / "a.toml")
+
+
+def test_what_is_exchanged_after_it_was_looked_at(trap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = trap / "a.csv"
+    path.write_text("t\n")
+    look = os.stat
+
+    def exchange(place: object, *arguments: object, **options: object) -> os.stat_result:
+        found = look(place)  # type: ignore[arg-type]
+        path.unlink()
+        os.mkfifo(path)
+        return found
+
+    monkeypatch.setattr("modelgen.read_file.os.stat", exchange)
+    with pytest.raises(ModelgenError, match=r"a\.csv: cannot be read \(it is a pipe\)"):
+        open_file(path, DATA)
+
+
+def test_a_link_to_a_file_and_a_file_with_holes_are_read(trap: Path) -> None:
+    text = "t,q_m\n" + "".join(f"{k / 1000},{k % 7}\n" for k in range(100))
+    (trap / "b.csv").write_text(text)
+    (trap / "a.csv").symlink_to(trap / "b.csv")
+    assert read_record(trap / "a.csv").n == 100
+    with (trap / "c.bin").open("wb") as file:
+        file.write(bytes(range(256)) * 40_000)
+        file.truncate(500_000_000)
+    with open_file(trap / "c.bin", DATA) as file:  # a fiftieth of it was written
+        assert file.read(3) == b"\0\1\2"
