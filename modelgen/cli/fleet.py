@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from modelgen.cli.arguments import Trust
-from modelgen.cli.output import report, say
+from modelgen.cli.output import note, report, say
 from modelgen.errors import DataError, ModelgenError
 from modelgen.progress import shown
 from modelgen.read_file import MODULE, read_text
 
 if TYPE_CHECKING:
+    from modelgen.runtime.fleet.dask_cluster import Certificates
     from modelgen.runtime.fleet.identify_fleet import FleetEstimate, FleetRecord
     from modelgen.runtime.identification.identify_stream import StreamEstimate
     from modelgen.runtime.records.channels import Channels
@@ -43,8 +45,15 @@ def fleet(
         float | None, typer.Option(help="Cut-off in Hz of directions of motion; that of the low-pass.")
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="tcp://HOST:PORT", help="A scheduler that runs; a local cluster.")
+        str | None, typer.Option(metavar="tls://HOST:PORT", help="A scheduler that runs; a local cluster.")
     ] = None,
+    tls_ca_file: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Authority that signed the scheduler's certificate.")
+    ] = None,
+    tls_cert: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Own certificate, signed by it.")
+    ] = None,
+    tls_key: Annotated[str | None, typer.Option(metavar="FILE", help="Its private key.")] = None,
     workers: Annotated[int | None, typer.Option(help="Processes of the local cluster; one a core.")] = None,
     trust: Trust = False,
     as_json: Annotated[
@@ -57,16 +66,20 @@ def fleet(
     deviations are those of the noise; `identify` adds how the estimate drifts with its settings. Estimates
     of single records are in --json.
     """
-    from modelgen.runtime.fleet.dask_cluster import fleet_client
+    from modelgen.runtime.fleet.dask_cluster import check_cluster, fleet_client
     from modelgen.runtime.fleet.identify_fleet import identify_fleet
     from modelgen.runtime.model.model import load_model
     from modelgen.runtime.records.mapping_options import parse_mapping, parse_scales
 
+    certificates = _certificates(tls_ca_file, tls_cert, tls_key)
+    check_cluster(scheduler, workers, certificates)
+    if scheduler is not None and not scheduler.startswith("tls://"):
+        note([f"warning: {scheduler} is not encrypted: whoever reaches it can run code on its workers"])
     model = load_model(module, trust)
     columns = _columns(model.channels, parse_mapping(mapping or ()), parse_scales(scale or ()))
     records, unread = _opened(data, columns, fs)
     say("starting the workers" if scheduler is None else f"asking {scheduler}")
-    with shown(), fleet_client(scheduler, workers) as client:
+    with shown(), fleet_client(scheduler, workers, certificates=certificates) as client:
         found = identify_fleet(
             client,
             read_text(module, MODULE),
@@ -79,6 +92,24 @@ def fleet(
         )
     facts = _facts(found, unread)
     report(facts, _lines(facts), as_json)
+
+
+def _certificates(ca_file: str | None, cert: str | None, key: str | None) -> Certificates | None:
+    """Return the files for tls://; all three or none.
+
+    Raises
+    ------
+    DataError
+    """
+    from modelgen.runtime.fleet.dask_cluster import Certificates
+
+    given = {"--tls-ca-file": ca_file, "--tls-cert": cert, "--tls-key": key}
+    if ca_file is not None and cert is not None and key is not None:
+        return Certificates(ca_file, cert, key)
+    absent = [option for option, value in given.items() if value is None]
+    if len(absent) < len(given):
+        raise DataError.at(", ".join(absent), "is missing", "give all of " + ", ".join(given))
+    return None
 
 
 def _columns(
@@ -102,7 +133,10 @@ def _opened(
     from modelgen.runtime.fleet.identify_fleet import FleetRecord
 
     records, unread = [], {}
+    given: dict[tuple[int, int], Path] = {}
     for path in data:
+        with suppress(OSError):  # what cannot be found is told by who reads it
+            _refuse_again(path, given)
         try:
             records.append(FleetRecord(path.resolve().parent.name, _source(path, columns, fs)))
         except ModelgenError as error:
@@ -110,6 +144,19 @@ def _opened(
     if not records:
         raise DataError.at("DATA", "no record can be read: " + "; ".join(unread.values()), "see the reasons")
     return records, unread
+
+
+def _refuse_again(path: Path, given: dict[tuple[int, int], Path]) -> None:
+    """Refuse a file or folder that was given before, by whatever path.
+
+    Raises
+    ------
+    DataError, OSError
+    """
+    found = path.stat()
+    first = given.setdefault((found.st_dev, found.st_ino), path)
+    if first is not path:
+        raise DataError.at(str(path), f"is the same file as {first}", "give it once")
 
 
 def _source(path: Path, columns: Mapping[str, tuple[str, float]], fs: float | None) -> Channels:

@@ -7,6 +7,7 @@ regrouping in exact rationals; both must agree in rank and in every factor, and 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -25,6 +26,10 @@ RANK_TOLERANCE = 1e-9
 REGROUPING_TOLERANCE = 1e-6
 #: The dense QR costs (number of parameters)^3; longer chains rely on the exact elimination alone.
 LARGEST_QR = 600
+#: Python 3.11 and 3.12 read no sum of more than 2985 terms; nor does anyone else.
+LONGEST_SUM = 2500
+#: A sum of more parameters is shown by its first ones.
+LONGEST_SHOWN = 40
 
 #: one column of the regressor: (row, signal) -> exact coefficient
 Column = Mapping[tuple[int, str], Exact]
@@ -78,6 +83,7 @@ def base_model(rows: IdentificationRows) -> BaseModel:
             "take at least one parameter out of [known]",
         )
     base = regroup(rows, present)
+    _refuse_long(rows, base)
     identifiable = _identifiable(rows, wanted, base)
     return BaseModel(rows, base, identifiable, _reasons(rows, wanted, base, identifiable))
 
@@ -101,15 +107,47 @@ def _reasons(
     """Say for every parameter that is not identifiable why, and which combination is."""
     inside: dict[str, list[str]] = {name: [] for name in wanted}
     for parameter in base:
+        own = _shown(parameter)
         for column, _ in parameter.combination:
             composite = rows.composites.get(column)
             for name in (column,) if composite is None else composite.parameters:
-                inside[name].append(parameter.name)
+                inside[name].append(own)
     return {
         name: f"only in combination: {', '.join(inside[name])}" if inside[name] else _why_absent(rows)
         for name in wanted
         if name not in identifiable
     }
+
+
+def _shown(parameter: BaseParameter) -> str:
+    """Return the combination as text; each of a thousand in one sum need not name all the others."""
+    count = len(parameter.combination)
+    if count <= LONGEST_SHOWN:
+        return parameter.name
+    return f"{BaseParameter(parameter.combination[:3]).name} + ... ({count} parameters)"
+
+
+def _refuse_long(rows: IdentificationRows, base: Sequence[BaseParameter]) -> None:
+    """Refuse sums that Python could not read: of parameters in a base parameter, of terms in a column."""
+    where = f"{rows.spec.source}: sensors.{rows.sensor_set}"
+    for parameter in base:
+        count = len(parameter.combination)
+        if count > LONGEST_SUM:
+            raise ModelError.at(
+                where,
+                f"{count:,} parameters act as one sum, {_shown(parameter)}; a model holds at most "
+                f"{LONGEST_SUM:,}",
+                "describe them as one element with one parameter, or take them into [known]",
+            )
+    for row in rows.rows:
+        count = max(Counter(term.parameter for term in row.terms).values(), default=0)
+        if count > LONGEST_SUM:
+            raise ModelError.at(
+                where,
+                f"the row {row.name[:60]} adds {count:,} signals in one column; a model holds at most "
+                f"{LONGEST_SUM:,}",
+                "lump bodies, or split the chain where both sides of a link are measured",
+            )
 
 
 def regroup(rows: IdentificationRows, names: Sequence[str]) -> tuple[BaseParameter, ...]:

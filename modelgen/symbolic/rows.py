@@ -15,6 +15,7 @@ from modelgen.spec.load import ChainSpec
 from modelgen.symbolic.elimination.composites import Composites
 from modelgen.symbolic.elimination.elimination import eliminated_rows
 from modelgen.symbolic.elimination.force_free_rows import scaled
+from modelgen.symbolic.elimination.length_limit import LengthLimit
 from modelgen.symbolic.elimination.polynomials import choose_coordinates
 from modelgen.symbolic.elimination.unique_rows import UniqueRows
 from modelgen.symbolic.equations.equation_sums import NEVER, groups, sum_terms
@@ -117,8 +118,9 @@ def _eliminations(
 ) -> Iterator[tuple[Candidate, int]]:
     """Yield the rows that eliminate what `seen`, a part of the sensors, does not see."""
     coordinates = choose_coordinates([equation.body for equation in motion.equations], seen)
-    candidates = eliminated_rows(motion, coordinates, where)
-    for row in UniqueRows(motion, coordinates, sensing).choose(candidates, where):
+    limit = LengthLimit(motion, coordinates, where)
+    candidates = eliminated_rows(motion, coordinates, limit)
+    for row in UniqueRows(motion, coordinates, sensing).choose(candidates, limit):
         candidate = composites.candidate(row)
         times = differentiations(candidate.terms, sensing)
         assert times is not None, "an eliminated row holds measured coordinates only"

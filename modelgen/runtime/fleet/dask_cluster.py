@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import logging
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing import active_children
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from modelgen.errors import DataError, ModelgenError
 from modelgen.progress import counted
+from modelgen.runtime.numerics.threads import usable_threads
 from modelgen.runtime.rows.record_factors import RecordFactors
 
 # A fleet without any worker for so long is given up, after so many looks. On a busy machine a worker that was
@@ -25,40 +30,74 @@ STARTING_S = 120.0
 KEPT_MEMORY = {"MALLOC_TRIM_THRESHOLD_": 1 << 28, "MALLOC_MMAP_THRESHOLD_": 1 << 25}
 # The processes of a local cluster that does not end within this time are ended.
 CLOSING_S = 30.0
+# A scheduler that runs answers at once, from far away in tenths of a second.
+CONNECTING_S = 3.0
+# More processes than this only take each other's memory.
+WORKERS_A_CORE = 8
 
 
 class GivenUpError(DataError):
     """Nobody is left to do the work, or nobody does it."""
 
 
+@dataclass(frozen=True)
+class Certificates:
+    """Files (PEM) with which a scheduler and this client know each other; named as dask names them.
+
+    Attributes
+    ----------
+    ca_file : str
+        Certificate of the authority that signed those of the scheduler and of its workers.
+    cert, key : str
+        Own certificate, signed by the same authority, and its private key.
+    """
+
+    ca_file: str
+    cert: str
+    key: str
+
+
 @contextmanager
 def fleet_client(
-    scheduler: str | None = None, workers: int | None = None, timeout_s: float = 10.0
+    scheduler: str | None = None,
+    workers: int | None = None,
+    timeout_s: float = CONNECTING_S,
+    certificates: Certificates | None = None,
 ) -> Iterator[Any]:
     """Yield a client of the scheduler at an address, or of a local cluster with one process a core.
 
-    `timeout_s` is how long the scheduler may take to answer.
+    A local cluster listens on this machine only, encrypts what it says, and talks to nobody who does not hold
+    the key that was made for it.
+
+    Parameters
+    ----------
+    scheduler : str, optional
+        ``tls://HOST:PORT``, or ``tcp://HOST:PORT``: then whoever reaches it can run code on its workers.
+    workers : int, optional
+        Processes of the local cluster.
+    timeout_s : float
+        How long the scheduler may take to answer.
+    certificates : Certificates, optional
+        For ``tls://``; without, those of dask's own configuration.
 
     Raises
     ------
     DataError
-        When dask.distributed is not installed, or no scheduler answers.
+        When dask.distributed is not installed, an option is wrong, or no scheduler answers.
     """
+    check_cluster(scheduler, workers, certificates)
     try:
         distributed: Any = import_module("distributed")
+        import_module("cryptography")
     except ImportError as error:
         remedy = "get it with: pip install 'modelgen[fleet]'"
-        raise DataError.at("fleet", "needs dask.distributed, which is not installed", remedy) from error
+        what = f"needs dask.distributed and cryptography; {error.name} is not installed"
+        raise DataError.at("fleet", what, remedy) from error
     if scheduler is not None:
-        try:
-            client = distributed.Client(scheduler, timeout=timeout_s)
-        except (OSError, TimeoutError, ValueError) as error:
-            remedy = "start one with: dask scheduler"
-            raise DataError.at(f"--scheduler {scheduler}", f"does not answer ({error})", remedy) from error
-        with client:
+        with _connected(distributed, scheduler, timeout_s, certificates) as client:
             yield client
         return
-    with _local_cluster(distributed, workers) as cluster:
+    with _local_cluster(usable_threads() if workers is None else workers) as cluster:
         client = distributed.Client(cluster, timeout=STARTING_S)
         try:
             yield client
@@ -67,38 +106,130 @@ def fleet_client(
                 client.close(timeout=CLOSING_S)
 
 
+def check_cluster(
+    scheduler: str | None, workers: int | None, certificates: Certificates | None = None
+) -> None:
+    """Check where the work is to be done, before anything is read or started.
+
+    Raises
+    ------
+    DataError
+    """
+    most = WORKERS_A_CORE * usable_threads()
+    if workers is not None and not (isinstance(workers, int) and 1 <= workers <= most):
+        remedy = f"give a number from 1 to {most}, which is {WORKERS_A_CORE} a core"
+        raise DataError.at(f"--workers {workers}", "is no number of processes to be started here", remedy)
+    if scheduler is None:
+        if certificates is not None:
+            what = "are for a scheduler that runs; a local cluster makes its own"
+            raise DataError.at("--tls-ca-file", what, "give the --scheduler as well, or leave them out")
+        return
+    if workers is not None:
+        what = "is for a local cluster; the scheduler has the workers that were started for it"
+        raise DataError.at(f"--workers {workers}", what, "leave it out, or leave out --scheduler")
+    address = re.fullmatch(r"(?:(tcp|tls)://)?(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):([0-9]{1,5})", scheduler)
+    if address is None or not 1 <= int(address[2]) <= 65535:
+        remedy = "write it as dask scheduler prints it: tls://HOST:8786 or tcp://HOST:8786"
+        raise DataError.at(f"--scheduler {scheduler[:100]}", "is no address of a scheduler", remedy)
+    if certificates is not None:
+        if address[1] != "tls":
+            what = "is asked without encryption, so certificates are of no use"
+            raise DataError.at(f"--scheduler {scheduler}", what, "write tls:// before the host")
+        options = {"--tls-ca-file": "ca_file", "--tls-cert": "cert", "--tls-key": "key"}
+        for option, name in options.items():
+            if not Path(getattr(certificates, name)).is_file():
+                where = f"{option} {getattr(certificates, name)}"
+                raise DataError.at(where, "is not a file that exists", "check the path")
+
+
 @contextmanager
-def _local_cluster(distributed: Any, workers: int | None) -> Iterator[Any]:
-    """Yield a cluster on this machine; none of its processes outlives it."""
+def _connected(
+    distributed: Any, scheduler: str, timeout_s: float, certificates: Certificates | None
+) -> Iterator[Any]:
+    """Yield a client of a scheduler that runs."""
+    where, security = f"--scheduler {scheduler}", None
+    if scheduler.startswith("tls://"):
+        security = _security(distributed, certificates, where)
+    remedy = "start one with: dask scheduler"
+    if security is not None:
+        remedy = "check that it runs with --protocol tls, and that one authority signed all certificates"
+    try:
+        with _quiet_logs():
+            client = distributed.Client(scheduler, timeout=timeout_s, security=security)
+    except (OSError, TimeoutError, ValueError, RuntimeError) as error:
+        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise DataError.at(where, f"does not answer within {timeout_s:g} s ({said})", remedy) from error
+    with client:
+        yield client
+
+
+def _security(distributed: Any, certificates: Certificates | None, where: str) -> Any:
+    """Return how to show and check certificates; without files, as dask's configuration says."""
+    if certificates is None:
+        security = distributed.Security(require_encryption=True)
+        if not (security.tls_ca_file and security.tls_client_cert):
+            remedy = "give --tls-ca-file, --tls-cert and --tls-key"
+            raise DataError.at(where, "needs certificates", remedy)
+    else:
+        security = distributed.Security(
+            require_encryption=True,
+            tls_ca_file=certificates.ca_file,
+            tls_client_cert=certificates.cert,
+            tls_client_key=certificates.key,
+        )
+    try:
+        security.get_connection_args("client")
+    except (OSError, ValueError) as error:  # of ssl: no certificate, or a key that does not fit it
+        remedy = "give files in PEM format, and the key that the certificate was made for"
+        raise DataError.at(
+            "--tls-ca-file, --tls-cert, --tls-key", f"cannot be used ({error})", remedy
+        ) from error
+    return security
+
+
+@contextmanager
+def _quiet_logs() -> Iterator[None]:
+    """Keep dask from logging attempts that are answered for by one message."""
+    logger = logging.getLogger("distributed")
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
+@contextmanager
+def _local_cluster(workers: int) -> Iterator[Any]:
+    """Yield a cluster on this machine; none of its processes and files outlives it."""
     others = active_children()
     cluster = None
-    try:
-        cluster = _started(distributed, workers)
-        yield cluster
-    finally:
-        with suppress(TimeoutError):  # on a busy machine a worker may never say that it is gone
-            if cluster is not None:
-                cluster.close(timeout=CLOSING_S)
-        for process in active_children():
-            if process not in others and process.name.startswith("Dask Worker"):
-                process.kill()
+    with TemporaryDirectory(prefix="modelgen-fleet-", ignore_cleanup_errors=True) as folder:
+        try:
+            cluster = _started(workers, folder)
+            yield cluster
+        finally:
+            with suppress(TimeoutError):  # on a busy machine a worker may never say that it is gone
+                if cluster is not None:
+                    cluster.close(timeout=CLOSING_S)
+            released = getattr(getattr(cluster, "scheduler", None), "_workdir", None)
+            if released is not None:  # it would look for its folder when this process ends
+                released.release()
+            for process in active_children():
+                if process not in others and process.name.startswith("Dask Worker"):
+                    process.kill()
+                    process.join(CLOSING_S)
 
 
-def _started(distributed: Any, workers: int | None) -> Any:
+def _started(workers: int, folder: str) -> Any:
     """Return a cluster on this machine; one BLAS thread a worker, because the workers are the threads."""
     dask: Any = import_module("dask")
+    servers: Any = import_module("modelgen.runtime.fleet.servers")
     threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     memory = {f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in KEPT_MEMORY.items()}
     try:
-        with dask.config.set(memory):
-            return distributed.LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address=None,
-                env=threads,
-                death_timeout=STARTING_S,
-            )
+        with dask.config.set({**memory, "temporary-directory": folder}):
+            return servers.local_cluster(workers, folder, threads, STARTING_S)
     except Exception as error:  # whatever kept a process from starting
         what = f"do not start ({type(error).__name__}: {error})"
         remedy = "ask for fewer, or give the --scheduler of a cluster that runs"

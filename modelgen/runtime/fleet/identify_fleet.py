@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.errors import DataError, ModelgenError, Problem
+from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.fleet.dask_cluster import gathered, joined_in_a_tree
 from modelgen.runtime.fleet.worker import (
     Job,
@@ -29,10 +29,10 @@ from modelgen.runtime.identification.identify_stream import StreamEstimate, stre
 from modelgen.runtime.least_squares.hac_covariance import KernelSums
 from modelgen.runtime.least_squares.hac_covariance_chunks import Moments, bandwidth_of, covariance_from_sums
 from modelgen.runtime.least_squares.triangle_fit import FactorFit
-from modelgen.runtime.records.channels import Channels
-from modelgen.runtime.records.same_data import COUNTED_ONCE
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.channels import Channels, RecordChannels
+from modelgen.runtime.records.same_data import alike, look, refuse_pairs, refuse_same_data, same_throughout
 from modelgen.runtime.rows.chunk import CHUNK_SAMPLES
-from modelgen.runtime.rows.record_factors import RecordFactors
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -115,7 +115,7 @@ def identify_fleet(
     Raises
     ------
     DataError
-        When records share a name, none could be used, or no worker is left.
+        When records share a name or data, none could be used, or no worker is left.
     IdentifiabilityError
         When all records together answer none of the parameters.
     """
@@ -126,6 +126,7 @@ def identify_fleet(
     say = progress or (lambda _: None)
     model = fleet_model(module_text)
     sources = [record.source for record in records]
+    refuse_same_data([one for one in sources if isinstance(one, RecordChannels)], model.channels)
     choice = stream_choice(model, sources, cutoff_hz, filter_order, decimation, direction_cutoff_hz)
     jobs = [
         Job(module_text, source, replace(choice, decimation=(factor,)), task_samples)
@@ -140,9 +141,7 @@ def identify_fleet(
     factors, failed = gathered(roots, "records filtered")
     if not factors:
         raise DataError.at("records", "none could be used: " + "; ".join(failed.values()), "see the reasons")
-    same = _same_data(factors)
-    if same:
-        raise DataError(*same)
+    _refuse_same(client, model, [source for source in sources if source.name in factors])
     own = {name: client.submit(own_fit, module_text, roots[name], pure=False) for name in factors}
     own_fits, refused_records = gathered(own, "records solved")
     groups = _groups([record for record in records if record.source.name in factors])
@@ -173,15 +172,23 @@ def identify_fleet(
     )
 
 
-def _same_data(factors: Mapping[str, RecordFactors]) -> list[Problem]:
-    """Return one problem for each record whose triangles are those of another to the last bit."""
-    first: dict[bytes, str] = {}
-    found = []
-    for name, record in factors.items():
-        other = first.setdefault(b"".join(row.R.tobytes() for row in record.rows), name)
-        if other != name:
-            found.append(Problem(f"records {other} and {name}", "hold the same data", COUNTED_ONCE))
-    return found
+def _refuse_same(client: Any, model: Model, sources: Sequence[Channels]) -> None:
+    """Refuse records with the same data; the workers look at them.
+
+    Raises
+    ------
+    DataError
+    """
+    submitted = {one.name: client.submit(look, one, model.channels, pure=False) for one in sources}
+    looks, _ = gathered(submitted, "records compared")
+    seen = [source for source in sources if source.name in looks]
+    pairs = alike([looks[source.name] for source in seen])
+    whole = {
+        f"{i} {k}": client.submit(same_throughout, seen[i], seen[k], model.channels, pure=False)
+        for i, k in pairs
+    }
+    same, _ = gathered(whole, "records compared")
+    refuse_pairs(seen, {(i, k): seen[i].n for i, k in pairs if same.get(f"{i} {k}")})
 
 
 def _groups(records: Sequence[FleetRecord]) -> dict[Group, list[str]]:

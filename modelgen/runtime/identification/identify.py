@@ -44,9 +44,10 @@ from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.parameters.bounds import bound_reasons
+from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
 from modelgen.runtime.records.record import Record, magnitude_problem, missing_name
-from modelgen.runtime.records.same_data import same_data_problems
+from modelgen.runtime.records.same_data import refuse_same_data
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.rows_by_tag import PAPER, rows_for_tags
 
@@ -271,10 +272,9 @@ def _check(
         given = {key: record.signals[key] for key in model.channels if key in record.signals}
         faint = [magnitude_problem(f"{record.name}: channel {k}", v, SMALLEST) for k, v in given.items()]
         problems += [problem for problem in faint if problem is not None]
-    if not problems:
-        problems = same_data_problems(known, measured)
     if problems:
         raise DataError(*problems)
+    refuse_same_data([RecordChannels(record) for record in known], measured)
 
 
 def _silent(_: str) -> None:

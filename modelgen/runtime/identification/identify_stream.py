@@ -28,7 +28,7 @@ from modelgen.runtime.least_squares.triangle_fit import FactorFit, fit_factors, 
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import Channels, RecordChannels
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.records.same_data import same_data_problems
+from modelgen.runtime.records.same_data import refuse_same_data
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.record_factors import RecordFactors, record_factors
 from modelgen.runtime.rows.record_rows import matched_rows
@@ -129,9 +129,7 @@ def identify_stream(
     sources = [RecordChannels(record) if isinstance(record, Record) else record for record in records]
     say("choosing filters")
     pieces = [stretches(model, source) for source in sources]
-    twice = same_data_problems([record[0] for record in pieces], model.channels)
-    if twice:
-        raise DataError(*twice)
+    refuse_same_data(sources, model.channels)
     choice = choose_from_stretches(model, pieces, cutoff_hz, filter_order, decimation, direction_cutoff_hz)
     say("filtering and solving")
     tasks = [

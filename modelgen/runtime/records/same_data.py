@@ -1,116 +1,182 @@
-"""The same data given twice: two records of which one is, or holds, a stretch of the other.
+"""The same data given twice: it tells nothing new, but would make every interval smaller.
 
-Data that are counted twice shrink the intervals by the square root of two. Names and files tell nothing: a
-copy has another name, another format or another beginning. Records are therefore compared by content: at
-samples that their own values pick, a few samples of all channels are hashed; noise never repeats itself.
+Records are compared by what they hold, whatever their files, formats, names and tags: whole records of equal
+length up to a factor and to rounding (a table of seven digits beside the binary file), and, where they are in
+memory, any stretch that two records share sample by sample. Data with noise of its own is never that equal.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import combinations
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.errors import Problem
-from modelgen.runtime.records.record import Record
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.records.channels import Channels, RecordChannels
 
 FloatArray = npt.NDArray[np.float64]
-HashArray = npt.NDArray[np.uint64]
-IntArray = npt.NDArray[np.int64]
 
-# Samples hashed at each place; places in the shortest record, about; and how many must agree, and what share
-# of the places of the shorter stretch: a quantised reading may repeat itself here and there by chance.
-WINDOW = 16
-PLACES = 512
-FEWEST = 4
-LEAST_SHARE = 0.5
-COUNTED_ONCE = "leave one of them out: data that are counted twice make every interval too narrow"
-# Odd constants of 64-bit hashes: the golden ratio's, and SplitMix64's (Steele 2014).
-GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-MIX = np.uint64(0xBF58476D1CE4E5B9)
+#: Samples that differ by less than this share of the largest are equal: a table of six digits.
+ROUNDING = 6e-6
+#: In units of a look's own largest sample, which may be far below the largest of all.
+NEAR = 1e-3
+#: Stretches at which two records are looked at first, and the samples of each.
+STRETCHES, WIDTH = 16, 32
+#: Two records that share so many changing samples, sample by sample, share a stretch.
+SHARED = 64
+#: Samples that are compared at a time.
+CHUNK = 1 << 18
 
 
-def same_data_problems(records: Sequence[Record], channels: Sequence[str]) -> list[Problem]:
-    """Return one problem for each pair of records that hold the same data in all these channels."""
+def refuse_same_data(sources: Sequence[Channels], channels: Sequence[str]) -> None:
+    """Refuse two records with the same data.
+
+    Parameters
+    ----------
+    sources : sequence of Channels
+    channels : sequence of str
+        What is compared: the channels that the model uses.
+
+    Raises
+    ------
+    DataError
+        With one problem for every pair, which names both.
+    """
+    if len(sources) < 2 or not channels:
+        return
+    looks = [look(source, channels) for source in sources]
+    found = {
+        (i, k): sources[i].n for i, k in alike(looks) if same_throughout(sources[i], sources[k], channels)
+    }
+    refuse_pairs(sources, {**_stretches(sources, channels), **found})
+
+
+def refuse_pairs(sources: Sequence[Channels], shared: Mapping[tuple[int, int], int]) -> None:
+    """Refuse records that share so many samples, by their places in the sequence.
+
+    Raises
+    ------
+    DataError
+    """
+    problems = []
+    for (first, second), n in sorted(shared.items()):
+        a, b = sources[first], sources[second]
+        whole = n == a.n == b.n
+        what = f"holds the same data as {a.name}" if whole else f"shares {n} samples with {a.name}"
+        if a.name == b.name:
+            what += f" (records {first + 1} and {second + 1})"
+        remedy = "leave one of them out: data that counts twice makes the intervals too small"
+        problems.append(Problem(b.name, what, remedy))
+    if problems:
+        raise DataError(*problems)
+
+
+def alike(looks: Sequence[FloatArray]) -> list[tuple[int, int]]:
+    """Return the pairs of records that look the same."""
+    groups: dict[int, list[int]] = {}
+    for index, one in enumerate(looks):
+        groups.setdefault(one.size, []).append(index)
+    pairs = []
+    for indices in groups.values():
+        table = np.array([looks[index] for index in indices])
+        coarse = table[:, ::WIDTH]  # a few samples tell most records apart
+        for place in range(len(indices) - 1):
+            near = 1 + place + np.flatnonzero(np.abs(coarse[place + 1 :] - coarse[place]).max(axis=1) < NEAR)
+            near = near[np.abs(table[near] - table[place]).max(axis=1) < NEAR]
+            pairs += [(indices[place], indices[other]) for other in near.tolist()]
+    return pairs
+
+
+def look(source: Channels, channels: Sequence[str]) -> FloatArray:
+    """Return the length of a record and samples here and there, in units of the largest of each channel."""
+    starts = np.unique(np.linspace(0, max(0, source.n - WIDTH), STRETCHES).astype(int))
+    looks = [np.array([float(source.n)])]
+    for channel in channels:
+        parts = [source.read(channel, start, min(start + WIDTH, source.n)) for start in starts.tolist()]
+        samples = np.nan_to_num(np.concatenate(parts), posinf=0.0, neginf=0.0)
+        looks.append(samples / (np.abs(samples).max() or 1.0))
+    return np.concatenate(looks)
+
+
+def same_throughout(first: Channels, second: Channels, channels: Sequence[str]) -> bool:
+    """Tell whether two records of one length are the same in all channels, up to factors and rounding."""
+    return first.n == second.n and all(_agrees(first, second, channel) for channel in channels)
+
+
+def _agrees(first: Channels, second: Channels, channel: str) -> bool:
+    """Tell whether a channel of two records is the same up to a factor."""
+    factor, peak = _factor(first, second, channel)
+    for start in range(0, first.n, CHUNK):
+        stop = min(start + CHUNK, first.n)
+        a, b = (np.asarray(source.read(channel, start, stop)) for source in (first, second))
+        with np.errstate(invalid="ignore"):
+            if not np.all((np.abs(a * factor - b) <= ROUNDING * peak) | (np.isnan(a) & np.isnan(b))):
+                return False
+    return True
+
+
+def _factor(first: Channels, second: Channels, channel: str) -> tuple[float, float]:
+    """Return what brings one record to another, from where it is largest, and the size of the other."""
+    best, factor, size = 0.0, 1.0, 0.0
+    for start in range(0, first.n, CHUNK):
+        stop = min(start + CHUNK, first.n)
+        a, b = (np.nan_to_num(np.asarray(source.read(channel, start, stop))) for source in (first, second))
+        size = max(size, float(np.abs(b).max()))
+        index = int(np.argmax(np.abs(a)))
+        if abs(a[index]) > best:
+            best, factor = float(abs(a[index])), float(b[index] / a[index])
+    return factor or 1.0, size
+
+
+def _stretches(sources: Sequence[Channels], channels: Sequence[str]) -> dict[tuple[int, int], int]:
+    """Return the pairs of records in memory that share a stretch, and its samples.
+
+    Where two records overlap, one of them begins within the other: the first changing samples of each are
+    looked for in all others.
+    """
+    records = {
+        i: source.record.signals for i, source in enumerate(sources) if isinstance(source, RecordChannels)
+    }
     if len(records) < 2:
-        return []
-    shared = [key for key in channels if all(key in record.signals for record in records)]
-    if not shared:
-        return []
-    level = max(0, int(np.log2(min(record.n for record in records) / PLACES)))
-    pairs = list(combinations(range(len(records)), 2))
-    found = [_problem(records, i, k, 0) for i, k in pairs if _equal(records[i], records[k], shared)]
-    marks = [_marks([record.signals[key] for key in shared], level) for record in records]
-    for first, second in pairs:
-        if not _equal(records[first], records[second], shared):
-            offset = _common_offset(marks[first], marks[second])
-            if offset is not None:
-                found.append(_problem(records, first, second, offset))
+        return {}
+    head = next(iter(records.values()))
+    channel = max(channels, key=lambda name: len(np.unique(head[name][: 16 * SHARED])))
+    anchors = {}
+    for index, signals in records.items():
+        changes = np.flatnonzero(np.diff(signals[channel]))
+        if changes.size and changes[0] + 1 + SHARED <= len(signals[channel]):
+            anchors[index] = int(changes[0]) + 1
+    values = np.array([records[index][channel][place] for index, place in anchors.items()])
+    found: dict[tuple[int, int], int] = {}
+    for index, signals in records.items():
+        samples = signals[channel]
+        hits = np.flatnonzero(np.isin(samples[: len(samples) - SHARED + 1], values))
+        for other, place in anchors.items():
+            pair = min(index, other), max(index, other)
+            if other != index and pair not in found:
+                for mine, its in _shared(signals, records[other], channel, hits, place):
+                    if all(
+                        np.array_equal(signals[name][mine], records[other][name][its]) for name in channels
+                    ):
+                        found[pair] = mine.stop - mine.start
+                        break
     return found
 
 
-def _equal(one: Record, other: Record, channels: Sequence[str]) -> bool:
-    return one.n == other.n and all(np.array_equal(one.signals[key], other.signals[key]) for key in channels)
-
-
-def _marks(signals: Sequence[FloatArray], level: int) -> tuple[HashArray, IntArray]:
-    """Return hashes of short windows and where they begin, at samples picked by their own values.
-
-    One sample of 2 ** level is picked; windows in which nothing changes are left out.
-    """
-    n = len(signals[0])
-    own = np.zeros(n, dtype=np.uint64)
-    for samples in signals:
-        # -0.0 and 0.0 are one reading
-        own = (own ^ _bits(samples)) * GOLDEN
-        own ^= own >> np.uint64(29)
-    picked = np.flatnonzero((own * MIX) >> np.uint64(64 - level) == 0) if level else np.arange(n)
-    picked = picked[picked <= n - WINDOW]
-    windows = own[picked[:, None] + np.arange(WINDOW)]
-    changing = np.any(windows != windows[:, :1], axis=1)
-    hashes = np.zeros(int(changing.sum()), dtype=np.uint64)
-    for column in windows[changing].T:
-        hashes = (hashes ^ column) * MIX
-        hashes ^= hashes >> np.uint64(31)
-    return hashes, picked[changing].astype(np.int64)
-
-
-def _bits(samples: FloatArray) -> HashArray:
-    return np.ascontiguousarray(samples + 0.0, dtype=np.float64).view(np.uint64)
-
-
-def _common_offset(first: tuple[HashArray, IntArray], second: tuple[HashArray, IntArray]) -> int | None:
-    """Return by how many samples the second record begins later, where the two overlap; else None."""
-    # a hash that comes twice within a record says nothing of where
-    once = [np.unique(hashes, return_index=True, return_counts=True) for hashes, _ in (first, second)]
-    (a, where_a, count_a), (b, where_b, count_b) = once
-    _, in_a, in_b = np.intersect1d(a, b, assume_unique=True, return_indices=True)
-    alone = (count_a[in_a] == 1) & (count_b[in_b] == 1)
-    place_a, place_b = first[1][where_a[in_a[alone]]], second[1][where_b[in_b[alone]]]
-    if len(place_a) < FEWEST:
-        return None
-    offsets, counts = np.unique(place_a - place_b, return_counts=True)
-    offset, agreeing = int(offsets[np.argmax(counts)]), int(counts.max())
-    low = max(int(first[1][0]), int(second[1][0]) + offset)
-    high = min(int(first[1][-1]), int(second[1][-1]) + offset)
-    both = min(
-        int(np.sum((first[1] >= low) & (first[1] <= high))),
-        int(np.sum((second[1] + offset >= low) & (second[1] + offset <= high))),
-    )
-    return offset if agreeing >= max(FEWEST, LEAST_SHARE * both) else None
-
-
-def _problem(records: Sequence[Record], first: int, second: int, offset: int) -> Problem:
-    one, other = records[first], records[second]
-    low, high = max(0, offset), min(one.n, other.n + offset)
-    if offset == 0 and one.n == other.n:
-        what = "hold the same data"
-    else:
-        what = (
-            f"hold the same data: samples {low} to {high - 1} of the one are samples {low - offset} to "
-            f"{high - 1 - offset} of the other"
-        )
-    where = f"records {first + 1} ({one.name}) and {second + 1} ({other.name})"
-    return Problem(where, what, COUNTED_ONCE)
+def _shared(
+    signals: Mapping[str, FloatArray],
+    others: Mapping[str, FloatArray],
+    channel: str,
+    hits: npt.NDArray[np.intp],
+    place: int,
+) -> Iterator[tuple[slice, slice]]:
+    """Yield where one record may overlap another, whose sample at `place` may stand at one of `hits`."""
+    samples, sought = signals[channel], others[channel][place : place + SHARED]
+    for offset in range(SHARED):
+        if not hits.size:
+            return
+        hits = hits[samples[hits + offset] == sought[offset]]
+    for shift in (hits - place).tolist():
+        start, stop = max(0, shift), min(len(samples), shift + len(others[channel]))
+        yield slice(start, stop), slice(start - shift, stop - shift)

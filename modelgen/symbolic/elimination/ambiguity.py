@@ -150,14 +150,11 @@ def closest(row: Mapping[Slot, Any], basis: Iterable[Combination], kept: Slot) -
     left = [add_scaled(scaled, own, -scaled[kept]) if kept in scaled else scaled for scaled in left]
     given_up = []
     while left := [scaled for scaled in left if scaled]:
+        largest = [max(map(abs, scaled.values())) for scaled in left]
         slot, pivot = max(
-            ((slot, scaled) for scaled in left for slot in scaled),
-            key=lambda pair: (
-                abs(pair[1][pair[0]]) / max(map(abs, pair[1].values())),
-                pair[0][2],
-                str(pair[0]),
-            ),
-        )
+            ((slot, scaled, top) for scaled, top in zip(left, largest, strict=True) for slot in scaled),
+            key=lambda found: (abs(found[1][found[0]]) / found[2], found[0][2], str(found[0])),
+        )[:2]
         given_up.append(slot)
         left = [
             add_scaled(scaled, pivot, -scaled[slot] / pivot[slot]) if slot in scaled else scaled

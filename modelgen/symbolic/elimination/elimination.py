@@ -16,43 +16,50 @@ from itertools import combinations
 from sympy.polys.rings import PolyElement
 
 from modelgen.errors import ModelError
+from modelgen.progress import counted
 from modelgen.symbolic.elimination.common_factor import common_factor, exact_quotient
 from modelgen.symbolic.elimination.eliminated_row import EliminatedRow, weighted_sum
+from modelgen.symbolic.elimination.length_limit import Choice, LengthLimit
 from modelgen.symbolic.elimination.polynomials import Coordinates, PolynomialSystem, polynomial_system, unit
 from modelgen.symbolic.equations.newton import Equation, MotionEquations
 
-#: More unseen neighbours than this are refused: the number of terms grows exponentially with them.
-LARGEST_ELIMINATION = 4
 #: Alternative choices of equations are tried up to this many; beyond, each measured body's own row is kept.
 MOST_CHOICES = 64
 #: Around an unseen group, all seen coordinates but one may be eliminated, too, if they are no more than this.
 MOST_SEEN = 3
 
 
-def eliminated_rows(motion: MotionEquations, coordinates: Coordinates, where: str) -> Iterator[EliminatedRow]:
+def eliminated_rows(
+    motion: MotionEquations, coordinates: Coordinates, limit: LengthLimit
+) -> Iterator[EliminatedRow]:
     """Yield rows for all equations that hold unseen coordinates, those to be preferred first.
 
     Raises
     ------
     ModelError
-        If more than LARGEST_ELIMINATION unseen coordinates would have to be eliminated at once, or something
-        nonlinear.
+        If too many unseen coordinates would have to be eliminated at once, in rows that are too long, or
+        something nonlinear.
     """
     unseen = unseen_by_equation(motion, coordinates)
+    choices, alone = (
+        list(_choices(coordinates.unseen, unseen, limit)),
+        list(_alone(motion, coordinates, unseen)),
+    )
+    short = set(limit.short([*choices, *alone], {body for body, held in unseen.items() if held}))
     equation_of = {equation.body: equation for equation in motion.equations}
 
-    def rows(choices: Iterable[tuple[tuple[str, ...], tuple[str, ...]]]) -> Iterator[EliminatedRow]:
-        for bodies, others in choices:
+    def rows(choices: Iterable[Choice]) -> Iterator[EliminatedRow]:
+        for bodies, others in counted([choice for choice in choices if choice in short], "rows eliminated"):
             # A ring of its own for every row: the cost of a polynomial grows with the generators of its ring.
             system = polynomial_system(motion.spec, [equation_of[body] for body in bodies], coordinates)
-            row = _eliminate(system, bodies, others, where)
+            row = _eliminate(system, bodies, others, limit.where)
             if row is not None:
                 yield row
 
     # Rows that a force enters come first: they fix the scale of their parameters.
-    found = list(rows(_choices(coordinates.unseen, unseen, where)))
+    found = list(rows(choices))
     yield from sorted(found, key=lambda row: (not row.forces, row.order, len(row.bodies)))
-    yield from rows(_alone(motion, coordinates, unseen))
+    yield from rows(alone)
 
 
 def unseen_by_equation(motion: MotionEquations, coordinates: Coordinates) -> dict[str, frozenset[str]]:
@@ -66,8 +73,8 @@ def _unseen_in(equation: Equation, coordinates: Coordinates) -> Iterator[str]:
 
 
 def _choices(
-    bodies: Sequence[str], unseen: Mapping[str, frozenset[str]], where: str
-) -> Iterator[tuple[tuple[str, ...], tuple[str, ...]]]:
+    bodies: Sequence[str], unseen: Mapping[str, frozenset[str]], limit: LengthLimit
+) -> Iterator[Choice]:
     """Yield (equations, unseen coordinates in them), one equation more than coordinates."""
     order = {body: index for index, body in enumerate(unseen)}
     groups = _groups(bodies, unseen.values())
@@ -76,7 +83,7 @@ def _choices(
     for body, held in unseen.items():
         if held and body not in group_of:
             inside = sorted({b for other in held for b in group_of[other]}, key=order.__getitem__)
-            _refuse_large(inside, where)
+            limit.refuse_many(inside)
             tried.setdefault(tuple(sorted([*inside, body], key=order.__getitem__)), tuple(inside))
     for group in groups:
         pool = [body for body, held in unseen.items() if held and held <= frozenset(group)]
@@ -87,7 +94,7 @@ def _choices(
 
 def _alone(
     motion: MotionEquations, coordinates: Coordinates, unseen: Mapping[str, frozenset[str]]
-) -> Iterator[tuple[tuple[str, ...], tuple[str, ...]]]:
+) -> Iterator[Choice]:
     """Yield choices that leave one coordinate of those around an unseen group: seen ones go as well.
 
     Their orders are high, but little can be added to such a row: once the whole chain is around the group, it
@@ -131,16 +138,6 @@ def _groups(bodies: Sequence[str], held_together: Iterable[frozenset[str]]) -> l
     for body in bodies:
         groups.setdefault(root(body), []).append(body)
     return [tuple(group) for group in groups.values()]
-
-
-def _refuse_large(inside: Sequence[str], where: str) -> None:
-    if len(inside) > LARGEST_ELIMINATION:
-        raise ModelError.at(
-            where,
-            f"{len(inside)} bodies that hang together have no sensor ({', '.join(inside)}); at most "
-            f"{LARGEST_ELIMINATION} can be eliminated",
-            f"add a sensor on one of {', '.join(inside)}",
-        )
 
 
 def _eliminate(

@@ -20,10 +20,12 @@ from modelgen.symbolic.elimination.common_factor import common_factor, exact_quo
 Row = dict[Multiplier, PolyElement]
 #: A row with a coefficient of more terms than this would be of no use: no one could read or check it.
 MOST_TERMS = 200
+#: A product of more terms on the way does not lead to a short one, either: those that do need a few hundred.
+MOST_PRODUCTS = 2000
 
 
 class TooLong(Exception):
-    """A multiplier has more than MOST_TERMS terms."""
+    """A multiplier has more than MOST_TERMS terms, or a product on the way to it more than MOST_PRODUCTS."""
 
 
 def exact_multipliers(
@@ -37,7 +39,7 @@ def exact_multipliers(
     Raises
     ------
     TooLong
-        If one of them has more than MOST_TERMS terms.
+        If one of them, or a product on the way, is too long.
     """
     system: dict[Slot, Row] = {}
     for body, power in unknown:
@@ -71,6 +73,11 @@ def _without(pivot: Multiplier, row: Row, chosen: Row) -> Row:
         return row
     common = common_factor(row[pivot], chosen[pivot])
     ours, theirs = exact_quotient(chosen[pivot], common), exact_quotient(row[pivot], common)
+    if (
+        max(max(map(len, row.values())) * len(ours), max(map(len, chosen.values())) * len(theirs))
+        > MOST_PRODUCTS
+    ):
+        raise TooLong
     total = {name: value * ours for name, value in row.items() if name != pivot}
     for name, value in chosen.items():
         if name != pivot:
@@ -95,6 +102,8 @@ def _substituted(solved: list[tuple[Multiplier, Row]], found: Row) -> Row:
         rest = [row[name] * found[name] for name in row if name in found]
         if not rest:
             continue
+        if max(len(row[name]) * len(found[name]) for name in row if name in found) > MOST_PRODUCTS:
+            raise TooLong
         total = -reduce(lambda a, b: a + b, rest)
         if not total:
             continue

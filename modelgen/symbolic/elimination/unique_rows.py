@@ -6,7 +6,7 @@ gives up as many of its signals as there are other combinations, and becomes uni
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -25,6 +25,7 @@ from modelgen.symbolic.elimination.ambiguity import (
 )
 from modelgen.symbolic.elimination.eliminated_row import EliminatedRow, weighted_sum
 from modelgen.symbolic.elimination.elimination import unseen_by_equation
+from modelgen.symbolic.elimination.length_limit import MOST_FAILED, LengthLimit
 from modelgen.symbolic.elimination.multipliers import TooLong, exact_multipliers
 from modelgen.symbolic.elimination.polynomials import Coordinates, by_order, polynomial_system
 from modelgen.symbolic.equations.identifiability import (
@@ -54,9 +55,10 @@ class UniqueRows:
         self._point = random_values(motion.spec, FIELD)
         self._light = _lightly_damped(motion.spec)
         self._neighbours = {equation.body: equation.bodies for equation in motion.equations}
+        self._too_long: set[tuple[Any, ...]] = set()
         self._s = random_point(["s derivative"])["s derivative"]
 
-    def choose(self, candidates: Iterable[EliminatedRow], where: str) -> Iterator[EliminatedRow]:
+    def choose(self, candidates: Iterable[EliminatedRow], limit: LengthLimit) -> Iterator[EliminatedRow]:
         """Yield independent unique rows, as many as there are more equations than unseen coordinates.
 
         Raises
@@ -68,10 +70,15 @@ class UniqueRows:
         holders = {body for body, held in unseen.items() if held}
         missing = len(holders) - len(self.coordinates.unseen)
         pivots: dict[str, dict[str, int]] = {}
+        additions = 0
         for candidate in candidates:
             if not missing:
                 return
-            for combination, make in self._versions(candidate):
+            near = self._near(candidate)
+            own = (len(near) * (candidate.order - 1)) ** 2
+            limit.refuse_unlike(additions + missing * own)
+            additions += own
+            for combination, make in self._versions(candidate, near):
                 vector = self._of_bodies(combination, holders)
                 reduce_modular(vector, pivots)
                 row = make() if vector else None
@@ -80,20 +87,22 @@ class UniqueRows:
                     missing -= 1
                     yield row
                     break
+                limit.refuse_failed(len(self._too_long))
         if missing:
+            limit.refuse_failed(MOST_FAILED)
             names = ", ".join(self.coordinates.unseen)
             raise ModelError.at(
-                where,
+                limit.where,
                 f"without a sensor on {names} the coefficients of the rows cannot be told apart",
                 f"add a sensor on one of {names}",
             )
 
     def _versions(
-        self, candidate: EliminatedRow
+        self, candidate: EliminatedRow, nearby: Sequence[Equation]
     ) -> Iterator[tuple[Combination, Callable[[], EliminatedRow | None]]]:
         """Yield what is unique on the signals of a candidate, best first, and how it is made."""
         constants = not self._differentiated(candidate)
-        near = polynomial_system(self.motion.spec, self._near(candidate), self.coordinates)
+        near = polynomial_system(self.motion.spec, nearby, self.coordinates)
         allowed = dict(slots(candidate))
 
         def basis_at(point: Mapping[str, Any], field: Any) -> list[Combination]:
@@ -127,6 +136,10 @@ class UniqueRows:
         self, combination: Combination, candidate: EliminatedRow, constants: bool
     ) -> EliminatedRow | None:
         """Return a combination in exact polynomials, or None if they are too long."""
+        # what is unique on its signals is the same from whichever candidate it comes
+        key = (frozenset(combination.multipliers), frozenset(combination.slots), constants)
+        if key in self._too_long:
+            return None
         wanted = {body for body, _ in combination.multipliers}
         equations = [equation for equation in self.motion.equations if equation.body in wanted]
         system = polynomial_system(self.motion.spec, equations, self.coordinates)
@@ -134,6 +147,7 @@ class UniqueRows:
         try:
             found = exact_multipliers(tuple(combination.multipliers), combination.slots, tables, constants)
         except TooLong:
+            self._too_long.add(key)
             return None
         s, zero = system.ring.gens[0], system.ring.zero
         weights = {

@@ -61,6 +61,19 @@ def levers(spec: ChainSpec) -> dict[str, float]:
     return {body: abs(float(weight)) for body, weight in weights.items()}
 
 
+def contradicts_itself(spec: ChainSpec) -> bool:
+    """Tell whether the gear ratios around a loop do not multiply to 1."""
+    neighbours = _neighbours(spec.links)
+    seen: set[str] = set()
+    for body in neighbours:
+        if body not in seen:
+            weights, consistent = _weights(body, neighbours)
+            seen.update(weights)
+            if not consistent:
+                return True
+    return False
+
+
 def _neighbours(links: Sequence[Link]) -> dict[str, list[tuple[str, Exact]]]:
     neighbours: dict[str, list[tuple[str, Exact]]] = {}
     for link in links:

@@ -1,0 +1,63 @@
+"""The scheduler and the workers of a local cluster: dask's own, without the HTTP servers that they open.
+
+dask starts these whether or not it shows a dashboard, and they ask for no certificate. This is the only
+module that needs dask.distributed to be imported.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+distributed: Any = import_module("distributed")
+
+#: what the cluster's processes log: warnings (logging.WARNING), as those of a cluster of dask's own
+LOGGED = 30
+
+
+class _WithoutHttp:
+    """What dask calls to start an HTTP server does nothing."""
+
+    def start_http_server(self, *_: Any, **__: Any) -> None:
+        """Open no port."""
+
+
+class QuietScheduler(_WithoutHttp, distributed.Scheduler):  # type: ignore[misc]
+    """A scheduler that answers its clients and workers only."""
+
+
+class QuietWorker(_WithoutHttp, distributed.Worker):  # type: ignore[misc]
+    """A worker that answers its scheduler and the other workers only."""
+
+
+def local_cluster(workers: int, folder: str, environment: dict[str, str], starting_s: float) -> Any:
+    """Start a cluster that only this process and its own workers can talk to.
+
+    Every connection is encrypted, and both of its ends must show a certificate made for this cluster alone:
+    its key is in the memory of this process, and goes to the workers through the pipes that start them.
+    """
+    security = distributed.Security.temporary()
+    shared = {"host": "127.0.0.1", "protocol": "tls://", "security": security}
+    worker = {
+        "cls": distributed.Nanny,
+        "options": {
+            **shared,
+            "worker_class": QuietWorker,
+            "nthreads": 1,
+            "dashboard": False,
+            "local_directory": folder,
+            "env": environment,
+            "death_timeout": starting_s,
+            "silence_logs": LOGGED,
+        },
+    }
+    return distributed.SpecCluster(
+        workers=dict.fromkeys(range(workers), worker),
+        scheduler={
+            "cls": QuietScheduler,
+            "options": {**shared, "port": 0, "dashboard": False, "dashboard_address": None},
+        },
+        security=security,
+        silence_logs=LOGGED,
+        name="modelgen",
+    )
