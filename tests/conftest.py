@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import os
+
+# before NumPy is imported: each process of pytest-xdist has a core of its own
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 from pathlib import Path
 
 import pytest
