@@ -36,8 +36,8 @@ class Kind:
 
 
 SPEC = Kind(1_000_000, "check the path, or start one with modelgen new", SpecError)
-# a chain of a thousand bodies gives a tenth of that
-MODULE = Kind(100_000_000, "give the path of a module that modelgen generate has written")
+# a chain of a thousand bodies gives 3.6 million
+MODULE = Kind(5_000_000, "give the path of a module that modelgen generate has written")
 MAPPING = Kind(1_000_000, "check the path; modelgen import FILE writes one")
 CONTROLLER = Kind(100_000, "give a controller's TOML file")
 INSTRUMENTS = Kind(100_000, "give a TOML file of candidate instruments")
