@@ -28,10 +28,12 @@ def test_every_machine_gets_its_estimate_and_a_corrupt_file_is_named(tmp_path: P
     pytest.importorskip("distributed")
     h5py = pytest.importorskip("h5py")
     truth = MODEL.parameter_sets["table_2"]
-    record = simulate(MODEL, truth, "chirp", duration_s=2.0, oversample=8).record
+    record, other = (
+        simulate(MODEL, truth, kind, duration_s=2.0, oversample=8).record for kind in ("chirp", "trapezoid")
+    )
     folder = tmp_path / "press" / "run1"
     folder.mkdir(parents=True)
-    for channel, samples in record.signals.items():
+    for channel, samples in other.signals.items():
         np.save(folder / f"{channel}.npy", samples)
     (tmp_path / "crane").mkdir()
     whole, broken = tmp_path / "crane" / "run.h5", tmp_path / "crane" / "broken.h5"

@@ -17,7 +17,9 @@ from modelgen.errors import DataError, Problem
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.records.same_data import refuse_same_data
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation
@@ -126,7 +128,8 @@ def validate(
     Raises
     ------
     DataError
-        When a channel or a force is missing, or parameters or loop do not suit the model.
+        When a channel or a force is missing, records hold the same data, or parameters or loop do not suit
+        the model.
     """
     problems = [
         missing_name(record.name, "channel", key, record.signals)
@@ -138,6 +141,7 @@ def validate(
         problems = [Problem("records", "there are none", "give at least one Record")]
     if problems:
         raise DataError(*problems)
+    refuse_same_data([RecordChannels(record) for record in records], model.channels)
     plant = make_plant(model, parameters, actuator)
     drive = drive or Drive()
     steps = oversample or (1 if drive.sampled else OVERSAMPLE)

@@ -69,12 +69,17 @@ def slots(tables: Tables) -> Iterator[tuple[Slot, PolyElement]]:
         yield from ((("constants", signal, 0), value) for order, value in by_order(poly) if not order)
 
 
+class TooManyDigits(Exception):
+    """Rational numbers have grown so long that to go on would take minutes."""
+
+
 def combinations_on(
     allowed: Collection[Slot],
     equations: Mapping[str, Mapping[Slot, Any]],
     one: Any,
     highest: int,
     constants: bool,
+    bits: int | None = None,
 ) -> list[Combination]:
     """Return a basis of the combinations of equations that leave allowed slots only.
 
@@ -89,6 +94,12 @@ def combinations_on(
         The highest power of s that multiplies an equation.
     constants : bool
         Whether constants count; in a row that is differentiated they do not.
+    bits : int, optional
+        How long rational numbers may become.
+
+    Raises
+    ------
+    TooManyDigits
     """
     pivots: dict[Slot, Combination] = {}
     found = []
@@ -97,12 +108,20 @@ def combinations_on(
             combination = Combination({(body, power): one}, dict(raised(equation, power, constants)))
             while lead := next((slot for slot in combination.slots if slot in pivots), None):
                 combination = combination.cleared(lead, pivots[lead])
+                if bits is not None and _bits(combination) > bits:
+                    raise TooManyDigits
             lead = next((slot for slot in combination.slots if slot not in allowed), None)
             if lead is None:
                 found.append(combination)
             else:
                 pivots[lead] = combination
     return found
+
+
+def _bits(combination: Combination) -> int:
+    """Return the length of one of its numbers; all are about as long."""
+    value = next(iter(combination.slots.values()), 0)
+    return int(value.numerator).bit_length() + int(value.denominator).bit_length()
 
 
 def raised(equation: Mapping[Slot, Any], power: int, constants: bool) -> Iterator[tuple[Slot, Any]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from modelgen.errors import ModelError
+from modelgen.symbolic.elimination.multipliers import MOST_TERMS
 from modelgen.symbolic.elimination.polynomials import Coordinates, Functional, unit
 from modelgen.symbolic.elimination.term_count import TermCount, TermCounter
 from modelgen.symbolic.equations.identifiability import (
@@ -28,7 +29,7 @@ MOST_FACTORS = 20_000_000
 MOST_ADDITIONS = 300_000
 #: Coefficients that are counted at most, in three seconds; what is longer than that is too long in any case.
 MOST_COUNTED = 200_000
-#: Where rows were left out, so many of the others may fail, each after most of a second.
+#: So many ways to make a row may fail where others were left out, or for every row; each takes half a second.
 MOST_FAILED = 3
 #: A list of more bodies than this is cut.
 LISTED = 20
@@ -93,16 +94,16 @@ class LengthLimit:
                 self.where,
                 f"the rows without a sensor on {unseen} would have {more}{count.total:,} terms, "
                 f"{count.longest:,} of them in one coefficient, and {count.factors:,} factors to multiply; "
-                f"at most {LONGEST_COEFFICIENT:,} in a coefficient, and {MOST_FACTORS:,} factors, "
-                "can be derived",
+                f"at most {LONGEST_COEFFICIENT:,} terms in a coefficient and {MOST_FACTORS:,} factors can be "
+                "derived",
                 self._remedy(),
             )
             if self._independent(kept, holders) < missing:
                 raise self._too_long
         return kept
 
-    def refuse_failed(self, failed: int) -> None:
-        """Refuse where rows were left out as too long and so many ways without them have failed.
+    def refuse_failed(self, failed: int, left: int) -> None:
+        """Refuse where so many ways have failed, and so many rows are missing still.
 
         Raises
         ------
@@ -110,6 +111,29 @@ class LengthLimit:
         """
         if self._too_long is not None and failed >= MOST_FAILED:
             raise self._too_long
+        if failed >= MOST_FAILED * (4 + left):
+            self.refuse_missing(failed)
+
+    def refuse_missing(self, failed: int) -> None:
+        """Refuse where rows are missing and there is no way left to make them.
+
+        Raises
+        ------
+        ModelError
+        """
+        if self._too_long is not None:
+            raise self._too_long
+        unseen = _listed(self._coordinates.unseen)
+        raise ModelError.at(
+            self.where,
+            f"without a sensor on {unseen} the coefficients of the rows cannot be told apart"
+            + (
+                f" ({failed} sums of rows have more than {MOST_TERMS} terms in a multiplier)"
+                if failed
+                else ""
+            ),
+            f"add a sensor on one of {unseen}" + (", or on all of them" if failed else ""),
+        )
 
     def refuse_unlike(self, additions: int) -> None:
         """Refuse where too much would have to be added up to see whether rows are unique.
@@ -122,8 +146,8 @@ class LengthLimit:
             unseen = _listed(self._coordinates.unseen)
             raise ModelError.at(
                 self.where,
-                f"the rows without a sensor on {unseen} take {additions:,} additions before it is known "
-                f"whether they are unique; at most {MOST_ADDITIONS:,} are done",
+                f"the rows without a sensor on {unseen} take {additions:,} additions to know whether they "
+                f"are unique; at most {MOST_ADDITIONS:,} are done",
                 f"add a position sensor on {unseen}",
             )
 
