@@ -29,8 +29,6 @@ LEAP, LEAP_RESOLUTIONS, LEAP_SPEED = 20.0, 6.0, 0.3
 FEWEST_STEPS = 50
 # A machine's readings do not span more than this.
 WIDEST = {"m": 100.0, "m/s": 100.0, "m/s^2": 1e5, "rad/s": 1e5, "rad/s^2": 1e8}
-# Readings beyond this are no numbers of a sensor, and would overflow below.
-ABSURD = 1e100
 # The machine moves where a sensor's speed, over so many samples before and after, is this share of its rms.
 MOVES, AROUND = 0.1, 8
 LISTED = 3
@@ -57,12 +55,7 @@ def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
     measures = {sensor.key: sensor.measures for sensor in model.sensors}
     units = {sensor.key: sensor.unit for sensor in model.sensors}
     units |= {actuator.key: actuator.unit for actuator in model.actuators}
-    present = {key: record.signals[key] for key in units if key in record.signals}
-    used = {key: samples for key, samples in present.items() if np.abs(samples).max() < ABSURD}
-    for key in [key for key in present if key not in used]:
-        where = f"{record.name}, channel {key}, samples 0 to {record.n - 1}"
-        what = f"reads up to {np.abs(present[key]).max():.4g} {units[key]}, which nothing does"
-        yield Advice("unit", where, what, "check how the file was read, and the channel's scale")
+    used = {key: record.signals[key] for key in units if key in record.signals}
     acts = any(np.ptp(samples) > 0.0 for key, samples in used.items() if key not in measures)
     moving = _moving(record.n, {key: used[key] for key in measures if key in used}, measures)
     leaps: list[tuple[int, str]] = []
