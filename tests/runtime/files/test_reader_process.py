@@ -132,7 +132,7 @@ def test_it_ends_with_the_process_that_started_it(files: Path) -> None:
     import sys
 
     code = (
-        "import os, sys; from pathlib import Path; from modelgen.runtime import reader_process as r; "
+        "import os, sys; from pathlib import Path; from modelgen.runtime.files import reader_process as r; "
         "r.ask('hdf5.listing', Path(sys.argv[1])); print(r._READERS['hdf5'].process.pid, flush=True); "
         "os.kill(os.getpid(), 9)"
     )
