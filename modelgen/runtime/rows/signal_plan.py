@@ -254,7 +254,8 @@ def _last_use(model: Model) -> dict[str, int]:
     last: dict[str, int] = {}
     for row, touched in enumerate(model.regressor_columns):
         for terms in (*touched.values(), model.measurement_columns[row]):
-            last |= {channel.get(key, key): row for _, key in terms}
+            # the constant is no channel: every row asks it for the number of samples
+            last |= {channel.get(key, key): row for _, key in terms if key != "1"}
     return last
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from generated import emps300_qm_ac, emps_rigid_asymmetric_qm, emps_rigid_qm
+from generated import emps300_qm_ac, emps_rigid_asymmetric_qm, emps_rigid_qm, tree_positions
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.filters.derivatives import differentiate
@@ -14,6 +14,7 @@ from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.model import Feature, Model, model_from_module
 from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import observe
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 
 FloatArray = npt.NDArray[np.float64]
@@ -21,6 +22,7 @@ FloatArray = npt.NDArray[np.float64]
 RIGID = model_from_module(emps_rigid_qm)
 ASYMMETRIC = model_from_module(emps_rigid_asymmetric_qm)
 CHAIN = model_from_module(emps300_qm_ac)
+TREE = model_from_module(tree_positions)
 FS = 1000.0
 
 
@@ -117,6 +119,16 @@ def test_chunks_do_not_change_the_rows(samples: int) -> None:
         scale = np.abs(one).max(axis=1, keepdims=True)
         np.testing.assert_allclose(other / scale, one / scale, atol=1e-12)
     np.testing.assert_allclose(cut.derivatives("F", [1]), whole.derivatives("F", [1]), rtol=1e-9, atol=1e-9)
+
+
+def test_a_constant_that_an_early_row_alone_holds_is_there_for_the_later_ones() -> None:
+    rng = np.random.default_rng(3)
+    record = Record({key: rng.standard_normal(3000) for key in TREE.channels}, 1000.0)
+    holds = [any(key == "1" for t in row.values() for _, key in t) for row in TREE.regressor_columns]
+    assert True in holds[:-1]
+    assert not holds[-1]
+    choice = choose_filter(TREE, [record], cutoff_hz=100.0, direction_cutoff_hz=50.0)
+    assert {block.row for block in observe(TREE, [record], choice).blocks} == set(range(len(TREE.rows)))
 
 
 def test_a_short_record_is_refused_with_the_number_needed() -> None:
