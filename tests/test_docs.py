@@ -109,7 +109,8 @@ def test_examples_of_the_help_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     for machine in ("axis1", "axis2"):
         Path(machine).mkdir()
     shutil.copy("chirp.npz", "axis1/run1.npz")
-    run_command(f"{simulate} --noise q_m=2e-6 --noise a_c=0.5 --noise Gamma_m=1e-4 --seed 2 -o axis2/run1.npz")
+    noise = "--noise q_m=2e-6 --noise a_c=0.5 --noise Gamma_m=1e-4 --seed 2"
+    run_command(f"{simulate} {noise} -o axis2/run1.npz")
     later = [
         command for command in EXAMPLES if command not in ("demo", "new", "show", "generate", "simulate")
     ]

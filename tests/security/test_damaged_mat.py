@@ -132,13 +132,26 @@ def test_mutated_files_are_read_or_refused(trap: Path) -> None:
     assert peak < 20_000_000  # the largest of the files takes 11 kB
 
 
+SPARSE = {10_000_000_000: "is larger than 8000 MB", 7_000_000_000: "states 7000 MB, of which hardly any"}
+
+
+@pytest.mark.parametrize("size", SPARSE)
 @pytest.mark.parametrize("level", [4, 5])
-def test_ten_gigabytes_of_zeros(trap: Path, level: int) -> None:
+def test_gigabytes_of_zeros(trap: Path, level: int, size: int) -> None:
     path = trap / "a.mat"
     with path.open("wb") as file:
         if level == 5:
             file.write(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM")
-        file.truncate(10_000_000_000)
+        file.truncate(size)
+    with pytest.raises(DataError, match=SPARSE[size]):
+        open_source(path)
+
+
+@pytest.mark.parametrize("level", [4, 5])
+def test_megabytes_of_zeros(trap: Path, level: int) -> None:
+    path = trap / "a.mat"
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" if level == 5 else b""
+    path.write_bytes(head + bytes(20_000_000))
     with pytest.raises(DataError, match="is no readable MATLAB file"):
         open_source(path)
 
