@@ -121,6 +121,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_two_runs_give_the_same_bytes(folder: Path) -> None:
     first = run(folder, PYTHONHASHSEED="1", TZ="UTC", LC_ALL="C")
     assert first == run(folder, PYTHONHASHSEED="2", TZ="Asia/Tokyo", LC_ALL="C.UTF-8")

@@ -50,7 +50,12 @@ def run_command(line: str) -> str:
     return result.output
 
 
-@pytest.mark.parametrize("page", PAGES)
+LONG = ("how-to/sensors.md", "how-to/compare.md", "how-to/validate.md")
+
+
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=pytest.mark.slow) if page in LONG else page for page in PAGES]
+)
 def test_every_snippet_runs(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {"__name__": "docs"}
@@ -93,6 +98,7 @@ def test_every_page_is_in_the_navigation() -> None:
 LOOP = "[controller]\nkp = 0.19\nkv = 1.7e-3\n"
 
 
+@pytest.mark.slow
 def test_examples_of_the_help_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In an order in which each finds what it needs; the demo has a test of its own."""
     monkeypatch.chdir(tmp_path)

@@ -14,6 +14,7 @@ NOTEBOOKS = sorted(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("notebook", NOTEBOOKS)
 def test_notebook_runs_and_its_assertions_hold(
     notebook: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -54,6 +54,7 @@ def test_every_machine_gets_its_estimate_and_a_corrupt_file_is_named(tmp_path: P
     assert "is no readable record" in found["failed"][str(broken)]
 
 
+@pytest.mark.slow
 def test_a_scheduler_is_asked_and_the_table_names_machines(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     truth = MODEL.parameter_sets["table_2"]

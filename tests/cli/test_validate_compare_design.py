@@ -148,6 +148,7 @@ def test_compare_needs_two_models() -> None:
     assert "names 1 model; give two or more" in run("compare", QC, code=2)
 
 
+@pytest.mark.slow
 def test_design_ranks_what_candidates_can_do(here: Path) -> None:
     (here / "shop.toml").write_text(CANDIDATES)
     options = ("emps300", "--parameters", "table_2", "--candidates", "shop.toml", "--method", "wls")
@@ -162,6 +163,7 @@ def test_design_ranks_what_candidates_can_do(here: Path) -> None:
     assert "no set reaches 1e-06 %" in text
 
 
+@pytest.mark.slow
 def test_design_optimises_and_confirms(here: Path) -> None:
     noise = ("--noise", "q_m=2e-5", "--noise", "q_c=2e-5", "--noise", "Gamma_m=1e-4")
     options = ("emps300", "--sensors", "qm_qc", "--parameters", "table_2", "--method", "wls", *noise)

@@ -28,6 +28,7 @@ def test_the_golden_folder_holds_nothing_else() -> None:
     assert {path.name for path in (ROOT / "generated").glob("*.py")} == expected | {"__init__.py"}
 
 
+@pytest.mark.slow
 def test_same_bytes_under_five_hash_seeds() -> None:
     script = (
         "from modelgen.spec.load import *; from modelgen.render.writer import generate\n"

@@ -107,6 +107,7 @@ def test_modules_that_fit_are_whole_and_the_others_are_absent(processes: Path) -
     assert module_problems((processes / "out" / written[0]).read_text(encoding="utf-8")) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("option", "name"), [("-o", "estimate.json"), ("--report", "report.html")])
 def test_results_that_do_not_fit_leave_the_old_file(record: Path, option: str, name: str) -> None:
     old = record.with_name(name)
@@ -190,6 +191,7 @@ def interrupted_at(line: str, *arguments: str) -> tuple[int, str]:
     return shell_code(process), said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", ["choosing filters", "filtering and solving", "judging the fit"])
 def test_an_interrupted_identification_leaves_the_old_result(record: Path, line: str) -> None:
     old = record.with_name("estimate.json")

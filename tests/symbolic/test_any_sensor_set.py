@@ -19,6 +19,7 @@ from tests.symbolic.exact_rank import rank_along_motions
 from tests.symbolic.random_chains import ExactMotion, random_spec
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(st.integers(0, 10**9))
 def test_rows_hold_on_random_graphs(seed: int) -> None:

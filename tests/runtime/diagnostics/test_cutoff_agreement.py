@@ -41,6 +41,7 @@ def test_only_what_noise_does_not_explain_counts() -> None:
     np.testing.assert_array_equal(significant_drift((), 2), np.zeros((2, 2)))
 
 
+@pytest.mark.slow
 def test_the_bench_agrees_over_cutoffs_and_periods(bench: Record) -> None:
     found = []
     for cutoff_hz, (first, last) in (

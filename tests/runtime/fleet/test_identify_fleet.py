@@ -137,6 +137,7 @@ def test_a_fleet_gives_each_machine_what_it_would_get_alone(client: Any, sources
         )
 
 
+@pytest.mark.slow
 def test_neither_tasks_nor_workers_change_an_estimate(client: Any, sources: list[NpyChannels]) -> None:
     fleet = fleet_of(sources)
     expected = identify_fleet(client, TEXT, fleet, **SETTINGS)
@@ -170,6 +171,7 @@ def test_workers_use_one_thread_and_keep_their_memory(client: Any) -> None:
     assert {name: found[name] for name in wanted} == {n: os.environ.get(n, v) for n, v in wanted.items()}
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_runs_is_used(sources: list[NpyChannels]) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
@@ -207,6 +209,7 @@ def test_a_corrupt_file_costs_its_record_only(
     assert list(found.machines) == ["a", "c"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "reason"), [(Deadly, "KilledWorker"), (Hungry, "MemoryError")])
 def test_a_record_that_no_worker_survives_is_named(
     client: Any, sources: list[NpyChannels], kind: type[NpyChannels], reason: str
@@ -253,6 +256,7 @@ def test_a_fleet_without_workers_gives_up(
         identify_fleet(client, TEXT, [FleetRecord("a", sources[0])], **SETTINGS)
 
 
+@pytest.mark.slow
 def test_workers_that_do_nothing_are_given_up_and_none_of_them_stays(
     sources: list[NpyChannels], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -147,6 +147,7 @@ def test_the_paper_s_own_procedure_is_biased_by_tens_of_percent(model: Model) ->
         assert error > 3.0 * estimate.relative_std[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "parameters"), [(QC, "table_1"), (AC, "light")], ids=["table_1", "light"])
 def test_intervals_hold_the_truth_with_noise(model: Model, parameters: str) -> None:
     truth = np.array([model.parameter_sets[parameters][name] for name in model.parameters])

@@ -98,6 +98,7 @@ def estimate(parameters: str, seed: int, louder: float = 1.0, **options: object)
     return identify(motor_only("emps300"), records, "iv", **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_bias_and_coverage_from_the_motor_alone() -> None:
     truth = motor_only("emps300").parameter_sets["light"]
     found = [estimate("light", seed, drift_check=False) for seed in range(RECORDS)]
@@ -149,6 +150,7 @@ def test_other_weights_give_a_start_where_the_first_lose_a_body(monkeypatch: pyt
         assert start == {name: pytest.approx(value, rel=0.3) for name, value in truth.items()}
 
 
+@pytest.mark.slow
 def test_what_no_record_holds_is_named_where_nothing_comes_to_rest() -> None:
     with pytest.raises(IdentifiabilityError, match=r"do not hold J_m, J_c, F_vmc, K: .* above their values"):
         estimate("table_1", 2, louder=5.0, drift_check=False)

@@ -54,6 +54,7 @@ def test_without_noise_the_truth_comes_out(sensors: str, model: Model) -> None:
         assert estimate.params[name] == pytest.approx(value, rel=3e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sensors", "model", "parameters"), [("qc", QC, "table_1"), ("ac", AC, "light")])
 def test_bias_and_coverage(sensors: str, model: Model, parameters: str) -> None:
     """The short version of benchmarks/coverage.py."""

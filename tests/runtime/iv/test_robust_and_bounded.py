@@ -80,6 +80,7 @@ def of_slick(seed: int, damped: bool = False, **options: object) -> Estimate:
     return identify(slick(damped), noisy(silent(damped), seed), "iv", **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_spikes_of_an_encoder_weigh_less() -> None:
     model = motor_only("emps300")
     truth, names = model.parameter_sets["light"], ("J_m", "J_c", "F_vmc", "K")
@@ -112,6 +113,7 @@ def test_normal_noise_is_weighed_as_it_should_be() -> None:
         assert robust.bse[name] == pytest.approx(plain.bse[name], rel=0.25)
 
 
+@pytest.mark.slow
 def test_friction_below_zero_is_zero_and_its_cost_is_told() -> None:
     truth = slick().parameter_sets["truth"]
     active = []
@@ -167,6 +169,7 @@ def test_friction_a_little_below_zero_takes_nothing_else_away() -> None:
     assert np.all(np.abs(other.solution.x - fit.solution.x) < 3.0 * spread)
 
 
+@pytest.mark.slow
 def test_a_bound_lets_damping_go_to_zero() -> None:
     found = of_slick(1, damped=True, bounds="physical")
     truth = slick(damped=True).parameter_sets["truth"]
@@ -176,6 +179,7 @@ def test_a_bound_lets_damping_go_to_zero() -> None:
     assert "D" in found.not_identifiable
 
 
+@pytest.mark.slow
 def test_bounds_and_weights_hold_at_other_settings() -> None:
     seed = 1
     found = of_slick(seed, bounds="physical", robust="huber", drift_check=True, scan_cutoffs=[200.0])

@@ -88,6 +88,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(rho: float, covered: tupl
     assert (np.mean(printed_hits, axis=0) < 0.75).all() == (rho > 0.0)
 
 
+@pytest.mark.slow
 def test_a_parameter_that_few_instants_tell_of_has_an_honest_interval() -> None:
     rng = np.random.default_rng(6)
     # twelve instants of six hundred say nearly everything about the second column

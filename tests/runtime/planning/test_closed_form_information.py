@@ -50,6 +50,7 @@ def own(model: object, scale: float = 1.0) -> dict[str, Instrument]:
     return {key: Instrument(scale * TOOLS[key].noise, price=TOOLS[key].price) for key in keys}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [QC, AC])
 def test_predictions_hold_in_two_hundred_experiments(model: object) -> None:
     planned = experiment(model, model.parameter_sets["table_2"], own(model), method="wls")  # type: ignore[attr-defined]
@@ -59,6 +60,7 @@ def test_predictions_hold_in_two_hundred_experiments(model: object) -> None:
         assert s.predicted_std == pytest.approx(s.std, rel=0.15)
 
 
+@pytest.mark.slow
 def test_the_bias_of_least_squares_is_predicted() -> None:
     planned = experiment(QC, QC.parameter_sets["table_1"], own(QC, 5.0), method="wls")
     spreads = {s.name: s for s in monte_carlo(planned, 40)}
@@ -69,6 +71,7 @@ def test_the_bias_of_least_squares_is_predicted() -> None:
         assert s.predicted_bias == pytest.approx(s.bias, rel=0.2)
 
 
+@pytest.mark.slow
 def test_composites_are_predicted_through_the_estimators_own_nonlinear_step(ten: dict[str, Model]) -> None:
     # noise in high derivatives takes a quarter off the composites, and adds a tenth to the damping
     planned = experiment(ten["q_m"], TABLE_2, BENCH)
@@ -80,6 +83,7 @@ def test_composites_are_predicted_through_the_estimators_own_nonlinear_step(ten:
     assert s.predicted_std == pytest.approx(s.std, rel=0.4)
 
 
+@pytest.mark.slow
 def test_composites_weighted_by_their_own_drift_are_copied_until_that_is_known(
     ten: dict[str, Model], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -109,6 +113,7 @@ def test_parameters_that_the_estimator_refuses_are_missing(ten: dict[str, Model]
     assert not set(found.missing) & {entry.name for entry in found.precisions}
 
 
+@pytest.mark.slow
 def test_the_order_of_sensor_sets_is_that_of_repeated_experiments(ten: dict[str, Model]) -> None:
     chosen = ("q_m+q_c", "q_c+v_m", "v_m", "q_c")
     ranked = [p.sensor_set for p in rank([judge_set(key, ten[key], TABLE_2, BENCH) for key in chosen])]

@@ -23,6 +23,7 @@ TABLE_2 = QC.parameter_sets["table_2"]
 TOOLS = {"q_m": Instrument(2e-5), "q_c": Instrument(2e-5), "Gamma_m": Instrument(1e-4)}
 
 
+@pytest.mark.slow
 def test_a_few_trials_beat_the_pair_within_its_limits(tmp_path: Path) -> None:
     found = optimise(QC, TABLE_2, TOOLS, rounds=1, method="wls")
     assert tuple(found.limits) == LIMITS
@@ -41,6 +42,7 @@ def test_a_few_trials_beat_the_pair_within_its_limits(tmp_path: Path) -> None:
         write_references(tmp_path / "best.csv", found.excitations, 5000.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", ["d-optimal", "condition"])
 def test_other_criteria_can_be_asked_for(criterion: str) -> None:
     found = optimise(QC, TABLE_2, TOOLS, rounds=1, duration_s=1.0, criterion=criterion)
@@ -50,6 +52,7 @@ def test_other_criteria_can_be_asked_for(criterion: str) -> None:
         assert found.reached[key] <= limit
 
 
+@pytest.mark.slow
 def test_given_limits_are_kept() -> None:
     limits = {"velocity": 40.0, "force": 0.03}
     found = optimise(QC, TABLE_2, TOOLS, rounds=1, limits=limits, duration_s=1.0, method="wls")

@@ -202,6 +202,7 @@ def test_a_body_that_no_sensor_sees_comes_out_too() -> None:
         assert abs(error) < 5e-4, name
 
 
+@pytest.mark.slow
 def test_bias_coverage_and_a_delay_of_each_force() -> None:
     found = [
         identify(ALL, measured("qa_qb_qc", seed, LATE), "iv", drift_check=False) for seed in range(RECORDS)

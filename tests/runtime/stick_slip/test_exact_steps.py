@@ -397,6 +397,7 @@ def test_a_hardening_spring_swings_as_its_elliptic_function_says() -> None:
     assert np.abs(exact - wide * np.cos(omega * t)).max() > wide
 
 
+@pytest.mark.slow
 def test_stick_slip_beside_a_hardening_spring_agrees_with_an_ode_solver() -> None:
     system = chain(
         (0.5, 0.3), (60.0,), (0.05,), ground=20.0, coulomb={0: (1.0, 0.7), 1: (0.8, 1.1)},
