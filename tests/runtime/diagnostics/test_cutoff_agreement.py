@@ -3,6 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from generated import two_mass_bench_qm_qc
 from modelgen.runtime.diagnostics.cutoff_agreement import (
