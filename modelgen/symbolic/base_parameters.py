@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import ModelError
+from modelgen.symbolic.equations.equation_sums import exact_levers
 from modelgen.symbolic.equations.identifiability import identifiable_parameters
 from modelgen.symbolic.equations.row import IdentificationRows
 from modelgen.symbolic.equations.signals import Exact, quotient
@@ -28,6 +30,8 @@ REGROUPING_TOLERANCE = 1e-6
 LARGEST_QR = 600
 #: Python 3.11 and 3.12 read no sum of more than 2985 terms; nor does anyone else.
 LONGEST_SUM = 2500
+#: Squares of it, times parameters of any size, are floating point numbers still.
+LARGEST_FACTOR = 10**50
 #: A sum of more parameters is shown by its first ones.
 LONGEST_SHOWN = 40
 
@@ -74,6 +78,7 @@ def base_model(rows: IdentificationRows) -> BaseModel:
         If nothing is left to estimate.
     """
     wanted = [p.name for p in rows.spec.parameters if p.name not in rows.spec.known]
+    _refuse_extreme(rows)
     columns = _columns(rows)
     present = [name for name in (*wanted, *rows.composites) if name in columns]
     if not present:
@@ -125,6 +130,25 @@ def _shown(parameter: BaseParameter) -> str:
     if count <= LONGEST_SHOWN:
         return parameter.name
     return f"{BaseParameter(parameter.combination[:3]).name} + ... ({count} parameters)"
+
+
+def _refuse_extreme(rows: IdentificationRows) -> None:
+    """Refuse coefficients that floating point numbers could not hold, nor be multiplied with."""
+    sizes = [abs(Fraction(term.coefficient)) for row in rows.rows for term in row.terms]
+    for composite in rows.composites.values():
+        for poly in (composite.numerator, composite.denominator):
+            sizes += [abs(Fraction(int(c.numerator), int(c.denominator))) for c in poly.coeffs()]
+    sizes += map(Fraction, exact_levers(rows.spec).values())
+    extreme = next(
+        (size for size in sizes if size and not Fraction(1, LARGEST_FACTOR) <= size <= LARGEST_FACTOR), None
+    )
+    if extreme is not None:
+        bits = extreme.numerator.bit_length() - extreme.denominator.bit_length()
+        raise ModelError.at(
+            f"{rows.spec.source}: sensors.{rows.sensor_set}",
+            f"gear ratios multiply to about 1e{round(0.30103 * bits)}; 1e-50 to 1e50 can be computed with",
+            "check for gear ratios that are extremely large or small",
+        )
 
 
 def _refuse_long(rows: IdentificationRows, base: Sequence[BaseParameter]) -> None:

@@ -42,7 +42,7 @@ def identification_rows(motion: MotionEquations, sensor_set: str) -> Identificat
     sensing = Sensing.of(spec, sensors)
     reader = Reader(spec, sensing, f"{spec.source}: sensors.{sensor_set}")
     composites = Composites(spec.parameters)
-    chosen = _choose(motion, sensing, composites, reader.where)
+    chosen = _choose(motion, sensing, composites, reader)
     rows = tuple(reader.row(candidate, times) for candidate, times in chosen)
     features = tuple(reader.features.values())
     return IdentificationRows(
@@ -81,7 +81,7 @@ def _refuse_forceless(spec: ChainSpec) -> None:
 
 
 def _choose(
-    motion: MotionEquations, sensing: Sensing, composites: Composites, where: str
+    motion: MotionEquations, sensing: Sensing, composites: Composites, reader: Reader
 ) -> list[tuple[Candidate, int]]:
     """Return the rows of bodies, the sums that need fewer differentiations, eliminations; each with its r."""
     chosen: list[tuple[Candidate, int]] = []
@@ -94,8 +94,10 @@ def _choose(
             chosen.append((Candidate(equation.body, (equation.body,), equation.terms, origin), times))
     chosen += _sums(motion, sensing, level_of_body)
     if len(level_of_body) < len(motion.equations):
-        chosen += _eliminations(motion, sensing, sensing, composites, where)
-    chosen += _recovered(motion, sensing, composites, chosen, where)
+        chosen += _eliminations(motion, sensing, sensing, composites, reader.where)
+    chosen += _recovered(motion, sensing, composites, chosen, reader.where)
+    for candidate, times in chosen:
+        reader.refuse_cubes(candidate, times)
     if composites.named:  # without an elimination every row shares its columns with one that a force enters
         chosen = scaled(chosen, motion.spec, composites)
     return _named_apart(chosen)

@@ -132,7 +132,7 @@ class LengthLimit:
                 if failed
                 else ""
             ),
-            f"add a sensor on one of {unseen}" + (", or on all of them" if failed else ""),
+            f"add a sensor on one of {unseen}" + (", or on all" if len(self._coordinates.unseen) > 1 else ""),
         )
 
     def refuse_unlike(self, additions: int) -> None:

@@ -57,8 +57,13 @@ def levers(spec: ChainSpec) -> dict[str, float]:
     A force on a body counts, at the first body, as force times lever: that makes forces and rows on both
     sides of a gear comparable. Around a loop of contradictory ratios the shortest way counts.
     """
+    return {body: float(weight) for body, weight in exact_levers(spec).items()}
+
+
+def exact_levers(spec: ChainSpec) -> dict[str, Exact]:
+    """Return the levers as the rational numbers that they are."""
     weights, _ = _weights(spec.bodies[0].name, _neighbours(spec.links))
-    return {body: abs(float(weight)) for body, weight in weights.items()}
+    return {body: weight if weight > 0 else -weight for body, weight in weights.items()}
 
 
 def contradicts_itself(spec: ChainSpec) -> bool:

@@ -45,7 +45,6 @@ class Reader:
     def row(self, candidate: Candidate, times: int) -> Row:
         """Differentiate a candidate `times` times and read every signal in it."""
         bodies = candidate.bodies
-        self._refuse_cubes(candidate, times)
         terms = differentiate(candidate.terms, times)
         total: dict[tuple[str | None, str], Exact] = {}
         for parameter, key, coefficient in self._read_all(terms):
@@ -159,7 +158,13 @@ class Reader:
             bodies += [term.signal.name for term in candidate.terms if term.signal.kind in DIRECTIONS]
         return tuple(self._direction(body) for body in dict.fromkeys(bodies))
 
-    def _refuse_cubes(self, candidate: Candidate, times: int) -> None:
+    def refuse_cubes(self, candidate: Candidate, times: int) -> None:
+        """Refuse a row that would have to differentiate a cubed deflection, or to read what no sensor gives.
+
+        Raises
+        ------
+        ModelError
+        """
         for term in candidate.terms:
             if term.signal.kind != "cube":
                 continue
