@@ -83,7 +83,7 @@ def test_a_sum_that_python_could_not_read_is_refused() -> None:
         build(parse_spec(text, "graph.toml"), "set")
 
 
-RATIOS = ["1.0000000000000002", "1e-300", "1e300", "3.141592653589793", "-2.5", "0.1"]
+RATIOS = ["1.0000000000000002", "1e-30", "1e30", "3.141592653589793", "-2.5", "0.1"]
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
