@@ -310,6 +310,6 @@ def _result(future: Any, watch: Watch) -> Any:
         try:
             return future.result(timeout=PATIENCE_S / LOOKS)
         except TimeoutError:
-            if future.done():  # the task itself ran out of time
-                raise
+            if future.done():  # just now; or the task itself ran out of time, which is told again
+                return future.result()
             watch.look(future.client)
