@@ -201,9 +201,9 @@ def pieces(text: str) -> tuple[tuple[int, int, type[ast.AST]], ...]:
 
 @st.composite
 def mutants(draw: st.DrawFn) -> str:
-    """Draw a sealed module with one to three changes, nine times of ten such as may be accepted."""
+    """Draw a sealed module with one or two changes, mostly such as may be accepted."""
     text = draw(st.sampled_from(TEXTS))
-    for _ in range(draw(st.integers(1, 3))):
+    for _ in range(draw(st.integers(1, 2))):
         change = draw(st.sampled_from(CHANGES))
         try:
             text = change(draw, text)
@@ -232,7 +232,7 @@ def _mild(draw: st.DrawFn, text: str) -> str:
 def _number(draw: st.DrawFn, text: str) -> str:
     """Change a number in a formula or among the declared values."""
     found = draw(st.sampled_from([*re.finditer(r"\b\d+\.\d+\b", text)]))
-    value = repr(draw(st.floats(1e-6, 1e6)))
+    value = repr(draw(st.integers(1, 10**12)) / 1e6)
     return text[: found.start()] + value + text[found.end() :]
 
 
@@ -308,4 +308,4 @@ def _expressions(tree: ast.AST) -> Iterator[tuple[ast.AST, str, int | None]]:
 
 MILD = (_mild, _number, _line, _sign)
 FOREIGN = (_payload, _token, _tree)
-CHANGES = (_number, *MILD, *MILD, *FOREIGN)
+CHANGES = (*[_number] * 8, *MILD, *MILD, *FOREIGN)
