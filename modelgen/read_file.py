@@ -144,9 +144,12 @@ def other_encoding(content: bytes) -> str | None:
 
 
 def mostly_high(content: bytes) -> bool:
-    """Tell whether most bytes are beyond ASCII: EBCDIC, whose letters and digits all are, or no text."""
+    """Tell whether digits (as in EBCDIC), or most bytes (as in what is no text), lie beyond ASCII."""
     piece = content[:100_000]
-    return 2 * len(piece.translate(None, bytes(range(128)))) > len(piece)
+    digits, those_of_ebcdic = (
+        len(piece) - len(piece.translate(None, bytes(range(zero, zero + 10)))) for zero in (0x30, 0xF0)
+    )
+    return those_of_ebcdic > digits or 2 * len(piece.translate(None, bytes(range(128)))) > len(piece)
 
 
 def _check_sort(where: str, mode: int, kind: Kind) -> None:

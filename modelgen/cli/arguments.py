@@ -57,9 +57,9 @@ def compared_sensor_sets(chain: ChainSpec, chosen: str | None) -> tuple[SetSumma
 
     if chosen == "all" and "all" not in chain.sensor_sets:
         chain, chosen = every_subset(chain), None
-    if chosen is not None:
-        return (single(chain, chosen),)
-    return overview(chain, sensor_sets(chain, None))
+    names = sensor_sets(chain, None) if chosen is None else [chosen]
+    # shown in detail, of which there is none where it cannot be built
+    return (single(chain, names[0]),) if len(names) == 1 else overview(chain, names)
 
 
 def proof_of(motion: MotionEquations) -> bool:

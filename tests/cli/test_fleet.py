@@ -51,7 +51,7 @@ def test_every_machine_gets_its_estimate_and_a_corrupt_file_is_named(tmp_path: P
     for estimate in (*found["machines"].values(), found["pooled"]):
         assert estimate["params"]["K"] == pytest.approx(truth["K"], rel=1e-3)
     assert list(found["failed"]) == [str(broken)]
-    assert "is no readable record" in found["failed"][str(broken)]
+    assert "is no readable HDF5 file" in found["failed"][str(broken)]
 
 
 @pytest.mark.slow

@@ -124,6 +124,25 @@ def test_show_tells_equations_rows_and_parameters() -> None:
     assert "q_c (position of c)" not in printed
 
 
+def test_the_only_sensor_set_of_a_chain_that_cannot_be_built_is_one_message(here: Path) -> None:
+    names = [f"b{i}" for i in range(6)]
+    bodies = "".join(f'[[bodies]]\nname = "{name}"\ninertia = "J_{name}"\n' for name in names)
+    links = "".join(
+        f'[[links]]\nbodies = ["{a}", "{b}"]\nstiffness = "K_{a}{b}"\ndamping = "D_{a}{b}"\n'
+        for i, a in enumerate(names)
+        for b in names[i + 1 :]
+    )
+    bodies = bodies.replace('"J_b0"\n', '"J_b0"\nactuator = "T"\n')
+    sensors = "".join(f'q{i} = {{ body = "b{i}", measures = "position" }}\n' for i in range(2))
+    head = '[chain]\nname = "mesh"\nmotion = "rotation"\n'
+    Path("mesh.toml").write_text(f"{head}{bodies}{links}[sensors.s]\n{sensors}", encoding="utf-8")
+    result = run("show", "mesh.toml")
+    assert result.exit_code == 2
+    assert "the rows without a sensor on b2, b3, b4, b5 would have 1,775,130 terms" in " ".join(
+        result.output.split()
+    )
+
+
 def test_show_as_json() -> None:
     described = run_json("show", "emps300")
     first, second = described["sensor_sets"]

@@ -175,7 +175,9 @@ def shell_code(process: subprocess.Popen[str]) -> int:
 
 def interrupted_at(line: str, *arguments: str) -> tuple[int, str]:
     """Run a command in a terminal until it says `line`, press Ctrl-C; return exit code and what it said."""
-    command = [sys.executable, "-m", "modelgen", *arguments]
+    # Python answers SIGINT only where it is not ignored from the start, as in what a shell runs behind it
+    heard = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    command = [sys.executable, "-c", f"{heard}from modelgen.__main__ import run; run()", *arguments]
     terminal, stderr = pty.openpty()
     said, pressed = "", False
     with subprocess.Popen(command, env=environment(), stderr=stderr, text=True) as process:

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from modelgen.cli.candidates import load_candidates
-from modelgen.errors import ModelgenError
+from modelgen.errors import DataError, ModelgenError
 from modelgen.read_file import DATA, open_file
 from modelgen.render.target import user_files
-from modelgen.runtime.files.formats import OPENERS
+from modelgen.runtime.files.formats import OPENERS, open_source
 from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.files.open_channels import FORMATS, open_channels
 from modelgen.runtime.model.model import load_model
@@ -196,3 +196,11 @@ def test_a_link_to_a_file_and_a_file_with_holes_are_read(trap: Path) -> None:
         file.truncate(500_000_000)
     with open_file(trap / "c.bin", DATA) as file:  # a fiftieth of it was written
         assert file.read(3) == b"\0\1\2"
+
+
+@pytest.mark.parametrize("name", ["q_m,F\n1,2\n3,4\n", "t;q_m;F\n0.5;-1.25;+3e-4\n" * 40, "a\n1\n"])
+def test_short_tables_of_a_mainframe_are_told(trap: Path, name: str) -> None:
+    path = trap / "mainframe.csv"
+    path.write_bytes(name.encode("cp500"))
+    with pytest.raises(DataError, match="EBCDIC"):
+        open_source(path)

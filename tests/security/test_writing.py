@@ -168,10 +168,14 @@ def test_a_folder_that_cannot_be_written(
         write_whole(trap / "a.csv", b"new", overwrite=True)
 
 
+# Python answers SIGINT only where it is not ignored from the start, as it is in what a shell runs behind it
+HEARD = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+
+
 def child(code: str, *arguments: str) -> subprocess.Popen[str]:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     return subprocess.Popen(
-        [sys.executable, "-c", code, *arguments], env=environment, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", HEARD + code, *arguments], env=environment, stderr=subprocess.PIPE, text=True
     )
 
 

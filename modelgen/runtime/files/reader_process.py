@@ -64,12 +64,20 @@ class _Reader:
             if not alive:
                 self._start()
             try:
-                return list(self._asked(line))
+                return self._all_of(line)
             except _Gone as error:
                 if not alive or error.too_long:
                     raise
             self._start()
+            return self._all_of(line)
+
+    def _all_of(self, line: bytes) -> list[Any]:
+        """Return all answers; an interruption ends the process, or the next call would read on."""
+        try:
             return list(self._asked(line))
+        except BaseException:
+            self.end()
+            raise
 
     def _start(self) -> None:
         self.end()

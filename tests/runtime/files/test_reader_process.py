@@ -127,6 +127,21 @@ def test_no_process_is_left_behind(files: Path) -> None:
         os.kill(process.pid, 0)
 
 
+def test_an_interrupted_call_leaves_nothing_for_the_next(
+    files: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = reader_process.ask("hdf5.listing", files / "good.h5")
+    with monkeypatch.context() as patch:
+        patch.setattr(reader_process.json, "loads", _interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            reader_process.ask("hdf5.columns", files / "good.h5", names=["a"])
+    assert str(reader_process.ask("hdf5.listing", files / "good.h5")) == str(first)
+
+
+def _interrupt(_: bytes) -> None:
+    raise KeyboardInterrupt
+
+
 def test_it_ends_with_the_process_that_started_it(files: Path) -> None:
     import subprocess
     import sys
