@@ -178,9 +178,10 @@ class LengthLimit:
             return f"add a position sensor on {_listed(self._coordinates.unseen)}"
         left_out: set[str] = set()
         done: dict[frozenset[str], TermCount] = {}
+        enough = self._counter.counted + MOST_COUNTED
         for body in self._coordinates.unseen:
             group = self._group(body, left_out)
-            if group is None:
+            if group is None or self._counter.counted > enough:
                 continue
             others = {other: count for other, count in done.items() if not other & group}
             count = self._own_rows(group)
