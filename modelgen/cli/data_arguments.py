@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from modelgen.errors import DataError
 from modelgen.progress import counted
@@ -49,9 +49,27 @@ def read_files(
     records must bring besides the model's, `optional` those they may bring where they are mapped. A mapping
     file may map the reference of the loop even where nobody needs it.
     """
-    from modelgen.runtime.records.mapping_file import MappingFile, load_mapping
-    from modelgen.runtime.records.mapping_options import parse_mapping, parse_names, parse_scales
+    from modelgen.runtime.records.mapping_options import parse_names
     from modelgen.runtime.records.read_record import read
+
+    how = reading_options(model, options, extra, optional)
+    readings, problems = [], []
+    for path in counted(paths, "reading"):
+        try:
+            readings.append(read(path, **how))
+        except DataError as error:
+            problems += error.problems
+    if problems:
+        raise DataError(*problems)
+    return _tagged(readings, parse_names("--tag", options.tags))
+
+
+def reading_options(
+    model: Model, options: DataOptions, extra: Sequence[str] = (), optional: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return the options of `read` that the command line and a mapping file give; parameters as above."""
+    from modelgen.runtime.records.mapping_file import MappingFile, load_mapping
+    from modelgen.runtime.records.mapping_options import parse_mapping, parse_scales
     from modelgen.runtime.records.record import missing_name
 
     given: MappingFile = load_mapping(options.map_file) if options.map_file else MappingFile()
@@ -66,29 +84,18 @@ def read_files(
     channels = dict.fromkeys((*known, *wanted, *REFERENCE, *BESIDE_REFERENCE))
     where = str(options.map_file) if options.map_file else "--map"
     problems = [missing_name(where, "channel", key, channels) for key in columns if key not in channels]
-    factors = {key: factor for key, factor in factors.items() if key in wanted or key not in channels}
-    units = channel_units(model)
-    readings = []
-    for path in counted(paths, "reading"):
-        try:
-            readings.append(
-                read(
-                    path,
-                    columns,
-                    factors,
-                    options.fs_hz if options.fs_hz is not None else given.fs_hz,
-                    options.time or given.time,
-                    needed=wanted,
-                    time_unit=options.time_unit or given.time_unit,
-                    mend=(*given.mend, *options.mend),
-                    units=units,
-                )
-            )
-        except DataError as error:
-            problems += error.problems
     if problems:
         raise DataError(*problems)
-    return _tagged(readings, parse_names("--tag", options.tags))
+    return {
+        "mapping": columns,
+        "scales": {key: one for key, one in factors.items() if key in wanted or key not in channels},
+        "fs": options.fs_hz if options.fs_hz is not None else given.fs_hz,
+        "time": options.time or given.time,
+        "needed": wanted,
+        "time_unit": options.time_unit or given.time_unit,
+        "mend": (*given.mend, *options.mend),
+        "units": channel_units(model),
+    }
 
 
 def direction_sources(options: DataOptions) -> dict[str, str]:

@@ -18,7 +18,6 @@ from modelgen.cli.figure import Panel, draw_forces
 from modelgen.render.writer import write_modules
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import Model, load_model
-from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.write_record import write_record
 from modelgen.runtime.results.estimate import Estimate
@@ -141,7 +140,7 @@ def _panel(model: Model, record: Record, estimate: Estimate, parameter_set: str)
     """Return force and W x of the undifferentiated row, filtered as for the estimate, at the full rate."""
     choice = replace(estimate.filtering, decimation=(1,))
     row = next(index for index, info in enumerate(model.rows) if not info.differentiated)
-    rows = matched_rows(model, RecordChannels(record), choice, factor=1)
+    rows = matched_rows(model, record, choice, factor=1)
     block = observe(model, [record], choice).blocks[row]
     measured = rows.lines()[row][-1]
     # where the motor sticks, sign() is meaningless and the row is masked: a gap in the line

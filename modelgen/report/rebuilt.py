@@ -59,7 +59,7 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     weights = {(entry.record, entry.row): entry.weight for entry in estimate.rows}
     fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.nuisance))
     observe_as = observe_paper if estimate.method == "pham2002" else observe
-    observation = observe_as(model, records, estimate.filtering)
+    observation = observe_as(model, records, estimate.filtering).dense()
     found: list[Rebuilt] = []
     stacked: list[FloatArray] = []
     for block in observation.blocks:

@@ -7,17 +7,15 @@ its sign() stands; different Coulomb friction adds a constant, which an offset t
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.projected_least_squares import two_stage
-from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
+from modelgen.runtime.least_squares.wls import RANK_TOLERANCE, Fit
 from modelgen.runtime.model.model import Feature, Model
-from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.standstill_speeds import NOTHING
@@ -60,18 +58,44 @@ def asymmetries(
         extra = _columns(fit, model, records, choice, drop, feature)
         if not any(np.any(column) for column in extra):
             continue
-        blocks = tuple(
-            replace(block, W=np.column_stack([block.W, column]))
-            for block, column in zip(fit.blocks, extra, strict=True)
-        )
-        Z = tuple(np.column_stack([r, column]) for r, column in zip(fit.regressors, extra, strict=True))
-        larger = two_stage(replace(fit, columns=(*fit.columns, "asymmetry"), blocks=blocks), Z)
-        if larger.solution.undetermined[-1]:
-            continue
-        variance = float(hac_covariance(larger)[-1, -1])
-        value, std = float(larger.solution.x[-1]), float(np.sqrt(max(variance, 0.0)))
-        found.append(Asymmetry(feature.key, value, std))
+        one = _one_more(fit, extra)
+        if one is not None:
+            found.append(Asymmetry(feature.key, *one))
     return tuple(found)
+
+
+def _one_more(fit: Fit, extra: Sequence[FloatArray]) -> tuple[float, float] | None:
+    """Return value and standard deviation of one more column of a fit; None where others hold it already.
+
+    What the regressors leave of the column is what it is fitted with (Frisch and Waugh 1933): nothing else
+    has to be solved again.
+    """
+    places = [
+        slice(None) if fit.projected or block.touched is None else block.touched for block in fit.blocks
+    ]
+    regressors = fit.projected or tuple(block.W for block in fit.blocks)
+    parts = list(zip(fit.weights, regressors, places, extra, strict=True))
+    shared = np.zeros(len(fit.columns))
+    for weight, regressor, place, column in parts:
+        shared[place] += weight**2 * (regressor.T @ column)
+    share = fit.solution.inverse @ shared
+    left = [column - regressor @ share[place] for _, regressor, place, column in parts]
+    power = sum(w**2 * float(own @ own) for w, own in zip(fit.weights, left, strict=True))
+    whole = sum(w**2 * float(column @ column) for w, _, _, column in parts)
+    if power <= RANK_TOLERANCE * whole:
+        return None
+    own_residuals = zip(fit.weights, left, fit.residuals, strict=True)
+    value = sum(w**2 * float(own @ residual) for w, own, residual in own_residuals) / power
+    series: dict[int, FloatArray] = {}
+    for block, weight, residual, own, column in zip(
+        fit.blocks, fit.weights, fit.residuals, left, extra, strict=True
+    ):
+        rest = residual - value * (column - block.W @ block.own(share))
+        psi = series.setdefault(block.record, np.zeros((block.grid, 1)))
+        psi[block.place, 0] += weight**2 * own * rest / power
+    r = sum(len(residual) for residual in fit.residuals)
+    variance = float(long_run_covariance(list(series.values()))[0, 0]) * r / (r - len(fit.columns) - 1)
+    return value, float(np.sqrt(max(variance, 0.0)))
 
 
 def asymmetry_notes(found: Sequence[Asymmetry]) -> tuple[str, ...]:
@@ -113,7 +137,7 @@ def _columns(
             continue
         if block.record not in signals:
             record, factor = records[block.record], choice.decimation[block.record]
-            rows = matched_rows(model, RecordChannels(record), choice, factor, drop, survey=NOTHING)
+            rows = matched_rows(model, record, choice, factor, drop, survey=NOTHING)
             signals[block.record] = _speed(rows, str(feature.of))
         columns.append(share * signals[block.record][block.place])
     return columns

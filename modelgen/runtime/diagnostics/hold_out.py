@@ -12,7 +12,7 @@ import numpy.typing as npt
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.wls import Fit, terms_norm
+from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.rows.observation import Observation
 
@@ -122,19 +122,16 @@ def held_out(fit: Fit, refused: Mapping[str, str], observation: Observation, own
     fitted: dict[str, tuple[float, float]] = {}
     for block, residual in zip(fit.blocks, fit.residuals, strict=True):
         before = fitted.get(block.row_name, (0.0, 0.0))
-        size = _size(block.Y, block.has_force, terms_norm(block, fit.solution.x))
+        size = _size(block.Y, block.has_force, block.terms_norm(fit.solution.x))
         fitted[block.row_name] = before[0] + float(residual @ residual), before[1] + size**2
     columns = [observation.columns.index(name) for name in fit.columns]
     rows = []
     for block in observation.blocks:
         if not block.place.size:
             continue
-        W = block.W[:, columns]
-        terms = float(
-            np.max(np.linalg.norm(W - W.mean(axis=0), axis=0) * np.abs(fit.solution.x), initial=0.0)
-        )
-        size = _size(block.Y, block.has_force, terms)
-        left = float(np.linalg.norm(block.Y - W @ fit.solution.x))
+        seen = block.chosen(columns)
+        size = _size(block.Y, block.has_force, seen.terms_norm(fit.solution.x))
+        left = seen.residual_norm(fit.solution.x)
         error, power = fitted.get(block.row_name, (0.0, 0.0))
         rows.append(
             HeldOutRow(
@@ -188,12 +185,7 @@ def _cut(record: Record, share: float, period_s: float | None) -> tuple[Record, 
         period = period_s * record.fs
         whole = max(round(at / period), 1)
         at = round(whole * period) if round(whole * period) < record.n else at
-    parts = [{key: s[part] for key, s in record.signals.items()} for part in (slice(0, at), slice(at, None))]
-    names = (record.name, f"{record.name} (held out)")
     if min(at, record.n - at) < 2:
         what = f"{share:g} leaves one of its parts without samples"
         raise DataError.at(f"{record.name}: hold_out", what, "give another share")
-    kept, held = (
-        Record(signals, record.fs, name, record.tag) for signals, name in zip(parts, names, strict=True)
-    )
-    return kept, held
+    return record.part(0, at, record.name), record.part(at, record.n, f"{record.name} (held out)")

@@ -12,12 +12,14 @@ import numpy as np
 
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filters.noise_spectrum import LEAST_TREND
 from modelgen.runtime.filters.zero_phase import DECIMATE_CUTOFF
-from modelgen.runtime.least_squares.hac_covariance import andrews_bandwidth, influence
+from modelgen.runtime.least_squares.hac_covariance import andrews_bandwidth, influence_parts
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.parameters.unanswered_columns import columns_that_vanish
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.record_facts import WHOLE
 
 # A filtered sign() that goes to the other side by less than this share of itself never saw a reversal.
 LEAST_CHANGE = 0.2
@@ -165,9 +167,8 @@ def band_above_filter(records: Sequence[Record], choice: FilterChoice) -> tuple[
 
 
 def _long_memory(fit: Fit, total_s: float) -> list[Advice]:
-    series = influence(fit)
-    samples = sum(len(psi) for psi in series)
-    stretches = samples / andrews_bandwidth(series)
+    samples = sum({block.record: block.grid for block in fit.blocks}.values())
+    stretches = samples / andrews_bandwidth(influence_parts(fit))
     if stretches >= FEWEST_STRETCHES:
         return []
     what = (
@@ -191,7 +192,7 @@ def _one_sided(model: Model, fit: Fit, index: int) -> bool:
     for block in fit.blocks:
         terms = model.column_terms(block.row, column)
         if terms:
-            parts.append(block.W[:, index] * np.sign(terms[0][0]))
+            parts.append(block.column(index) * np.sign(terms[0][0]))
     values = np.concatenate(parts)
     least, most = float(values.min()), float(values.max())
     return min(-least, most) < LEAST_CHANGE * max(-least, most)
@@ -213,5 +214,7 @@ def _moves(record: Record, sensor: Sensor) -> bool:
     spectrum = record.facts.spectrum(sensor.key)
     if spectrum.moves:
         return True
-    mean = abs(float(record.signals[sensor.key].mean()))
-    return sensor.measures == "velocity" and mean > LEAST_SPEED * spectrum.spread(record.fs)
+    extent, noise = record.facts.extent(sensor.key), spectrum.spread(record.fs)
+    if record.n > WHOLE and extent.span > LEAST_TREND * noise:
+        return True  # it moves between the stretches that its spectrum was taken of
+    return sensor.measures == "velocity" and abs(extent.mean) > LEAST_SPEED * noise

@@ -39,26 +39,28 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
     for block, weight in zip(fit.blocks, fit.weights, strict=True):
         record = records[block.record]
         frequency_hz, power = noise_band(record, choice)
-        for channel, ways in _ways(model, fit, block.row).items():
+        touched = np.arange(c) if block.touched is None else block.touched
+        for channel, ways in _ways(model, fit, block.row, touched).items():
             noise = weight**2 * block.place.size * record.facts.spectrum(channel).noise * power
             responses = np.array([response(terms, frequency_hz) for terms in ways])
             shared = np.real(np.conj(responses) * noise @ responses.T)
-            added += shared[:c, :c]
-            crossed += shared[:c, c]
+            added[np.ix_(touched, touched)] += shared[:-1, :-1]
+            crossed[touched] += shared[:-1, -1]
     # W^T W holds the noise, and so does W^T Y; without it the same rows would have given another x
     without = np.eye(c) - fit.solution.inverse @ added
     if np.min(np.real(np.linalg.eigvals(without))) <= 0.0:
-        W = np.concatenate([w * block.W for w, block in zip(fit.weights, fit.blocks, strict=True)])
-        return np.where(np.diag(added) > 0.5 * np.sum(W**2, axis=0), np.inf, 0.0)
+        return np.where(np.diag(added) > 0.5 * np.sum(fit.triangle[:, :-1] ** 2, axis=0), np.inf, 0.0)
     found = np.linalg.solve(without, fit.solution.x - fit.solution.inverse @ crossed)
     return np.asarray(fit.solution.x - found)
 
 
-def _ways(model: Model, fit: Fit, row: int) -> dict[str, list[list[tuple[float, int]]]]:
-    """Return for every channel in W its way into each column of the fit, and last into Y."""
+def _ways(
+    model: Model, fit: Fit, row: int, touched: npt.NDArray[np.int64]
+) -> dict[str, list[list[tuple[float, int]]]]:
+    """Return for every channel in W its way into each column that a row touches, and last into Y."""
     nothing = np.zeros(len(model.base_parameters))
     alone = []
-    for name in fit.columns:
+    for name in (fit.columns[column] for column in touched):
         own = nothing.copy()
         own[model.base_parameters.index(name)] = -1.0  # channel_terms counts columns as -W x
         alone.append(channel_terms(model, row, own, measured=False))

@@ -12,7 +12,7 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import SignalToNoise
-from modelgen.runtime.least_squares.wls import Fit, terms_norm
+from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
 from modelgen.runtime.parameters.dependence import HIGHEST_INDEX, Dependence
@@ -66,7 +66,7 @@ def null_solution(
     """
     found = []
     for block, residual in zip(fit.blocks, fit.residuals, strict=True):
-        size = float(np.linalg.norm(block.Y)) if block.has_force else terms_norm(block, fit.solution.x)
+        size = float(np.linalg.norm(block.Y)) if block.has_force else block.terms_norm(fit.solution.x)
         left = float(np.linalg.norm(residual)) / size if size > 0.0 else 1.0
         if left < NULL_SHARE:
             continue
@@ -140,7 +140,7 @@ def uncertain_parameters(
         index = fit.columns.index(entry.name)
         ratios = []
         for block, residual in zip(fit.blocks, fit.residuals, strict=True):
-            term = block.W[:, index] * entry.value
+            term = block.column(index) * entry.value
             left = float(np.sqrt(np.mean(residual**2)))
             if np.any(term) and left > 0.0:
                 ratios.append((float(np.sqrt(np.mean(term**2))) / left, block.row_name))

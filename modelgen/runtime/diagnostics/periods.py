@@ -8,7 +8,7 @@ dynamics that the model lacks, does not show in it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +17,12 @@ import numpy.typing as npt
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filters.power_spectrum import quick_length
-from modelgen.runtime.least_squares.hac_covariance import influence
+from modelgen.runtime.least_squares.hac_covariance import influence_parts
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.channels import READ_SAMPLES, in_stretches
 from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.records.record_facts import WHOLE
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -93,15 +95,16 @@ def period_spread(
     if not all(records[index].name in period_s for index in used):
         return None
     clusters = []
-    for index, psi in zip(used, influence(fit), strict=True):
-        record = records[index]
-        start = next(block.start for block in fit.blocks if block.record == index)
-        at = (start + decimation[index] * np.arange(len(psi))) / record.fs
+    for index, parts in zip(used, influence_parts(fit), strict=True):
+        record, block = records[index], next(block for block in fit.blocks if block.record == index)
+        at = (block.start + decimation[index] * np.arange(block.grid)) / record.fs
         number = np.floor(at / period_s[record.name] + 1e-9).astype(int)
         number -= number[0]
         together = -(-(int(number[-1]) + 1) // MOST_CLUSTERS)
-        sums = np.zeros((int(number[-1]) // together + 1, psi.shape[1]))
-        np.add.at(sums, number // together, psi)
+        sums, first = np.zeros((int(number[-1]) // together + 1, len(fit.columns))), 0
+        for psi in parts():
+            np.add.at(sums, number[first : first + len(psi)] // together, psi)
+            first += len(psi)
         clusters.append(sums)
     parts = np.concatenate(clusters)
     count = len(parts)
@@ -143,13 +146,39 @@ def period_advice(found: PeriodSpread, noise: FloatArray, columns: Sequence[str]
 def _found_period(record: Record, forces: Sequence[str]) -> float | None:
     """Return the period in s with which every force that changes repeats itself; None without one."""
     for key in forces:
-        samples = record.signals[key] - record.signals[key].mean()
-        if not np.any(samples):
+        if record.facts.extent(key).span == 0.0:
             continue
-        lag = _first_peak(samples)
+        lag = _first_lag(record, key)
         if lag is not None and all(_correlation(record, other, lag) >= FOUND_CORRELATION for other in forces):
             return lag / record.fs
     return None
+
+
+def _first_lag(record: Record, key: str) -> int | None:
+    """Return the smallest lag, in samples, after which a force repeats itself; None where it does not.
+
+    In a long record it is found on means of neighbouring samples, and then sharpened on the samples.
+    """
+    every, mean = -(-record.n // WHOLE), record.facts.extent(key).mean
+    lag = _first_peak(np.concatenate(list(_means(record, key, every))) - mean)
+    if lag is None or every == 1:
+        return lag
+    low = every * (lag - 1)
+    m = min(WHOLE, record.n - low - 2 * every)
+    before, after = record.read(key, 0, m) - mean, record.read(key, low, low + m + 2 * every) - mean
+    size = quick_length(len(after) + m)
+    products = np.fft.irfft(np.conj(np.fft.rfft(before, size)) * np.fft.rfft(after, size), size)
+    return low + int(np.argmax(products[: 2 * every + 1]))
+
+
+def _means(record: Record, key: str, every: int) -> Iterator[FloatArray]:
+    """Yield the means of so many neighbouring samples each, stretch by stretch."""
+    left = np.zeros(0)
+    for part in in_stretches(record, key):
+        samples = np.concatenate([left, part])
+        whole = len(samples) // every * every
+        left = samples[whole:]
+        yield samples[:whole].reshape(-1, every).mean(axis=1)
 
 
 def _first_peak(samples: FloatArray) -> int | None:
@@ -179,10 +208,14 @@ def _first_peak(samples: FloatArray) -> int | None:
 
 def _correlation(record: Record, key: str, lag: int) -> float:
     """Return how a channel correlates with itself `lag` samples later; 1 where it never changes."""
-    samples = record.signals[key] - record.signals[key].mean()
-    before, after = samples[:-lag], samples[lag:]
-    size = float(np.linalg.norm(before) * np.linalg.norm(after))
-    return float(before @ after) / size if size > 0.0 else 1.0
+    mean = record.facts.extent(key).mean
+    sums = np.zeros(3)
+    for start in range(0, record.n - lag, READ_SAMPLES):
+        stop = min(start + READ_SAMPLES, record.n - lag)
+        before, after = (record.read(key, start + by, stop + by) - mean for by in (0, lag))
+        sums += before @ after, before @ before, after @ after
+    size = float(np.sqrt(sums[1]) * np.sqrt(sums[2]))
+    return float(sums[0]) / size if size > 0.0 else 1.0
 
 
 def _period_problems(record: Record, forces: Sequence[str], period_s: float) -> list[Problem]:

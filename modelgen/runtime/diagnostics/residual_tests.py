@@ -16,7 +16,7 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.residual_whiteness import CONFIDENCE, Coloured, coloured, whiteness
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.power_spectrum import quick_length
-from modelgen.runtime.least_squares.wls import Fit, terms_norm
+from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
@@ -96,16 +96,14 @@ def residual_tests(
     """Test the residual of every row on every record; `period_s` names the periodic records' periods in s."""
     x = fit.all_parameters(model.base_parameters)
     found = []
-    parts = zip(fit.blocks, fit.residuals, fit.regressors, strict=True)
-    for block, residual, regressor in parts:
+    for index, (block, residual) in enumerate(zip(fit.blocks, fit.residuals, strict=True)):
         record = records[block.record]
         step_s = choice.decimation[block.record] / record.fs
         colour = None
-        if np.linalg.norm(residual) > SMALLEST_ERROR * terms_norm(block, fit.solution.x):
+        if np.linalg.norm(residual) > SMALLEST_ERROR * block.terms_norm(fit.solution.x):
             colour = coloured(model, block, residual, x, choice, record.fs)
         white, bound = whiteness(colour, len(fit.blocks)) if colour else (None, None)
-        inputs = regressor * fit.solution.x
-        correlation = _correlation(fit, colour, residual, inputs, step_s) if colour else None
+        correlation = _correlation(fit, index, colour, step_s) if colour else None
         repeated = None
         if colour and record.name in period_s:
             series = np.full(block.grid, np.nan)
@@ -180,12 +178,15 @@ def residual_advice(tests: Sequence[ResidualTest]) -> tuple[Advice, ...]:
 
 
 def _correlation(
-    fit: Fit, colour: Coloured, residual: FloatArray, inputs: FloatArray, step_s: float
+    fit: Fit, index: int, colour: Coloured, step_s: float
 ) -> Correlation | None:
-    """Return the largest correlation, against its bound, of a stretch of the residual with past inputs."""
+    """Return the largest correlation, against its bound, of a stretch of a residual with past inputs."""
     from scipy.stats import norm
 
-    e = residual[colour.samples] - residual[colour.samples].mean()
+    block, e = fit.blocks[index], fit.residuals[index][colour.samples]
+    e = e - e.mean()
+    regressor = fit.projected[index] if fit.projected else block.W
+    touched = range(len(fit.columns)) if fit.projected or block.touched is None else block.touched.tolist()
     n = len(e)
     lags = min(LAGS, n // 4)
     size = quick_length(2 * n)
@@ -194,10 +195,12 @@ def _correlation(
     count = len(fit.blocks) * lags * len(fit.columns)
     quantile = float(norm.isf(0.5 * (1.0 - CONFIDENCE) / count))
     best: tuple[float, Correlation] | None = None
-    for name, u in zip(fit.columns, inputs[colour.samples].T, strict=True):
-        u = u - u.mean()
+    inputs = regressor[colour.samples] * fit.solution.x[touched]
+    least = 1e-9 * max(float(inputs.max()), -float(inputs.min()))
+    for column, u in zip(touched, inputs.T, strict=True):
+        name, u = fit.columns[column], u - u.mean()
         power = float(e @ e) * float(u @ u)
-        if power <= 0.0 or np.ptp(u) < 1e-9 * np.abs(inputs).max():
+        if power <= 0.0 or np.ptp(u) < least:
             continue
         U = np.fft.rfft(u, size)
         products = np.fft.irfft(E * np.conj(U), size)[1 : lags + 1] / np.sqrt(power)

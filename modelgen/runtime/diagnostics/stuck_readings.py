@@ -74,7 +74,7 @@ def _resolution(samples: FloatArray) -> float:
 
 
 def faulty_runs(
-    samples: FloatArray, runs: Runs, measures: str, moving: BoolArray
+    samples: FloatArray, runs: Runs, measures: str, moving: BoolArray, ends: tuple[float, float]
 ) -> tuple[IntArray, IntArray]:
     """Return which runs (indices) are clipped readings and which are of a sensor that stuck.
 
@@ -86,9 +86,11 @@ def faulty_runs(
         "position", "velocity" or "acceleration"; empty for a force.
     moving : array of bool, shape (n,)
         Where the record's other channels say that the machine moves.
+    ends : tuple of float
+        Least and greatest reading of the whole record.
     """
     lengths, values = runs.lengths, samples[runs.first]
-    extreme = (values == samples.max()) | (values == samples.min())
+    extreme = (values == ends[0]) | (values == ends[1])
     long = lengths >= _longest_by_chance(len(samples), lengths)
     if _noisy(samples, runs):
         short = extreme & (lengths >= CLIPPED_RUN)

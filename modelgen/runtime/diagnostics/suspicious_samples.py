@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +20,11 @@ from modelgen.runtime.diagnostics.stuck_readings import Runs, equal_runs, faulty
 from modelgen.runtime.diagnostics.unit_errors import unlike_units
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.record_facts import WHOLE, Extent
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+Run = tuple[int, int, float]  # first and last sample, reading
 
 # A step unlike its neighbours by this many times the 99.9th percentile, so many resolutions and this share
 # of the rms step is a leap.
@@ -31,6 +35,8 @@ FEWEST_STEPS = 50
 WIDEST = {"m": 100.0, "m/s": 100.0, "m/s^2": 1e5, "rad/s": 1e5, "rad/s^2": 1e8}
 # The machine moves where a sensor's speed, over so many samples before and after, is this share of its rms.
 MOVES, AROUND = 0.1, 8
+# A leap is looked for between the second and the last but one step of a stretch.
+OVERLAP = 3
 LISTED = 3
 
 
@@ -55,27 +61,62 @@ def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
     measures = {sensor.key: sensor.measures for sensor in model.sensors}
     units = {sensor.key: sensor.unit for sensor in model.sensors}
     units |= {actuator.key: actuator.unit for actuator in model.actuators}
-    used = {key: record.signals[key] for key in units if key in record.signals}
-    acts = any(np.ptp(samples) > 0.0 for key, samples in used.items() if key not in measures)
-    moving = _moving(record.n, {key: used[key] for key in measures if key in used}, measures)
-    leaps: list[tuple[int, str]] = []
-    for key, samples in used.items():
+    used = [key for key in units if key in record.signals]
+    extents = {key: record.facts.extent(key) for key in used}
+    acts = any(extents[key].span > 0.0 for key in used if key not in measures)
+    found = {key: _Faults() for key in used}
+    edges = np.linspace(0, record.n, -(-record.n // WHOLE) + 1).astype(int).tolist()
+    for edge, stop in pairwise(edges):
+        start = max(edge - OVERLAP, 0)
+        part = {key: record.read(key, start, stop) for key in used if extents[key].span > 0.0}
+        moving = _moving(stop - start, {key: part[key] for key in measures if key in part}, measures)
+        for key, samples in part.items():
+            _look(found[key], samples, start, measures.get(key, ""), moving, extents[key])
+    for key in used:
         where = f"{record.name}, channel {key}"
-        if np.ptp(samples) == 0.0:
+        if extents[key].span == 0.0:
             if key in measures or not acts:  # one of several actuators may well rest
-                what = f"reads {samples[0] + 0.0:.6g} in every sample"
+                what = f"reads {extents[key].least + 0.0:.6g} in every sample"
                 remedy = "check its cable and its scale; it is right only if nothing moves or acts there"
                 yield Advice("constant", f"{where}, samples 0 to {record.n - 1}", what, remedy)
             continue
-        runs = equal_runs(samples)
-        clipped, stuck = faulty_runs(samples, runs, measures.get(key, ""), moving)
-        yield from _told_clipped(where, samples, runs, clipped.tolist())
-        yield from _told_stuck(where, samples, runs, stuck.tolist())
-        yield from _told_range(where, samples, units[key], runs.resolution if key in measures else 0.0)
-        if measures.get(key) == "position":
-            leaps += [(place, key) for place in _leaps(samples, runs, [*clipped.tolist(), *stuck.tolist()])]
+        yield from _told_clipped(where, extents[key], found[key])
+        yield from _told_stuck(where, found[key].stuck)
+        resolution = min(found[key].resolutions, default=0.0) if key in measures else 0.0
+        place = f"{where}, samples 0 to {record.n - 1}"
+        yield from _told_range(place, extents[key].span, units[key], resolution)
+    leaps = [(place, key) for key in used if measures.get(key) == "position" for place in found[key].leaps]
     yield from _told_leaps(record, sorted(leaps))
     yield from unlike_units(model, record, used)
+
+
+@dataclass
+class _Faults:
+    """What was found of a channel: runs as (first, last, reading), places of leaps, resolutions."""
+
+    clipped: list[Run] = field(default_factory=list)
+    stuck: list[Run] = field(default_factory=list)
+    leaps: list[int] = field(default_factory=list)
+    resolutions: list[float] = field(default_factory=list)
+
+
+def _look(
+    found: _Faults, samples: FloatArray, start: int, measures: str, moving: BoolArray, extent: Extent
+) -> None:
+    """Add what looks wrong in a stretch of a channel that begins at a sample of the record."""
+    if np.ptp(samples) == 0.0:
+        return  # at rest meanwhile
+    runs = equal_runs(samples)
+    clipped, stuck = faulty_runs(samples, runs, measures, moving, (extent.least, extent.greatest))
+    found.resolutions.append(runs.resolution)
+    for into, which in ((found.clipped, clipped), (found.stuck, stuck)):
+        into += [
+            (start + int(runs.first[run]), start + int(runs.last[run]), float(samples[runs.first[run]]))
+            for run in which
+        ]
+    if measures == "position":
+        faulty = [*clipped.tolist(), *stuck.tolist()]
+        found.leaps += [start + place for place in _leaps(samples, runs, faulty)]
 
 
 def _moving(n: int, sensors: Mapping[str, FloatArray], measures: Mapping[str, str]) -> BoolArray:
@@ -107,27 +148,26 @@ def _leaps(samples: FloatArray, runs: Runs, faulty: Sequence[int]) -> list[int]:
     return [int(place) for place in found if not np.any(np.abs(ends - place) <= 1)]
 
 
-def _told_clipped(where: str, samples: FloatArray, runs: Runs, found: Sequence[int]) -> Iterator[Advice]:
-    for limit, side in ((samples.max(), "largest"), (samples.min(), "smallest")):
-        there = [run for run in found if samples[runs.first[run]] == limit]
+def _told_clipped(where: str, extent: Extent, found: _Faults) -> Iterator[Advice]:
+    for limit, side in ((extent.greatest, "largest"), (extent.least, "smallest")):
+        there = [run for run in found.clipped if run[2] == limit]
         if there:
-            count = int(np.sum(runs.lengths[there]))
+            count = sum(last - first + 1 for first, last, _ in there)
             what = f"stands at its {side} reading {limit:.6g} for {count} samples: clipped, or at a limit"
             remedy = "choose a larger range and record again, or cut the record there"
-            yield Advice("clipped", f"{where}, {_places(runs, there)}", what, remedy)
+            yield Advice("clipped", f"{where}, {_places(there)}", what, remedy)
 
 
-def _told_stuck(where: str, samples: FloatArray, runs: Runs, found: Sequence[int]) -> Iterator[Advice]:
+def _told_stuck(where: str, found: Sequence[Run]) -> Iterator[Advice]:
     if found:
-        value = samples[runs.first[found[0]]]
+        value = found[0][2]
         what = f"stays at one reading ({value:.6g}) while it should change: the sensor was stuck or cut off"
         remedy = "check its cable, or cut the record there"
-        yield Advice("stuck", f"{where}, {_places(runs, found)}", what, remedy)
+        yield Advice("stuck", f"{where}, {_places(found)}", what, remedy)
 
 
-def _told_range(where: str, samples: FloatArray, unit: str, resolution: float) -> Iterator[Advice]:
+def _told_range(place: str, span: float, unit: str, resolution: float) -> Iterator[Advice]:
     """Report a channel that is coarse (`resolution` 0 for one that may be), or that spans too much."""
-    span, place = float(np.ptp(samples)), f"{where}, samples 0 to {len(samples) - 1}"
     if span < FEWEST_STEPS * resolution:
         what = f"spans {span / resolution:.0f} steps of its resolution {resolution:.4g} {unit} only"
         yield Advice("coarse", place, what, "record a larger motion, or use a finer sensor")
@@ -136,8 +176,8 @@ def _told_range(where: str, samples: FloatArray, unit: str, resolution: float) -
         yield Advice("unit", place, what, "check its unit (mm for m?), and scale it to SI")
 
 
-def _places(runs: Runs, found: Sequence[int]) -> str:
-    spans = [f"samples {runs.first[run]} to {runs.last[run]}" for run in found[:LISTED]]
+def _places(found: Sequence[Run]) -> str:
+    spans = [f"samples {first} to {last}" for first, last, _ in found[:LISTED]]
     more = [f"{len(found) - LISTED} more stretches"] if len(found) > LISTED else []
     return ", ".join(spans + more)
 

@@ -85,9 +85,13 @@ def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | N
 
     None where too few bands are coherent, or where the ratio changes with the frequency.
     """
-    first, second = (_spectrum(record.signals[sensor.key]) for sensor in (one, other))
+    # of a long record, the stretch that moves most
+    parts = zip(*(record.facts.stretches(sensor.key) for sensor in (one, other)), strict=True)
+    samples = max(parts, key=lambda pair: float(np.ptp(pair[0])))
+    first, second = map(_spectrum, samples)
     derivatives = ORDERS[other.measures] - ORDERS[one.measures]
-    first *= (2.0 * np.pi * record.fs / record.n * np.maximum(np.arange(len(first)), 1)) ** derivatives
+    omega = 2.0 * np.pi * record.fs / len(samples[0]) * np.maximum(np.arange(len(first)), 1)
+    first *= omega**derivatives
     ratios: list[float] = []
     low = FIRST_BIN
     while low < len(first) and len(ratios) < BANDS:

@@ -61,6 +61,11 @@ class NpyChannels:
     n: int
     factors: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(self.columns)
+
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
         """Return samples start to stop of a channel."""
         samples = self.columns[channel].read(start, stop)

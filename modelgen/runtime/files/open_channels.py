@@ -34,6 +34,11 @@ class FileChannels:
     n: int
     reader: Reader
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(self.columns)
+
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
         """Return samples start to stop of a channel in SI."""
         column, factor = self.columns[channel]

@@ -5,6 +5,7 @@ The noise of a reading is taken as white, at the level of the uppermost fifth of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, log, sqrt
@@ -110,6 +111,15 @@ def reading_spectrum(samples: FloatArray, fs: float) -> ReadingSpectrum:
     travel, spread = abs(steady) * n, sqrt(0.5 * noise * fs)
     trend = travel / spread if spread > 0.0 else inf if travel > 0.0 else 0.0
     return ReadingSpectrum(np.asarray(frequency_hz, dtype=float), density, noise, trend)
+
+
+def mean_spectrum(spectra: Sequence[ReadingSpectrum]) -> ReadingSpectrum:
+    """Return the mean of the spectra of stretches of equal length; the largest trend of them."""
+    if len(spectra) == 1:
+        return spectra[0]
+    density = np.mean([one.density for one in spectra], axis=0)
+    noise = float(np.mean([one.noise for one in spectra]))
+    return ReadingSpectrum(spectra[0].frequency_hz, density, noise, max(one.trend for one in spectra))
 
 
 def low_pass(frequency_hz: FloatArray, cutoff_hz: float, order: int) -> FloatArray:

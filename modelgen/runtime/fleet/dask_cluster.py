@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
@@ -16,7 +16,6 @@ from typing import Any
 from modelgen.errors import DataError, ModelgenError
 from modelgen.progress import counted
 from modelgen.runtime.numerics.threads import usable_threads
-from modelgen.runtime.rows.record_factors import RecordFactors
 
 # A fleet without any worker for so long is given up, after so many looks. On a busy machine a worker that was
 # lost takes its time to start again, and may be lost again before the next look.
@@ -236,19 +235,13 @@ def _started(workers: int, folder: str) -> Any:
         raise DataError.at("workers", what, remedy) from error
 
 
-def joined_in_a_tree(client: Any, parts: list[Any]) -> Any:
-    """Return the future of all parts joined, two by two."""
-    while len(parts) > 1:
-        joined = [
-            client.submit(RecordFactors.joined, a, b, pure=False)
-            for a, b in zip(parts[::2], parts[1::2], strict=False)
-        ]
-        parts = joined + parts[2 * len(joined) :]
-    return parts[0]
+def gathered(
+    futures: Mapping[str, Any], what: str, each: Callable[[str, Any], None] | None = None
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the results in the order given, and the reasons of those that have none.
 
-
-def gathered(futures: Mapping[str, Any], what: str) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the results in the order of the records, and the reasons of those that have none."""
+    `each` is called with every result as soon as its turn comes.
+    """
     results, failed = {}, {}
     watch = Watch(list(futures.values()))
     for name, future in counted(list(futures.items()), what):
@@ -260,6 +253,9 @@ def gathered(futures: Mapping[str, Any], what: str) -> tuple[dict[str, Any], dic
             failed[name] = str(error)
         except Exception as error:  # whatever a worker died of
             failed[name] = f"{name}: was lost ({type(error).__name__}: {error}); run it again by itself"
+        else:
+            if each is not None:
+                each(name, results[name])
     return results, failed
 
 

@@ -1,55 +1,32 @@
-"""Fleet: records of many machines on dask workers; an estimate a record, a machine and one of all.
+"""Fleet: records of many machines on dask workers; an estimate a machine, and what suits all of them.
 
-A worker turns a stretch of a record into small triangles; those of a record are joined in a tree, and only
-triangles travel. What cannot be read, and what no worker survives, costs its record and is named.
+A worker does with the records of a machine what `identify` does: the same rows, guards, units, warnings and
+intervals. What cannot be read, and what no worker survives, costs its record and is named.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from modelgen.errors import DataError, ModelgenError
-from modelgen.runtime.fleet.dask_cluster import gathered, joined_in_a_tree
+from modelgen.errors import DataError
+from modelgen.runtime.fleet.checkpoint import Checkpoint
+from modelgen.runtime.fleet.dask_cluster import gathered
+from modelgen.runtime.fleet.pooled import PooledParameter, pooled_parameters
 from modelgen.runtime.fleet.worker import (
-    Job,
-    fit_records,
+    FleetRecord,
+    MachineReport,
     fleet_model,
-    kernel_sums,
-    moments_of,
-    own_fit,
-    part_factors,
-    prepare,
+    identify_machine,
+    probe,
+    same_records,
 )
-from modelgen.runtime.identification.identify_stream import StreamEstimate, stream_choice, stream_estimate
-from modelgen.runtime.least_squares.hac_covariance import KernelSums
-from modelgen.runtime.least_squares.hac_covariance_chunks import Moments, bandwidth_of, covariance_from_sums
-from modelgen.runtime.least_squares.triangle_fit import FactorFit
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.channels import Channels, RecordChannels
-from modelgen.runtime.records.same_data import alike, look, refuse_pairs, refuse_same_data, same_throughout
-from modelgen.runtime.rows.chunk import CHUNK_SAMPLES
-
-FloatArray = npt.NDArray[np.float64]
-Progress = Callable[[str], None]
-Group = tuple[str, str]  # kind of an estimate ("record", "machine", "fleet") and whose it is
-
-ALL: Group = ("fleet", "")
-
-# Samples to one task: tens of milliseconds, against which the scheduler's millisecond does not count.
-TASK_SAMPLES = 4 * CHUNK_SAMPLES
-
-
-@dataclass(frozen=True, eq=False)
-class FleetRecord:
-    """One record of a machine; records of a fleet need names of their own."""
-
-    machine: str
-    source: Channels
+from modelgen.runtime.records.same_data import alike, refuse_pairs
 
 
 @dataclass(frozen=True)
@@ -58,44 +35,30 @@ class FleetEstimate:
 
     Attributes
     ----------
-    machines : mapping of str to StreamEstimate
-        One of each machine, in the order of the records.
-    pooled : StreamEstimate
-        Of all records together, each row of each with a weight of its own.
+    machines : mapping of str to mapping
+        The estimate of each machine, in the order of the records, as `Estimate.to_dict` gives it.
+    pooled : tuple of PooledParameter
+        What all machines say of each parameter, and whether they differ.
     failed : mapping of str to str
         Record to the reason why it is in no estimate.
     refused : mapping of str to str
-        Machine to the reason why it has no estimate of its own.
-    records : mapping of str to StreamEstimate
-        One of each record, in their order.
-    refused_records : mapping of str to str
-        Record to the reason why it has no estimate of its own.
-    lost : mapping of str to str
-        Record that is in the estimates, but was lost before their covariances, to the reason; these estimates
-        have printed standard deviations only, and no covariance.
+        Machine to the reason why it has no estimate.
     """
 
-    machines: Mapping[str, StreamEstimate]
-    pooled: StreamEstimate
+    machines: Mapping[str, Mapping[str, Any]]
+    pooled: tuple[PooledParameter, ...]
     failed: Mapping[str, str]
     refused: Mapping[str, str]
-    records: Mapping[str, StreamEstimate]
-    refused_records: Mapping[str, str]
-    lost: Mapping[str, str]
 
 
 def identify_fleet(
     client: Any,
     module_text: str,
     records: Sequence[FleetRecord],
-    cutoff_hz: float,
-    filter_order: int | None = None,
-    decimation: int | None = None,
-    direction_cutoff_hz: float | None = None,
-    task_samples: int = TASK_SAMPLES,
-    progress: Progress | None = None,
+    options: Mapping[str, Any] | None = None,
+    checkpoint: str | Path | None = None,
 ) -> FleetEstimate:
-    """Identify the parameters of every record, of every machine, and those that suit all.
+    """Identify the parameters of every machine, and what suits all.
 
     Parameters
     ----------
@@ -105,136 +68,118 @@ def identify_fleet(
         Text of the generated module; the workers execute it.
     records : sequence of FleetRecord
         Their files must be readable where the workers are.
-    cutoff_hz, filter_order, decimation, direction_cutoff_hz :
-        As for `modelgen.runtime.identification.identify_stream.identify_stream`.
-    task_samples : int
-        Samples to one task; changes the speed only.
-    progress : callable, optional
-        Called with a few words before each step.
+    options : mapping, optional
+        Options of `modelgen.identify`, the same for all machines.
+    checkpoint : path, optional
+        A folder that keeps what came of each machine. A machine that is in it, with the same data, model and
+        options, is not identified again, nor are its records read, as long as they have stamps.
 
     Raises
     ------
     DataError
-        When records share a name or data, none could be used, or no worker is left.
-    IdentifiabilityError
-        When all records together answer none of the parameters.
+        When records share a name or data, no machine could be identified, or no worker is left.
     """
-    names = [record.source.name for record in records]
+    names = [record.name for record in records]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise DataError.at(twice, "names two records", "give every record a name of its own")
-    say = progress or (lambda _: None)
-    model = fleet_model(module_text)
-    sources = [record.source for record in records]
-    refuse_same_data([one for one in sources if isinstance(one, RecordChannels)], model.channels)
-    choice = stream_choice(model, sources, cutoff_hz, filter_order, decimation, direction_cutoff_hz)
-    jobs = [
-        Job(module_text, source, replace(choice, decimation=(factor,)), task_samples)
-        for source, factor in zip(sources, choice.decimation, strict=True)
-    ]
-    tasks = {name: client.submit(prepare, job, pure=False) for name, job in zip(names, jobs, strict=True)}
-    roots = {}
-    for name, job in zip(names, jobs, strict=True):
-        parts = [client.submit(part_factors, tasks[name], part, pure=False) for part in job.parts()]
-        roots[name] = joined_in_a_tree(client, parts)
-    say("filtering the records")
-    factors, failed = gathered(roots, "records filtered")
-    if not factors:
-        raise DataError.at("records", "none could be used: " + "; ".join(failed.values()), "see the reasons")
-    _refuse_same(client, model, [source for source in sources if source.name in factors])
-    own = {name: client.submit(own_fit, module_text, roots[name], pure=False) for name in factors}
-    own_fits, refused_records = gathered(own, "records solved")
-    groups = _groups([record for record in records if record.source.name in factors])
-    fits: dict[Group, FactorFit] = {("record", name): fit for name, fit in own_fits.items()}
-    refused: dict[str, str] = {}
-    for group, members in groups.items():
-        try:
-            fits[group] = fit_records(model, [factors[name] for name in members])
-        except ModelgenError as error:
-            if group == ALL:
-                raise
-            refused[group[1]] = str(error)
-    groups |= {("record", name): [name] for name in own_fits}
-    say("finding covariances")
-    spread, lost = _covariances(client, {group: (fit, groups[group]) for group, fit in fits.items()}, tasks)
-    estimates = {
-        group: stream_estimate(model, [factors[name] for name in groups[group]], fit, spread[group])
-        for group, fit in fits.items()
+    chosen = dict(options or {})
+    model, fleet = fleet_model(module_text), _machines(records)
+    kept = Checkpoint(Path(checkpoint), module_text, chosen) if checkpoint is not None else None
+    reports = {
+        machine: report
+        for machine, members in fleet.items()
+        if kept is not None and (report := kept.load(machine, members)) is not None
     }
-    return FleetEstimate(
-        {name: found for (kind, name), found in estimates.items() if kind == "machine"},
-        estimates[ALL],
-        failed,
-        refused,
-        {name: found for (kind, name), found in estimates.items() if kind == "record"},
-        refused_records,
-        lost,
-    )
+    left = {machine: members for machine, members in fleet.items() if machine not in reports}
+    submit = partial(_submit, client, module_text, chosen)
+    futures = {machine: submit(members) for machine, members in left.items()}
+    done, lost = gathered(futures, "machines identified", _save(kept, left))
+    without, why = _without_deadly(client, model, {machine: left[machine] for machine in lost})
+    again, still = gathered({machine: submit(members) for machine, members in without.items()}, "again")
+    reports |= done | {
+        machine: replace(report, failed={**why.get(machine, {}), **report.failed})
+        for machine, report in again.items()
+    }
+    for machine in lost:
+        if machine not in again:
+            reason = still.get(machine, "none of its records can be read")
+            reports[machine] = MachineReport("", reason, why.get(machine, {}), {})
+    ordered = {machine: reports[machine] for machine in fleet}
+    _refuse_same(client, model, records, ordered)
+    return _estimate(ordered)
 
 
-def _refuse_same(client: Any, model: Model, sources: Sequence[Channels]) -> None:
-    """Refuse records with the same data; the workers look at them.
+def _machines(records: Sequence[FleetRecord]) -> dict[str, list[FleetRecord]]:
+    """Return the records of each machine."""
+    found: dict[str, list[FleetRecord]] = {}
+    for record in records:
+        found.setdefault(record.machine, []).append(record)
+    return found
+
+
+def _submit(client: Any, module_text: str, options: Mapping[str, Any], members: Sequence[FleetRecord]) -> Any:
+    return client.submit(identify_machine, module_text, members, options, pure=False)
+
+
+def _save(kept: Checkpoint | None, fleet: Mapping[str, Sequence[FleetRecord]]) -> Any:
+    """Return what is done with the report of a machine as soon as it is there."""
+    if kept is None:
+        return None
+    return lambda machine, report: kept.save(machine, fleet[machine], report)
+
+
+def _without_deadly(
+    client: Any, model: Model, fleet: Mapping[str, Sequence[FleetRecord]]
+) -> tuple[dict[str, list[FleetRecord]], dict[str, dict[str, str]]]:
+    """Return machines whose worker died, without the records that no worker survives, and these."""
+    members = {record.name: record for one in fleet.values() for record in one}
+    probes = {name: client.submit(probe, one, model.channels, pure=False) for name, one in members.items()}
+    _, deadly = gathered(probes, "records read")
+    without = {
+        machine: [record for record in records if record.name not in deadly]
+        for machine, records in fleet.items()
+    }
+    why = {
+        machine: {record.name: deadly[record.name] for record in records if record.name in deadly}
+        for machine, records in fleet.items()
+    }
+    return {machine: records for machine, records in without.items() if records}, why
+
+
+def _refuse_same(
+    client: Any, model: Model, records: Sequence[FleetRecord], reports: Mapping[str, MachineReport]
+) -> None:
+    """Refuse records of different machines with the same data; the workers look at them.
 
     Raises
     ------
     DataError
     """
-    submitted = {one.name: client.submit(look, one, model.channels, pure=False) for one in sources}
-    looks, _ = gathered(submitted, "records compared")
-    seen = [source for source in sources if source.name in looks]
-    pairs = alike([looks[source.name] for source in seen])
-    whole = {
-        f"{i} {k}": client.submit(same_throughout, seen[i], seen[k], model.channels, pure=False)
+    looks = {name: samples for report in reports.values() for name, samples in report.looks.items()}
+    seen = [record for record in records if record.name in looks]
+    pairs = alike([looks[record.name] for record in seen])
+    compared = {
+        f"{i} {k}": client.submit(same_records, seen[i], seen[k], model.channels, pure=False)
         for i, k in pairs
     }
-    same, _ = gathered(whole, "records compared")
-    refuse_pairs(seen, {(i, k): seen[i].n for i, k in pairs if same.get(f"{i} {k}")})
+    same, _ = gathered(compared, "records compared")
+    sizes = [(record.name, int(looks[record.name][0])) for record in seen]
+    refuse_pairs(sizes, {(i, k): sizes[i][1] for i, k in pairs if same.get(f"{i} {k}")})
 
 
-def _groups(records: Sequence[FleetRecord]) -> dict[Group, list[str]]:
-    """Return the names of the records of each machine, and of all."""
-    groups: dict[Group, list[str]] = {}
-    for record in records:
-        groups.setdefault(("machine", record.machine), []).append(record.source.name)
-    groups[ALL] = [record.source.name for record in records]
-    return groups
+def _estimate(reports: Mapping[str, MachineReport]) -> FleetEstimate:
+    """Return the estimates of the machines, and the pooled one.
 
-
-def _covariances(
-    client: Any, fits: Mapping[Group, tuple[FactorFit, list[str]]], tasks: Mapping[str, Any]
-) -> tuple[dict[Group, FloatArray | None], dict[str, str]]:
-    """Return the HAC covariance of each fit, and the records that were lost on the way, with the reason.
-
-    There is none without a whole inverse, nor where a record was lost.
+    Raises
+    ------
+    DataError
+        When there is none.
     """
-    # groups of the same records have the same fit: a machine with one record, a fleet of one machine
-    chosen = {tuple(members): group for group, (_, members) in list(fits.items())[::-1]}
-    uses: dict[str, dict[Group, tuple[FactorFit, int]]] = {}
-    for same_members, group in chosen.items():
-        if fits[group][0].inverse is not None:
-            for index, name in enumerate(same_members):
-                uses.setdefault(name, {})[group] = fits[group][0], index
-    moments, lost = gathered(
-        {n: client.submit(moments_of, tasks[n], list(own.values()), pure=False) for n, own in uses.items()},
-        "covariances, first pass",
-    )
-    own_moments: dict[Group, list[Moments]] = {}
-    for name, found in moments.items():
-        for group, one in zip(uses[name], found, strict=True):
-            own_moments.setdefault(group, []).append(one)
-    widths = {group: bandwidth_of(own) for group, own in own_moments.items()}
-    second = {}
-    for name in moments:
-        own_fits, own_widths = list(uses[name].values()), [widths[group] for group in uses[name]]
-        second[name] = client.submit(kernel_sums, tasks[name], own_fits, own_widths, pure=False)
-    sums, also_lost = gathered(second, "covariances, second pass")
-    sums_of: dict[Group, list[KernelSums]] = {}
-    for name, totals in sums.items():
-        for group, total in zip(uses[name], totals, strict=True):
-            sums_of.setdefault(group, []).append(total)
-    result: dict[Group, FloatArray | None] = {}
-    for group, (fit, members) in fits.items():
-        same = chosen[tuple(members)]
-        whole = len(sums_of.get(same, [])) == len(members)
-        result[group] = covariance_from_sums(fit, own_moments[same], sums_of[same]) if whole else None
-    return result, lost | also_lost
+    machines = {name: json.loads(report.document) for name, report in reports.items() if report.document}
+    refused = {name: report.reason for name, report in reports.items() if not report.document}
+    failed = {name: why for report in reports.values() for name, why in report.failed.items()}
+    if not machines:
+        reasons = "; ".join([*failed.values(), *refused.values()])
+        raise DataError.at("records", f"none could be used: {reasons}", "see the reasons")
+    return FleetEstimate(machines, pooled_parameters(list(machines.values())), failed, refused)

@@ -1,45 +1,82 @@
-"""What the workers of a fleet do: stretches of a record -> triangles, fits -> sums for their covariances."""
+"""What the workers of a fleet do: the records of one machine -> its estimate, by the same `identify`."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.least_squares.hac_covariance import KernelSums
-from modelgen.runtime.least_squares.hac_covariance_chunks import (
-    Moments,
-    MomentSums,
-    ParzenSums,
-    influence_chunks,
-)
-from modelgen.runtime.least_squares.triangle_fit import FactorFit, fit_factors, with_inverse
+from modelgen.errors import ModelgenError
+from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.records.channels import Channels
-from modelgen.runtime.rows.record_factors import RecordFactors, record_factors
-from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
-from modelgen.runtime.rows.standstill_speeds import Survey
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.same_data import look, same_throughout
 
 FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
-    """What a worker needs to know of a record."""
+class FleetRecord:
+    """One record of a machine; records of a fleet need names of their own.
 
-    module_text: str
-    source: Channels
-    choice: FilterChoice
-    task_samples: int
+    Attributes
+    ----------
+    machine : str
+    source : Record, Channels or callable
+        The record, or what reads it where it is called: on a worker.
+    name : str
+        By default that of the source.
+    stamp : str
+        Changes whenever the data does (path, size and time of a file); empty where it has to be looked at.
+    """
 
-    def parts(self) -> range:
-        """Number the parts that the record is cut into."""
-        return range(max(1, -(-self.source.n // self.task_samples)))
+    machine: str
+    source: Channels | Callable[[], Record]
+    name: str = ""
+    stamp: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", getattr(self.source, "name", "record"))
+
+    def opened(self) -> Record:
+        """Return the record.
+
+        Raises
+        ------
+        DataError
+            When it cannot be read.
+        """
+        if isinstance(self.source, Record):
+            return self.source
+        return self.source() if callable(self.source) else Record.over(self.source)
+
+
+@dataclass(frozen=True, eq=False)
+class MachineReport:
+    """What came of one machine.
+
+    Attributes
+    ----------
+    document : str
+        Its estimate, `Estimate.to_json`; empty where there is none.
+    reason : str
+        Why there is none.
+    failed : mapping of str to str
+        Record to the reason why it is not in the estimate.
+    looks : mapping of str to array
+        Samples here and there of each record that was read, see `same_data.look`.
+    """
+
+    document: str
+    reason: str
+    failed: Mapping[str, str]
+    looks: Mapping[str, FloatArray]
 
 
 @lru_cache(maxsize=8)
@@ -48,81 +85,37 @@ def fleet_model(text: str) -> Model:
     return model_from_text(text, "fleet")
 
 
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """A job and the grid and survey of its record: what is found once for all its parts."""
-
-    job: Job
-    grid: range
-    survey: Survey
-
-    @cached_property
-    def task(self) -> RecordRows:
-        """What is to be done with the record; made by whoever first works on it, not by who receives it.
-
-        What arrives at a worker is unpacked by the thread that answers the scheduler, which must not wait.
-        """
-        return replace(_task(self.job, self.survey), grid=self.grid)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # a module does not travel, its text does
-        return Prepared, (self.job, self.grid, self.survey)
-
-
-def prepare(job: Job) -> Prepared:
-    """Look through a record once."""
-    task = _task(job, None)
-    return Prepared(job, task.grid, task.survey)
+def identify_machine(
+    module_text: str, records: Sequence[FleetRecord], options: Mapping[str, Any]
+) -> MachineReport:
+    """Return the estimate of one machine; a record that cannot be read is left out, and named."""
+    model = fleet_model(module_text)
+    usable, failed, looks = [], {}, {}
+    for one in records:
+        try:
+            record = one.opened()
+            for key in model.channels:
+                if key in record.keys:
+                    record.facts.extent(key)  # every sample is looked at once: a damaged file shows here
+            looks[one.name] = look(record, [key for key in model.channels if key in record.keys])
+            usable.append(record)
+        except ModelgenError as error:
+            failed[one.name] = str(error)
+    if not usable:
+        return MachineReport("", "none of its records can be read", failed, looks)
+    try:
+        return MachineReport(identify(model, usable, **options).to_json(), "", failed, looks)
+    except ModelgenError as error:
+        return MachineReport("", str(error), failed, looks)
 
 
-def _task(job: Job, survey: Survey | None) -> RecordRows:
-    return matched_rows(
-        fleet_model(job.module_text), job.source, job.choice, job.choice.decimation[0], survey=survey
-    )
+def probe(record: FleetRecord, channels: Sequence[str]) -> None:
+    """Read every sample of a record; to be run alone where a worker died, to find out of what."""
+    opened = record.opened()
+    for key in channels:
+        opened.facts.extent(key)
 
 
-def part_factors(prepared: Prepared, index: int) -> RecordFactors:
-    """Return the factors of one part of a record's grid, cut at whole blocks."""
-    task = prepared.task
-    parts = len(prepared.job.parts())
-    step = -(-len(task.grid) // parts)
-    block = task.plan.feature_operator.block
-    step = -(-step // block) * block
-    mine = task.grid[index * step : (index + 1) * step]
-    return record_factors(replace(task, grid=mine), threads=1)  # the workers are the threads
-
-
-def fit_records(model: Model, records: Sequence[RecordFactors]) -> FactorFit:
-    """Return the fit of records together, with its whole inverse."""
-    return with_inverse(records, fit_factors(model, records))
-
-
-def own_fit(module_text: str, record: RecordFactors) -> FactorFit:
-    """Return the fit of one record alone."""
-    return fit_records(fleet_model(module_text), [record])
-
-
-def moments_of(prepared: Prepared, fits: Sequence[tuple[FactorFit, int]]) -> list[Moments]:
-    """Return the moments of each fit's influence on a record, which is the fit's record of that number."""
-    sums = [MomentSums(len(fit.columns)) for fit, _ in fits]
-    _feed(sums, prepared, fits)
-    return [one.result() for one in sums]
-
-
-def kernel_sums(
-    prepared: Prepared, fits: Sequence[tuple[FactorFit, int]], widths: Sequence[float]
-) -> list[KernelSums]:
-    """Return the kernel sums of each fit's influence on a record, for its bandwidth."""
-    sums = [ParzenSums(len(fit.columns), width) for (fit, _), width in zip(fits, widths, strict=True)]
-    _feed(sums, prepared, fits)
-    return [one.result() for one in sums]
-
-
-class _Sums(Protocol):
-    def add(self, psi: FloatArray) -> None: ...
-
-
-def _feed(sums: Sequence[_Sums], prepared: Prepared, fits: Sequence[tuple[FactorFit, int]]) -> None:
-    for found in influence_chunks(fits, prepared.task):
-        for one, psi in zip(sums, found, strict=True):
-            one.add(psi)
+def same_records(first: FleetRecord, second: FleetRecord, channels: Sequence[str]) -> bool:
+    """Tell whether two records hold the same data."""
+    return same_throughout(first.opened(), second.opened(), channels)

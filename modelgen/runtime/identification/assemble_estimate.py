@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from modelgen.runtime.identification.methods import METHODS, Job
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
-from modelgen.runtime.least_squares.wls import Fit, refit, terms_norm
+from modelgen.runtime.least_squares.wls import Fit, refit
 from modelgen.runtime.parameters.other_solutions import other_solutions, solution_notes
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import (
@@ -163,7 +163,7 @@ def row_diagnostics(observation: Observation, fit: Fit) -> tuple[RowDiagnostics,
         if index is not None:
             weight, residual = fit.weights[index], fit.residuals[index]
             rms = float(np.sqrt(np.mean(residual**2)))
-            balanced = terms_norm(fit.blocks[index], fit.solution.x)
+            balanced = fit.blocks[index].terms_norm(fit.solution.x)
             size = float(np.linalg.norm(block.Y)) if block.has_force else balanced
             error = float(np.linalg.norm(residual)) / size if size > 0.0 else None
         used = block.place.size

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from numbers import Integral
 from types import ModuleType
@@ -10,7 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from modelgen.errors import DataError, Problem
-from modelgen.magnitudes import SMALLEST
+from modelgen.magnitudes import REMEDY, SMALLEST
 from modelgen.runtime.diagnostics.cutoff_agreement import (
     all_disagreements,
     coordinates_of,
@@ -44,9 +44,9 @@ from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.parameters.bounds import bound_reasons
-from modelgen.runtime.records.channels import RecordChannels
+from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
-from modelgen.runtime.records.record import Record, magnitude_problem, missing_name
+from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.same_data import refuse_same_data
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.rows_by_tag import PAPER, rows_for_tags
@@ -58,7 +58,7 @@ RESIDUAL_DOFS = ("r-c", "r-1")
 
 def identify(
     model: Model | ModuleType,
-    records: Record | Sequence[Record],
+    records: Record | Channels | Sequence[Record | Channels],
     method: str = "wls",
     cutoff_hz: float | None = None,
     filter_order: int | None = None,
@@ -87,8 +87,9 @@ def identify(
     ----------
     model : Model or module
         See `modelgen.load_model`; a generated module that was imported does as well.
-    records : Record or sequence of Record
-        With the channels of the model's sensors and actuators, in SI.
+    records : Record, Channels, or sequence of them
+        With the channels of the model's sensors and actuators, in SI; in memory, or read in stretches from
+        files of any length (`modelgen.runtime.files`).
     method : str
         "wls": every signal through the same zero-phase filter, weighted least squares. "iv": instrumental
         variables on the same rows, free of the bias that noise of the sensors gives least squares, with the
@@ -150,7 +151,7 @@ def identify(
         When the records answer none of the parameters.
     """
     say = progress or _silent
-    given = (records,) if isinstance(records, Record) else tuple(records)
+    given = as_records(records)
     model = model if isinstance(model, Model) else model_from_module(model)
     _check(model, given, method, drop, prune_percent, residual_dof, directions or {}, rows_for_tag)
     check_treatment(method, robust, bounds)
@@ -192,7 +193,11 @@ def identify(
     moved = tuple(advanced(record, found_late) for record in given)
 
     def again(other: FilterChoice) -> Fit:
-        return treatment(chosen.run(replace(job, records=moved, late=(), choice=other, start=plain))[1])
+        # speeds at standstill belong to the filter for directions
+        same = other.direction_cutoff_hz == choice.direction_cutoff_hz
+        surveys = observation.surveys if same else ()
+        setting = replace(job, records=moved, late=(), choice=other, start=plain, surveys=surveys)
+        return treatment(chosen.run(setting)[1])
 
     if drift_check and chosen.matched:
         say("changing cut-off and weights")
@@ -234,6 +239,24 @@ def identify(
     )
 
 
+def as_records(records: Record | Channels | Sequence[Record | Channels]) -> tuple[Record, ...]:
+    """Return records as a tuple; what is no record, but can be read in stretches, becomes one.
+
+    Raises
+    ------
+    DataError
+        When there is none, or something is neither.
+    """
+    several = tuple(records) if isinstance(records, Iterable) else (records,)
+    if not several:
+        raise DataError.at("records", "there are none", "give at least one Record")
+    strange = [one for one in several if not isinstance(one, Record) and not hasattr(one, "read")]
+    if strange:
+        problems = [Problem("records", f"hold a {type(one).__name__}", "give Records") for one in strange]
+        raise DataError(*problems)
+    return tuple(one if isinstance(one, Record) else Record.over(one) for one in several)
+
+
 def _check(
     model: Model,
     records: Sequence[Record],
@@ -257,24 +280,21 @@ def _check(
         problems.append(Problem("rows_for_tag", f"is {rows_for_tag!r}", f'give a mapping, or "{PAPER}"'))
     if not percent > 0.0:
         problems.append(Problem("prune_percent", f"is {percent!r}", "give a percentage above 0"))
-    if not records:
-        problems.append(Problem("records", "there are none", "give at least one Record"))
-    known = [record for record in records if isinstance(record, Record)]
-    for record in records:
-        if not isinstance(record, Record):
-            problems.append(Problem("records", f"hold a {type(record).__name__}", "give Records"))
-    problems += direction_problems(model, known, directions)
+    problems += direction_problems(model, records, directions)
     measured = [key for key in model.channels if key not in wanted_directions(model)]
-    for record in known:
+    for record in records:
         missing = [key for key in measured if key not in record.signals]
         problems += [missing_name(record.name, "channel", key, record.signals) for key in missing]
         # products of such samples would be lost: no answer, or one of rounding
-        given = {key: record.signals[key] for key in model.channels if key in record.signals}
-        faint = [magnitude_problem(f"{record.name}: channel {k}", v, SMALLEST) for k, v in given.items()]
-        problems += [problem for problem in faint if problem is not None]
+        peaks = {k: record.facts.extent(k).peak for k in model.channels if k in record.signals}
+        problems += [
+            Problem(f"{record.name}: channel {key}", f"is {peak:g}: none reaches {SMALLEST:g}", REMEDY)
+            for key, peak in peaks.items()
+            if 0.0 < peak < SMALLEST
+        ]
     if problems:
         raise DataError(*problems)
-    refuse_same_data([RecordChannels(record) for record in known], measured)
+    refuse_same_data(records, measured)
 
 
 def _silent(_: str) -> None:

@@ -22,6 +22,7 @@ from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation, observe, rows_by_tag
 from modelgen.runtime.rows.paper_rows import observe_paper
+from modelgen.runtime.rows.standstill_speeds import Survey
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -32,7 +33,8 @@ class Job:
 
     `late` names the force channels whose delay is estimated as well. `start` is a fit at other settings,
     close to the one wanted; it saves rounds. `robust`, `bounds` and `at_zero` are for physical parameters
-    fitted to composites; other fits are treated afterwards, see `robust_and_bounded`.
+    fitted to composites; other fits are treated afterwards, see `robust_and_bounded`. `surveys` are those of
+    an observation of the records with the same filter for directions, or nothing.
     """
 
     model: Model
@@ -46,6 +48,12 @@ class Job:
     robust: str | None = None
     bounds: str | None = None
     at_zero: tuple[str, ...] = ()
+    surveys: tuple[Survey, ...] = ()
+
+    def observed(self, records: tuple[Record, ...], turns: bool = True) -> Observation:
+        """Return the rows of records that these stand for, delays compensated, say."""
+        rows = observe(self.model, records, self.choice, self.drop, turns, self.surveys)
+        return self.only_rows_for_tag(rows)
 
     def only_rows_for_tag(self, observation: Observation) -> Observation:
         """Return the rows that the records' tags may feed."""
@@ -79,11 +87,8 @@ class Method:
 def run_wls(job: Job) -> tuple[Observation, Fit]:
     """Weighted least squares on matched-filtered rows."""
 
-    def rows(records: tuple[Record, ...]) -> Observation:
-        return job.only_rows_for_tag(observe(job.model, records, job.choice, job.drop))
-
     def run(records: tuple[Record, ...], _: Fit | None) -> tuple[Observation, Fit]:
-        observation = rows(records)
+        observation = job.observed(records)
         return observation, fit_matched(observation)
 
     return fit_with_delays(job.records, job.late, run, job.rates) if job.late else run(job.records, None)
@@ -93,7 +98,7 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
     """Instrumental variables on matched-filtered rows, started from their least-squares fit."""
 
     def calm(records: tuple[Record, ...]) -> Observation:
-        return job.only_rows_for_tag(observe(job.model, records, job.choice, job.drop, turns=False))
+        return job.observed(records, turns=False).dense()
 
     if all_from_composites(job.model):
         setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)

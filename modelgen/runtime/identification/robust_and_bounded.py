@@ -87,7 +87,7 @@ def treat(
 def unweighted(fit: Fit, plain: Fit) -> Fit:
     """Return a treated fit on the rows as they were, without robust weights."""
     there = [plain.columns.index(name) for name in fit.columns]
-    blocks = tuple(replace(block, W=block.W[:, there]) for block in plain.blocks)
+    blocks = tuple(block.chosen(there) for block in plain.blocks)
     projected = tuple(array[:, there] for array in plain.projected)
-    residuals = tuple(block.Y - block.W @ fit.solution.x for block in blocks)
+    residuals = tuple(block.residual(fit.solution.x) for block in blocks)
     return replace(fit, blocks=blocks, projected=projected, residuals=residuals, weights=plain.weights)

@@ -134,7 +134,7 @@ class ChainEstimator:
         from dataclasses import replace
 
         choice = replace(self.estimate_.filtering, decimation=self.estimate_.filtering.decimation[:1])
-        blocks = observe(self._model(), [record], choice).blocks
+        blocks = observe(self._model(), [record], choice).dense().blocks
         return [(b.Y, b.W) for b in blocks if b.place.size and (b.has_force or not forces_only)]
 
     def __repr__(self) -> str:

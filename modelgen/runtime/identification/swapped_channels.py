@@ -17,10 +17,11 @@ from modelgen.errors import ModelgenError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.methods import METHODS, Job
-from modelgen.runtime.least_squares.wls import Fit, terms_norm
+from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
 from modelgen.runtime.parameters.unanswered_columns import not_identifiable
+from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
 # A row that leaves this share of its largest term unexplained is worth the trouble,
@@ -105,15 +106,14 @@ def _changes(model: Model) -> Iterator[_Change]:
 
 def _exchange(one: str, other: str, alike: bool) -> _Change:
     def apply(record: Record) -> Record:
-        signals = {**record.signals, one: record.signals[other], other: record.signals[one]}
-        return Record(signals, record.fs, record.name, record.tag)
+        return record.edited({one: Edit(other, np.asarray), other: Edit(one, np.asarray)})
 
     return _Change("swapped with each other", f"{one} and {other}", alike, apply)
 
 
 def _reversal(key: str) -> _Change:
     def apply(record: Record) -> Record:
-        return Record({**record.signals, key: -record.signals[key]}, record.fs, record.name, record.tag)
+        return record.edited({key: Edit(key, np.negative)})
 
     return _Change("reversed in sign", key, True, apply)
 
@@ -134,6 +134,6 @@ def _sense(job: Job, fit: Fit) -> _Sense:
     ]
     left = [0.0]
     for block, residual in zip(fit.blocks, fit.residuals, strict=True):
-        size = float(np.linalg.norm(block.Y)) if block.has_force else terms_norm(block, fit.solution.x)
+        size = float(np.linalg.norm(block.Y)) if block.has_force else block.terms_norm(fit.solution.x)
         left.append(float(np.linalg.norm(residual)) / size if size > 0.0 else 1.0)
     return _Sense(len(impossible), max(left))

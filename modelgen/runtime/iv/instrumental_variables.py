@@ -19,10 +19,9 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
-from modelgen.runtime.least_squares.wls import Fit, terms_norm
+from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.physical_parameters import Covariances, physical_parameters
-from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import matched_rows
 from modelgen.runtime.rows.row_terms import row_terms
@@ -84,7 +83,7 @@ def starting_at(fit: Fit, start: Fit) -> Fit:
     """Return the fit with the solution of another one to the same columns."""
     if fit.columns != start.columns:
         return fit
-    residuals = tuple(block.Y - block.W @ start.solution.x for block in fit.blocks)
+    residuals = tuple(block.residual(start.solution.x) for block in fit.blocks)
     return replace(fit, solution=start.solution, residuals=residuals)
 
 
@@ -127,10 +126,10 @@ def _simulated_rows(fit: Fit, setting: Setting, parameters: Mapping[str, float])
         if block.record not in runs:
             record = run_beside(model, parameters, setting.records[block.record], choice, setting.loop)
             factor = choice.decimation[block.record]
-            rows = matched_rows(model, RecordChannels(record), choice, factor, setting.drop, survey=NOTHING)
+            rows = matched_rows(model, record, choice, factor, setting.drop, survey=NOTHING)
             runs[block.record] = rows.lines()
         Z = np.zeros((len(block.place), len(fit.columns)))
-        lines = runs[block.record][block.row][1:-1]
+        lines = runs[block.record][block.row][:-1]
         for column, line in zip(touched[block.row], lines, strict=True):
             if column in place:
                 Z[:, place[column]] = line[block.place]
@@ -148,7 +147,7 @@ def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
     weights = []
     for block, residual in zip(fit.blocks, fit.residuals, strict=True):
         samples = np.sqrt(max(len(residual), 1))
-        least = EXACTNESS * terms_norm(block, fit.solution.x) / samples
+        least = EXACTNESS * block.terms_norm(fit.solution.x) / samples
         weights.append(1.0 / max(float(np.linalg.norm(residual) / samples), least, tiny))
     return two_stage(replace(fit, weights=tuple(weights), notes=()), Z)
 

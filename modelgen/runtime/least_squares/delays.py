@@ -20,7 +20,7 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.channels import RecordChannels
+from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.record_rows import matched_rows
@@ -44,54 +44,56 @@ POINTS = 8
 
 def advanced(record: Record, delays: Mapping[str, float]) -> Record:
     """Return the record with its channels earlier by so many seconds: what was late is on time."""
-    moved = {key: delay for key, delay in delays.items() if delay and key in record.signals}
-    if not moved:
-        return record
-    signals = dict(record.signals)
-    for key, delay in moved.items():
-        signals[key] = shifted(record.signals[key], delay * record.fs)
-    return Record(signals, record.fs, record.name, record.tag)
+    return record.edited(
+        {
+            key: shift(key, delay * record.fs)
+            for key, delay in delays.items()
+            if delay and key in record.signals
+        }
+    )
 
 
-def shifted(samples: FloatArray, by: float) -> FloatArray:
-    """Return samples(k + by) by Lagrange interpolation through 8 points; `by` in samples, ends repeated.
+def shift(channel: str, by: float) -> Edit:
+    """Return what makes samples(k + by) of a channel by Lagrange interpolation through 8 points.
 
-    Exact for polynomials of degree 7; at a tenth of the sampling frequency off by less than 1e-4.
+    `by` in samples. Exact for polynomials of degree 7; at a tenth of the sampling frequency off by less than
+    1e-4.
     """
     whole = int(np.floor(by))
-    nodes = np.arange(POINTS) - POINTS // 2 + 1
-    fraction = by - whole
-    padded = np.concatenate([np.full(POINTS, samples[0]), samples, np.full(POINTS, samples[-1])])
-    result = np.zeros(len(samples))
-    for node in nodes:
+    nodes, fraction, margin = np.arange(POINTS) - POINTS // 2 + 1, by - whole, abs(whole) + POINTS
+    weights = {}
+    for node in nodes.tolist():
         others = nodes[nodes != node]
-        weight = float(np.prod((fraction - others) / (node - others)))
-        if weight:
-            place = np.clip(np.arange(len(samples)) + whole + node + POINTS, 0, len(padded) - 1)
-            result += weight * padded[place]
-    return result
+        weights[whole + node] = float(np.prod((fraction - others) / (node - others)))
+
+    def make(samples: FloatArray) -> FloatArray:
+        n = len(samples) - 2 * margin
+        result = np.zeros(n)
+        for place, weight in weights.items():
+            if weight:
+                result += weight * samples[margin + place : margin + place + n]
+        return result
+
+    return Edit(channel, make, margin)
 
 
-def held(samples: FloatArray) -> FloatArray:
+def hold(channel: str) -> Edit:
     """Return what a zero-order hold makes of a command: late by half a sample, and averaged over one.
 
     The average over a sample is taken to second order, (1, 22, 1) / 24.
     """
-    padded = np.concatenate([samples[:1], samples, samples[-1:]])
-    averaged = (padded[:-2] + 22.0 * padded[1:-1] + padded[2:]) / 24.0
-    return shifted(averaged, -0.5)
+    late = shift(channel, -0.5)
+
+    def make(samples: FloatArray) -> FloatArray:
+        return late.make((samples[:-2] + 22.0 * samples[1:-1] + samples[2:]) / 24.0)
+
+    return Edit(channel, make, late.margin + 1)
 
 
 def with_holds(records: Sequence[Record], channels: Sequence[str]) -> tuple[Record, ...]:
     """Return the records with the commands in `channels` replaced by what a zero-order hold makes of them."""
     return tuple(
-        Record(
-            {key: held(s) if key in channels else s for key, s in record.signals.items()},
-            record.fs,
-            record.name,
-            record.tag,
-        )
-        for record in records
+        record.edited({key: hold(key) for key in channels if key in record.signals}) for record in records
     )
 
 
@@ -166,7 +168,7 @@ def delay_rates(
     for block in fit.blocks:
         if block.record not in slopes:
             record, factor = records[block.record], choice.decimation[block.record]
-            rows = matched_rows(model, RecordChannels(record), choice, factor, drop, survey=NOTHING)
+            rows = matched_rows(model, record, choice, factor, drop, survey=NOTHING)
             slopes[block.record] = rows.derivatives(channel, [order + 1 for order in orders.values()])
         terms = list(model.measurement_columns[block.row])
         for column, x in zip(columns, fit.solution.x, strict=True):
@@ -181,6 +183,7 @@ def delay_rates(
 
 def _with_rates(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:
     """Return the fit with one more column a channel, whose coefficient is the step of its delay."""
+    fit = fit.dense()
     extra = [-np.column_stack(columns) for columns in zip(*rates, strict=True)]
     blocks = tuple(
         replace(block, W=np.column_stack([block.W, more]))

@@ -6,8 +6,8 @@ ones, then promises too much. The Newey-West estimator takes both as they are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,8 @@ import numpy.typing as npt
 from modelgen.runtime.least_squares.wls import Fit
 
 FloatArray = npt.NDArray[np.float64]
+# influence of the instants of one record, shape (n, c) each, from the first on
+Series = Callable[[], Iterator[FloatArray]]
 
 # Correlations beyond this make the plug-in bandwidth explode; Andrews and Monahan (1992) cut there, too.
 LARGEST_CORRELATION = 0.97
@@ -22,6 +24,8 @@ LARGEST_CORRELATION = 0.97
 # for a wider one (Sun, Phillips and Jin 2008): of simulated records whose noise is known, standard deviations
 # came out at 0.94 to 1.12 of the exact ones with twice that bandwidth, at 0.97 to 1.07 with three times it.
 WIDER = 3.0
+# Numbers of an influence that are held at a time.
+PART = 1 << 20
 
 
 def printed_covariance(fit: Fit, residual_dof: str = "r-c") -> tuple[float, FloatArray]:
@@ -42,58 +46,88 @@ def hac_covariance(fit: Fit) -> FloatArray:
     As Newey and West (1987), but with Parzen's kernel: differentiated noise has its power at high frequencies
     that their triangle lets through. Three times the bandwidth of Andrews (1991), and what that wants of
     small samples, `fixed_b_factor`. Rows of one instant are taken together; masked instants count as zeros at
-    their place, records as independent.
+    their place, records as independent. It is computed once a fit.
     """
-    r = sum(len(residual) for residual in fit.residuals)
-    return long_run_covariance(influence(fit)) * r / (r - len(fit.columns) - fit.lost)
+    known = vars(fit)
+    if "hac_covariance" not in known:
+        r = sum(len(residual) for residual in fit.residuals)
+        covariance = long_run_covariance(influence_parts(fit))
+        known["hac_covariance"] = covariance * r / (r - len(fit.columns) - fit.lost)
+    return np.array(known["hac_covariance"])
 
 
-def long_run_covariance(series: list[FloatArray]) -> FloatArray:
-    """Return the covariance of the sum over all instants and records of series, shape (n, c) each.
+def long_run_covariance(series: Sequence[Series | FloatArray]) -> FloatArray:
+    """Return the covariance of the sum over all instants and records, shape (c, c).
 
     Parzen's kernel is the triangle's with itself: its weighted sum over lags is the sum of squares of
-    the series after two moving sums, which is never negative and costs the same for every bandwidth.
+    the series after two moving sums, which is never negative and costs the same for every bandwidth, whatever
+    the length of the record.
+
+    Parameters
+    ----------
+    series : sequence of array or callable
+        One a record: its influence, shape (n, c), or what yields it in parts from the first instant on.
     """
     bandwidth = andrews_bandwidth(series)
-    width = window_width(bandwidth)
-    sums = []
-    for psi in series:
-        twice = moving_sum(moving_sum(_widened(psi, width), width), width)
-        sums.append(squared_sums(twice, width))
-    return joined_covariance(sums, bandwidth, sum(len(psi) for psi in series))
+    sums = [_ParzenSums(bandwidth) for _ in series]
+    for one, parzen in zip(series, sums, strict=True):
+        for psi in _in_parts(one):
+            parzen.add(psi)
+    return _joined(sums, bandwidth)
 
 
-@dataclass(frozen=True, eq=False)
-class KernelSums:
-    """What a record gives: the kernel's sum over lags, shape (c, c), and `fourth`, shape (c,).
-
-    The latter are the sums of fourth powers of the influence after its moving sums.
-    """
-
-    total: FloatArray
-    fourth: FloatArray
+def _in_parts(series: Series | FloatArray) -> Iterator[FloatArray]:
+    return series() if callable(series) else iter((series,))
 
 
-def squared_sums(twice: FloatArray, width: int) -> KernelSums:
-    """Return the sums over an influence after its moving sums, shape (n, c)."""
-    power, squares = window_power(width), twice**2
-    return KernelSums(twice.T @ twice / power, np.einsum("nc,nc->c", squares, squares) / power**2)
+class _ParzenSums:
+    """The sum over lags l of Parzen's kernel times psi_t psi_(t+l)^T, of an influence in parts."""
+
+    def __init__(self, bandwidth: float) -> None:
+        self._width = max(1, round(0.5 * bandwidth))  # of two moving sums
+        self._power = self._width * (2.0 * self._width**2 + 1.0) / 3.0  # the kernel's weight at lag 0
+        self._tails: list[FloatArray] = []
+        self._total = self._fourth = np.zeros(1)
+        self.n = 0
+
+    def add(self, psi: FloatArray) -> None:
+        """Take in the next instants, shape (n, c)."""
+        if not self._tails:  # before the record there is nothing
+            self._tails = [np.zeros((self._width - 1, psi.shape[1])) for _ in range(2)]
+        self.n += len(psi)
+        self._add(psi)
+
+    def _add(self, psi: FloatArray) -> None:
+        for place, tail in enumerate(self._tails):
+            joined = np.concatenate([tail, psi])
+            self._tails[place] = joined[len(joined) - len(tail) :]
+            psi = moving_sum(joined, self._width)
+        squares = psi**2
+        self._total = self._total + psi.T @ psi / self._power
+        self._fourth = self._fourth + np.einsum("nc,nc->c", squares, squares) / self._power**2
+
+    def result(self) -> tuple[FloatArray, FloatArray]:
+        """Return the sum, shape (c, c), and the sums of fourth powers, shape (c,); to be called once."""
+        # the moving sums that begin within the record and end behind it
+        self._add(np.zeros((2 * (self._width - 1), self._tails[0].shape[1])))
+        return self._total, self._fourth
 
 
-def joined_covariance(sums: Sequence[KernelSums], bandwidth: float, n: int) -> FloatArray:
-    """Return the covariance, shape (c, c), from the sums of all records, n instants together.
+def _joined(records: Sequence[_ParzenSums], bandwidth: float) -> FloatArray:
+    """Return the covariance, shape (c, c), from the sums of all records.
 
     Each record's share grows by the factor for the instants that it rests on. One factor a record, for all
     columns: their near dependences, which composites live by, stay as they are.
     """
-    power = np.diag(np.sum([one.total for one in sums], axis=0))
+    n = sum(one.n for one in records)
+    sums = [one.result() for one in records]
+    power = np.diag(np.sum([total for total, _ in sums], axis=0))
     alive = power > 0.0
     result = np.zeros((len(power), len(power)))
-    for one in sums:
-        shares = np.sum(np.diag(one.total)[alive] / power[alive])
-        fourth = np.sum(one.fourth[alive] / power[alive] ** 2)
-        instants = effective_instants(float(shares), float(fourth), n)
-        result += one.total * fixed_b_factor(bandwidth, instants)
+    for total, fourth in sums:
+        shares = np.sum(np.diag(total)[alive] / power[alive])
+        instants = effective_instants(float(shares), float(np.sum(fourth[alive] / power[alive] ** 2)), n)
+        result += total * fixed_b_factor(bandwidth, instants)
     return result
 
 
@@ -114,26 +148,10 @@ def effective_instants(shares: float, fourth: float, n: int) -> float:
     return min(float(n), 3.0 * shares / fourth) if fourth > 0.0 else float(n)
 
 
-def window_width(bandwidth: float) -> int:
-    """Return over how many instants a moving sum goes, taken twice, for Parzen's kernel of that bandwidth."""
-    return max(1, round(0.5 * bandwidth))
-
-
-def window_power(width: int) -> float:
-    """Return the sum of squares of the triangle that two moving sums make: the kernel's weight at lag 0."""
-    return width * (2.0 * width**2 + 1.0) / 3.0
-
-
 def moving_sum(series: FloatArray, width: int) -> FloatArray:
     """Return the sums over `width` neighbours, shape (n - width + 1, c), of a series of shape (n, c)."""
     sums = np.vstack([np.zeros(series.shape[1]), np.cumsum(series, axis=0)])
     return np.asarray(sums[width:] - sums[:-width])
-
-
-def _widened(psi: FloatArray, width: int) -> FloatArray:
-    """Return a series with the zeros around it that two moving sums reach into."""
-    zeros = np.zeros((2 * (width - 1), psi.shape[1]))
-    return np.vstack([zeros, psi, zeros])
 
 
 def fixed_b_factor(bandwidth: float, n: float) -> float:
@@ -148,28 +166,58 @@ def fixed_b_factor(bandwidth: float, n: float) -> float:
 
 def influence(fit: Fit) -> list[FloatArray]:
     """Return for every record what each instant contributes to X's error, shape (grid, c) each."""
+    return [np.concatenate(list(parts())) for parts in influence_parts(fit)]
+
+
+def influence_parts(fit: Fit) -> list[Series]:
+    """Return the same as one function a record, which yields it in parts, again whenever called."""
     if fit.series:
-        return list(fit.series)
-    series: dict[int, FloatArray] = {}
-    parts = zip(fit.blocks, fit.weights, fit.residuals, fit.regressors, strict=True)
-    for block, weight, residual, regressor in parts:
-        psi = series.setdefault(block.record, np.zeros((block.grid, len(fit.columns))))
-        psi[block.place] += (weight**2 * residual)[:, None] * (regressor @ fit.solution.inverse)
-    return list(series.values())
+        return [partial(_whole, psi) for psi in fit.series]
+    records: dict[int, list[int]] = {}
+    for index, block in enumerate(fit.blocks):
+        records.setdefault(block.record, []).append(index)
+    return [partial(_parts, fit, tuple(indices)) for indices in records.values()]
 
 
-def andrews_bandwidth(series: list[FloatArray]) -> float:
+def _whole(psi: FloatArray) -> Iterator[FloatArray]:
+    yield psi
+
+
+def _parts(fit: Fit, indices: Sequence[int]) -> Iterator[FloatArray]:
+    """Yield the influence of one record, whose blocks of the fit these are."""
+    c, inverse = len(fit.columns), fit.solution.inverse
+    grid = fit.blocks[indices[0]].grid
+    step = max(1, PART // c)
+    for start in range(0, grid, step):
+        stop = min(start + step, grid)
+        psi = np.zeros((stop - start, c))
+        for index in indices:
+            block = fit.blocks[index]
+            rows = slice(*np.searchsorted(block.place, (start, stop)))
+            regressor, gain = block.W[rows], block.own(inverse)
+            if fit.projected:
+                regressor, gain = fit.projected[index][rows], inverse
+            error = fit.weights[index] ** 2 * fit.residuals[index][rows]
+            psi[block.place[rows] - start] += error[:, None] * (regressor @ gain)
+        yield psi
+
+
+def andrews_bandwidth(series: Sequence[Series | FloatArray]) -> float:
     """Return three times the bandwidth of Andrews (1991) for Parzen's kernel, eqs. (6.2), (6.4), at least 1.
 
     It comes from first-order autoregressions of the columns, which weigh alike.
     """
-    power = np.sum([np.sum(psi**2, axis=0) for psi in series], axis=0)
-    product = np.sum([np.sum(psi[1:] * psi[:-1], axis=0) for psi in series], axis=0)
-    return bandwidth_from_moments(power, product, max(len(psi) for psi in series))
-
-
-def bandwidth_from_moments(power: FloatArray, product: FloatArray, n: int) -> float:
-    """Return the same from sums of squares and of products of neighbours, and the longest record's length."""
+    power = product = np.zeros(1)
+    longest = 0
+    for one in series:
+        last, n = None, 0
+        for psi in _in_parts(one):
+            power = power + np.einsum("nc,nc->c", psi, psi)
+            product = product + np.einsum("nc,nc->c", psi[1:], psi[:-1])
+            if last is not None:
+                product = product + psi[0] * last
+            last, n = psi[-1], n + len(psi)
+        longest = max(longest, n)
     alive = power > 0.0
     if not np.any(alive):
         return 1.0
@@ -178,4 +226,4 @@ def bandwidth_from_moments(power: FloatArray, product: FloatArray, n: int) -> fl
     innovation = 1.0 - rho**2
     numerator = np.sum(4.0 * rho**2 * innovation**2 / (1.0 - rho) ** 8)
     denominator = np.sum(innovation**2 / (1.0 - rho) ** 4)
-    return max(1.0, WIDER * float(2.6614 * (numerator / denominator * n) ** (1.0 / 5.0)))
+    return max(1.0, WIDER * float(2.6614 * (numerator / denominator * longest) ** (1.0 / 5.0)))

@@ -47,6 +47,7 @@ def huber(fit: Fit) -> tuple[Fit, tuple[FloatArray, ...]]:
     IdentifiabilityError
         When the weights do not come to rest.
     """
+    fit = fit.dense()
     found = fit
     # residuals in units of their own spread: blocks keep the weights that the fit has given them
     for _ in range(ROUNDS):

@@ -18,6 +18,7 @@ def two_stage(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
     Regressing Y on the projection Z P, P = (Z^T Z)^-1 Z^T W, gives X = (Z^T W)^-1 Z^T Y and keeps everything
     symmetric (Theil 1953); residuals are those of W.
     """
+    fit = fit.dense()
     stacked = np.concatenate([w * z for w, z in zip(fit.weights, Z, strict=True)])
     W = np.concatenate([w * b.W for w, b in zip(fit.weights, fit.blocks, strict=True)])
     scale = np.linalg.norm(stacked, axis=0)
@@ -31,5 +32,5 @@ def with_regressors(fit: Fit, projected: tuple[FloatArray, ...]) -> Fit:
     R = np.concatenate([w * p for w, p in zip(fit.weights, projected, strict=True)])
     Y = np.concatenate([w * b.Y for w, b in zip(fit.weights, fit.blocks, strict=True)])
     solution = least_squares(R, Y)
-    residuals = tuple(block.Y - block.W @ solution.x for block in fit.blocks)
+    residuals = tuple(block.residual(solution.x) for block in fit.blocks)
     return replace(fit, solution=solution, residuals=residuals, projected=projected, series=())

@@ -37,6 +37,7 @@ def fit_total(fit: Fit, model: Model) -> Fit:
     IdentifiabilityError
         When the smallest singular value does not belong to Y: there is no solution.
     """
+    fit = fit.dense()
     W = np.concatenate([weight * block.W for weight, block in zip(fit.weights, fit.blocks, strict=True)])
     Y = fit.weighted_measurement
     exact = np.array([_exact(model, name) for name in fit.columns])

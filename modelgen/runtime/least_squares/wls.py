@@ -10,12 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import IdentifiabilityError, Problem
 from modelgen.runtime.numerics.iterative_refinement import refined
+from modelgen.runtime.numerics.qr_triangle import triangle_of
 from modelgen.runtime.rows.observation import Observation, RowBlock
 
 FloatArray = npt.NDArray[np.float64]
@@ -31,6 +34,8 @@ ROUNDING = 1e-11
 FEW_ROWS = 5000
 REFINABLE = 1e6
 ROUNDS = 3
+# Rows that are weighted at a time.
+ROWS_A_PIECE = 1 << 17
 # No residual counts as smaller than this share of the forces.
 SMALLEST_RESIDUAL = 1e-12
 # Weight of a row without a force, as a share of what its first residual gives. In simulations with noisy
@@ -100,8 +105,20 @@ class Fit:
 
     @property
     def regressors(self) -> tuple[FloatArray, ...]:
-        """What each block's Y was regressed on: W, or its instruments."""
-        return self.projected or tuple(block.W for block in self.blocks)
+        """What each block's Y was regressed on, shape (n, c): W, or its instruments."""
+        return self.projected or tuple(block.dense(len(self.columns)).W for block in self.blocks)
+
+    def dense(self) -> Fit:
+        """Return the fit with every column in every block."""
+        return replace(self, blocks=tuple(block.dense(len(self.columns)) for block in self.blocks))
+
+    @cached_property
+    def triangle(self) -> FloatArray:
+        """R of the weighted [regressors Y], shape (c + 1, c + 1)."""
+        if not self.projected:
+            return triangle_of(triangle_rows(self.blocks, self.weights, len(self.columns)))
+        R = np.concatenate([w * r for w, r in zip(self.weights, self.projected, strict=True)])
+        return triangle_of(np.column_stack([R, self.weighted_measurement]))
 
     @property
     def weighted_residual(self) -> FloatArray:
@@ -149,23 +166,34 @@ def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
     The normal equations would lose half of the digits. Where W is short of rank, the shortest solution (of
     the scaled columns) is taken and the columns that take part in the ambiguity are marked.
     """
-    c = W.shape[1]
-    scale = np.linalg.norm(W, axis=0)
-    triangle = np.asarray(np.linalg.qr(np.column_stack([W / scale, Y]), mode="r"))
-    U, s, Vt = np.linalg.svd(triangle[:c, :c])
+    return _polished(np.asarray(np.linalg.qr(np.column_stack([W, Y]), mode="r")), [(W, Y)])
+
+
+def _polished(triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]]) -> LeastSquares:
+    """Return the solution of R = `triangle` of [W Y], freed of what rounding has moved.
+
+    `parts` are W and Y themselves, cut into pieces of shape (n, c) and (n,).
+    """
+    c = triangle.shape[1] - 1
+    scale = np.linalg.norm(triangle[:, :c], axis=0)
+    scaled = triangle[:c, :c] / scale
+    U, s, Vt = np.linalg.svd(scaled)
     kept = s > RANK_TOLERANCE * s[0]
     V = Vt[kept].T
     x = V @ (U[:, kept].T @ triangle[:c, c] / s[kept]) / scale
     inverse = (V / s[kept] ** 2) @ V.T / np.outer(scale, scale)
     undetermined = np.any(np.abs(Vt[~kept]) > NULL_SHARE, axis=0)
-    raw = float(np.linalg.cond(triangle[:c, :c] * scale))
+    raw = float(np.linalg.cond(triangle[:c, :c]))
     if s[-1] * REFINABLE > s[0]:
         # corrected seminormal equations (Björck, Linear Algebra Appl. 88, 1987, 31-48): undoes what rounding
         # in QR, and with it the order of the rows, has moved
-        x = x + inverse @ (W.T @ (Y - W @ x))
+        gradient = np.zeros(c)
+        for W, Y in parts:
+            gradient += W.T @ (Y - W @ x)
+        x = x + inverse @ gradient
         rounding = _rounding(s, float(np.linalg.norm(x * scale)), float(np.abs(triangle[c:, c]).sum()))
-        if len(Y) <= FEW_ROWS or rounding > ROUNDING:
-            x = refined(W, Y, x, inverse)
+        if sum(len(Y) for _, Y in parts) <= FEW_ROWS or rounding > ROUNDING:
+            x = refined(parts, x, inverse)
     return LeastSquares(x, inverse, undetermined, float(s[0] / s[-1]) if s[-1] > 0.0 else np.inf, raw)
 
 
@@ -192,14 +220,15 @@ def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE
         raise IdentifiabilityError.at("rows", what, "measure a force, and move without reversing for longer")
     if len(blocks) == 1:
         return _solve(blocks, columns, absent, (1.0,))
-    scales = _force_scales(blocks)
-    rms = _rms(blocks, _weighted(blocks, [1.0 / scale for scale in scales]))
+    scales, c = _force_scales(blocks), len(columns)
+    rms = _rms(blocks, _weighted(blocks, [1.0 / scale for scale in scales], c))
     smallest = [
         SMALLEST_RESIDUAL * scale if block.has_force else max(one / load_row_share, SMALLEST_RESIDUAL * scale)
         for block, scale, one in zip(blocks, scales, rms, strict=True)
     ]
     for _ in range(ROUNDS - 1):
-        rms = _rms(blocks, _weighted(blocks, [1.0 / max(pair) for pair in zip(rms, smallest, strict=True)]))
+        weights = tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True))
+        rms = _rms(blocks, _weighted(blocks, weights, c))
     weights = tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True))
     fit = _solve(blocks, columns, absent, weights)
     return replace(fit, notes=_runaway_notes(fit, scales))
@@ -213,21 +242,30 @@ def fit_paper(observation: Observation) -> Fit:
     blocks, columns, absent = _used(observation)
     if len(blocks) == 1:
         return _solve(blocks, columns, absent, (1.0,))
-    tiny, rms = float(np.finfo(float).tiny), _rms(blocks, _weighted(blocks, [1.0] * len(blocks)))
+    tiny = float(np.finfo(float).tiny)
+    rms = _rms(blocks, _weighted(blocks, [1.0] * len(blocks), len(columns)))
     return _solve(blocks, columns, absent, tuple(1.0 / max(one, tiny) for one in rms))
 
 
 def refit(fit: Fit, columns: Sequence[str]) -> Fit:
     """Fit the same rows with the same weights to some of the columns only."""
     chosen = [fit.columns.index(name) for name in columns]
-    blocks = tuple(replace(block, W=block.W[:, chosen]) for block in fit.blocks)
+    blocks = tuple(block.chosen(chosen) for block in fit.blocks)
     projected = tuple(array[:, chosen] for array in fit.projected)
     return _solve(blocks, tuple(columns), fit.absent, fit.weights, projected)
 
 
-def terms_norm(block: RowBlock, x: FloatArray) -> float:
-    """Return how much the largest term W_j x_j of a block varies (its norm): what its row balances."""
-    return float(np.max(np.linalg.norm(block.W - block.W.mean(axis=0), axis=0) * np.abs(x)))
+def triangle_rows(blocks: Sequence[RowBlock], weights: Sequence[float], columns: int) -> FloatArray:
+    """Return rows that are as good as the weighted [W Y] of the blocks, shape (few, columns + 1)."""
+    parts = []
+    for weight, block in zip(weights, blocks, strict=True):
+        rows = weight * triangle_of(block.triangle[:, 1:])
+        if block.touched is not None:
+            wide = np.zeros((len(rows), columns + 1))
+            wide[:, [*block.touched, columns]] = rows
+            rows = wide
+        parts.append(rows)
+    return np.concatenate(parts)
 
 
 def _used(observation: Observation) -> tuple[tuple[RowBlock, ...], tuple[str, ...], tuple[str, ...]]:
@@ -235,7 +273,8 @@ def _used(observation: Observation) -> tuple[tuple[RowBlock, ...], tuple[str, ..
     blocks = [block for block in observation.blocks if block.place.size]
     nonzero = np.zeros(len(observation.columns), dtype=bool)
     for block in blocks:
-        nonzero |= np.any(block.W != 0.0, axis=0)
+        touched = slice(None) if block.touched is None else block.touched
+        nonzero[touched] |= np.any(block.W, axis=0)
     rows = sum(block.place.size for block in blocks)
     if not nonzero.any():
         what, remedy = "its column is zero in every sample used", "move the body, or mask less"
@@ -247,7 +286,10 @@ def _used(observation: Observation) -> tuple[tuple[RowBlock, ...], tuple[str, ..
         )
     columns = tuple(name for name, used in zip(observation.columns, nonzero, strict=True) if used)
     absent = tuple(name for name in observation.columns if name not in columns)
-    return tuple(replace(block, W=block.W[:, nonzero]) for block in blocks), columns, absent
+    if absent:
+        kept = np.flatnonzero(nonzero).tolist()
+        blocks = [block.chosen(kept) for block in blocks]
+    return tuple(blocks), columns, absent
 
 
 def _solve(
@@ -257,17 +299,41 @@ def _solve(
     weights: tuple[float, ...],
     projected: tuple[FloatArray, ...] = (),
 ) -> Fit:
-    regressors = projected or tuple(block.W for block in blocks)
-    W = np.concatenate([weight * array for weight, array in zip(weights, regressors, strict=True)])
-    Y = np.concatenate([weight * block.Y for weight, block in zip(weights, blocks, strict=True)])
-    solution = least_squares(W, Y)
-    residuals = tuple(block.Y - block.W @ solution.x for block in blocks)
+    c = len(columns)
+    if projected:
+        R = np.concatenate([weight * array for weight, array in zip(weights, projected, strict=True)])
+        Y = np.concatenate([weight * block.Y for weight, block in zip(weights, blocks, strict=True)])
+        solution = least_squares(R, Y)
+    else:
+        triangle = np.asarray(np.linalg.qr(triangle_rows(blocks, weights, c), mode="r"))
+        solution = _polished(triangle, _Weighted(blocks, weights, c))
+    residuals = tuple(block.residual(solution.x) for block in blocks)
     return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
 
 
-def _weighted(blocks: Sequence[RowBlock], weights: Sequence[float]) -> FloatArray:
+class _Weighted(Sequence[tuple[FloatArray, FloatArray]]):
+    """The weighted rows in pieces: all together they would stand in memory twice."""
+
+    def __init__(self, blocks: Sequence[RowBlock], weights: Sequence[float], columns: int) -> None:
+        self._columns = columns
+        self._pieces = [
+            (weight, block, slice(start, start + ROWS_A_PIECE))
+            for weight, block in zip(weights, blocks, strict=True)
+            for start in range(0, len(block.Y), ROWS_A_PIECE)
+        ]
+
+    def __len__(self) -> int:
+        return len(self._pieces)
+
+    def __getitem__(self, index: Any) -> Any:
+        weight, block, rows = self._pieces[index]
+        piece = replace(block, W=block.W[rows], Y=block.Y[rows]).dense(self._columns)
+        return weight * piece.W, weight * piece.Y
+
+
+def _weighted(blocks: Sequence[RowBlock], weights: Sequence[float], columns: int) -> FloatArray:
     """Return the solution of the weighted rows, from the triangles of the blocks."""
-    stacked = np.concatenate([w * block.triangle for w, block in zip(weights, blocks, strict=True)])
+    stacked = triangle_rows(blocks, weights, columns)
     return least_squares(stacked[:, :-1], stacked[:, -1]).x
 
 
@@ -293,11 +359,11 @@ def _runaway_notes(fit: Fit, scales: list[float]) -> tuple[str, ...]:
         1.0 / max(rms, SMALLEST_RESIDUAL * scale)
         for rms, scale in zip(_rms(fit.blocks, fit.solution.x), scales, strict=True)
     )
-    probe = _weighted(fit.blocks, freely)
+    probe = _weighted(fit.blocks, freely, len(fit.columns))
     return tuple(
         f"{block.record_name}, row {block.row_name} holds no force and, weighted by its residual, would pull "
         "its parameters towards zero; its weight is bounded, but noise of the sensors biases what it decides"
         for block in fit.blocks
         if not block.has_force
-        and terms_norm(block, probe) < RUNAWAY_SHRINKAGE * terms_norm(block, fit.solution.x)
+        and block.terms_norm(probe) < RUNAWAY_SHRINKAGE * block.terms_norm(fit.solution.x)
     )

@@ -8,33 +8,44 @@ Björck, BIT 7, 1967, 257-278) wins them back. Products and sums keep what they 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+Parts = Sequence[tuple[FloatArray, FloatArray]]
 
 SPLITTER = 2.0**27 + 1.0  # splits 53 bits into two halves whose products are exact
 ROUNDS = 2
 
 
-def refined(W: FloatArray, Y: FloatArray, x: FloatArray, inverse: FloatArray) -> FloatArray:
+def refined(parts: Parts, x: FloatArray, inverse: FloatArray) -> FloatArray:
     """Return the solution of W^T (Y - W x) = 0, improved from an approximate one.
 
     Parameters
     ----------
-    W : array, shape (r, c)
-        Of full rank; its condition number squared must stay below the inverse of the rounding unit.
-    Y : array, shape (r,)
+    parts : sequence of (array, array)
+        W, shape (r, c), and Y, shape (r,), in pieces of some rows each. W is of full rank; its condition
+        number squared must stay below the inverse of the rounding unit.
     x : array, shape (c,)
     inverse : array, shape (c, c)
         (W^T W)^-1, to a few digits.
     """
-    residual = Y - W @ x
+    residuals = [Y - W @ x for W, Y in parts]
     for _ in range(ROUNDS):
-        defect = _defect(W, Y, x, residual)
-        step = inverse @ (W.T @ defect + _projection(W, residual))
+        gradient = np.zeros(len(x))
+        defects = []
+        for (W, Y), residual in zip(parts, residuals, strict=True):
+            defect = _defect(W, Y, x, residual)
+            gradient += W.T @ defect + _projection(W, residual)
+            defects.append(defect)
+        step = inverse @ gradient
         x = x + step
-        residual = residual + (defect - W @ step)
+        residuals = [
+            residual + (defect - W @ step)
+            for (W, _), residual, defect in zip(parts, residuals, defects, strict=True)
+        ]
     return x
 
 

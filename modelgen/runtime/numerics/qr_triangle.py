@@ -5,7 +5,36 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.runtime.numerics.qr_update import compiled_take_in
+
 FloatArray = npt.NDArray[np.float64]
+
+# Numbers that are worked on at a time.
+TALL = 1 << 20
+
+# Rows to one factorisation: with eight columns they stay in the innermost cache.
+ROWS_AT_A_TIME = 1024
+# From so many rows compiled code is worth the half second that loading it takes.
+COMPILED_ROWS = 50_000
+
+
+def tall_triangle(W: FloatArray, Y: FloatArray) -> FloatArray:
+    """Return R of [1 W Y], shape (c + 2, c + 2), of arrays of shape (n, c) and (n,)."""
+    take_in = compiled_take_in() if len(Y) >= COMPILED_ROWS else None
+    R = np.zeros((W.shape[1] + 2, W.shape[1] + 2))
+    step = max(ROWS_AT_A_TIME, TALL // len(R) // ROWS_AT_A_TIME * ROWS_AT_A_TIME)
+    for first in range(0, len(Y), step):
+        part = slice(first, min(first + step, len(Y)))
+        lines = np.empty((len(R), part.stop - first))
+        lines[0], lines[1:-1], lines[-1] = 1.0, W[part].T, Y[part]
+        if take_in is not None:
+            take_in(R, lines)
+            continue
+        whole = lines.shape[1] // ROWS_AT_A_TIME * ROWS_AT_A_TIME
+        cut = lines[:, :whole].reshape(len(R), -1, ROWS_AT_A_TIME)
+        small = triangle_of(cut.transpose(1, 2, 0)).reshape(-1, len(R))
+        R = triangle_of(np.vstack([R, small, lines[:, whole:].T]))
+    return R
 
 
 def triangle_of(matrix: FloatArray) -> FloatArray:

@@ -107,14 +107,11 @@ def _fit_within(
     x = fit.solution.x
     if np.all(x >= lower) and np.all(x <= upper):
         return fit, BoundCost(names, (), 0.0, 0.0)
-    R = np.concatenate([w * r for w, r in zip(fit.weights, fit.regressors, strict=True)])
-    Y = fit.weighted_measurement
-    scale = np.linalg.norm(R, axis=0)
-    triangle = np.asarray(np.linalg.qr(np.column_stack([R / scale, Y]), mode="r"))
-    c = len(x)
+    R, c = fit.triangle, len(x)
+    scale = np.linalg.norm(R[:, :c], axis=0)
     # with a width that excludes zero alone a variable cannot leave it, so both ends are given as they are
-    solved = lsq_linear(triangle[:c, :c], triangle[:c, c], (lower * scale, upper * scale), method="bvls")
-    small = AT_BOUND * float(np.linalg.norm(Y))
+    solved = lsq_linear(R[:c, :c] / scale, R[:c, c], (lower * scale, upper * scale), method="bvls")
+    small = AT_BOUND * float(np.linalg.norm(R[:, c]))
     at_zero = [
         bool(abs(value) <= small and (low == 0.0 or high == 0.0))
         for value, low, high in zip(solved.x, lower, upper, strict=True)

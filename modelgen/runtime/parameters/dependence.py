@@ -106,10 +106,9 @@ def dependences(fit: Fit, covariance: FloatArray, largest_index: float = LARGEST
 
 def _scaled_directions(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the lengths of the weighted columns, and singular values and vectors of them at unit length."""
-    W = np.concatenate([w * r for w, r in zip(fit.weights, fit.regressors, strict=True)])
+    W = fit.triangle[:, :-1]
     scale = np.linalg.norm(W, axis=0)
-    triangle = np.linalg.qr(W / np.where(scale > 0.0, scale, 1.0), mode="r")
-    _, s, Vt = np.linalg.svd(triangle)
+    _, s, Vt = np.linalg.svd(W / np.where(scale > 0.0, scale, 1.0))
     return scale, s, Vt.T
 
 

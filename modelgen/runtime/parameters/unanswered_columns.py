@@ -76,15 +76,13 @@ def offsets_of_encoder_zeros(model: Model, records: Sequence[Record], fit: Fit) 
         if block.differentiated or not block.has_force:
             continue
         record = records[block.record]
-        forces = [
-            record.signals[actuator.key] for actuator in model.actuators if actuator.key in record.signals
-        ]
-        largest = max((float(np.max(np.abs(force))) for force in forces), default=0.0)
+        forces = [actuator.key for actuator in model.actuators if actuator.key in record.signals]
+        largest = max((record.facts.extent(key).peak for key in forces), default=0.0)
         for index, name in enumerate(fit.columns):
             role = model.roles.get(name)
             if role is None or role.role != "stiffness":
                 continue
-            mean = abs(float(fit.solution.x[index] * np.mean(block.W[:, index])))
+            mean = abs(float(fit.solution.x[index] * np.mean(block.column(index))))
             if mean <= largest:
                 continue
             reason = (

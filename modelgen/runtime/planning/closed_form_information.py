@@ -93,7 +93,7 @@ def information(
         When the rows do not determine all base parameters.
     """
     x = np.asarray(model.base_from_physical(parameters), dtype=float)
-    observation = observe(model, records, choice, turns=not instruments)
+    observation = observe(model, records, choice, turns=not instruments).dense()
     blocks = [b for b in observation.blocks if b.place.size and (b.record, b.row) in weights]
     c = len(x)
     M, spread, total = np.zeros((c, c)), np.zeros((c, c)), np.zeros(c)

@@ -1,8 +1,9 @@
-"""Channels: a record that is read in stretches, from memory or from a file that is never loaded whole."""
+"""Channels: what is recorded, read in stretches; from memory, or from a file that is never loaded whole."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -10,16 +11,22 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError
 from modelgen.magnitudes import LARGEST
-from modelgen.runtime.records.record import Record
 
 FloatArray = npt.NDArray[np.float64]
+
+# Samples read at a time where a whole channel is looked through.
+READ_SAMPLES = 1 << 18
 
 
 class Channels(Protocol):
     """What a record in stretches offers; `n` samples at `fs` in Hz of every channel.
 
-    Several threads may read at a time.
+    Several threads may read at a time. A `Record` is one, too.
     """
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the channels."""
 
     @property
     def name(self) -> str:
@@ -34,33 +41,85 @@ class Channels(Protocol):
         """Number of samples."""
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
-        """Return samples start to stop, within the record, of a channel in SI."""
+        """Return samples start to stop, within the record, of a channel in SI, shape (stop - start,)."""
+
+
+class ChannelSignals(Mapping[str, FloatArray]):
+    """Channels as a mapping of key to samples, shape (n,); each is read and checked whenever asked for."""
+
+    def __init__(self, source: Channels) -> None:
+        self.source = source
+
+    def __getitem__(self, key: str) -> FloatArray:
+        if key not in self.source.keys:
+            raise KeyError(key)
+        samples = np.asarray(self.source.read(key, 0, self.source.n), dtype=float)
+        if not np.all(np.abs(samples) <= LARGEST):
+            raise not_finite(self.source, key, 0, self.source.n)
+        return samples
+
+    def __contains__(self, key: object) -> bool:
+        return key in self.source.keys
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.source.keys)
+
+    def __len__(self) -> int:
+        return len(self.source.keys)
+
+
+@dataclass(frozen=True)
+class Edit:
+    """How a channel is made of another one.
+
+    `make` takes samples start - margin to stop + margin of `channel`, its first and last reading repeated
+    beyond the ends of the record, to samples start to stop of the new channel.
+    """
+
+    channel: str
+    make: Callable[[FloatArray], FloatArray]
+    margin: int = 0
+
+    def whole(self, samples: FloatArray) -> FloatArray:
+        """Return the new channel from the whole of the other one, shape (n,) each."""
+        return np.asarray(self.make(np.pad(samples, self.margin, mode="edge")))
 
 
 @dataclass(frozen=True, eq=False)
-class RecordChannels:
-    """A record in memory, read in stretches."""
+class EditedChannels:
+    """Part of a record from sample `start`, some of whose channels are made of others.
 
-    record: Record
+    `edits` maps these to how they are made, or to their samples, shape (n of the source,).
+    """
+
+    source: Channels
+    name: str
+    n: int
+    edits: Mapping[str, Edit | FloatArray] = field(default_factory=dict)
+    start: int = 0
 
     @property
-    def name(self) -> str:
-        """Name of the record."""
-        return self.record.name
+    def keys(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(dict.fromkeys((*self.source.keys, *self.edits)))
 
     @property
     def fs(self) -> float:
         """Sampling frequency in Hz."""
-        return self.record.fs
-
-    @property
-    def n(self) -> int:
-        """Number of samples."""
-        return self.record.n
+        return self.source.fs
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
-        """Return samples start to stop of a channel, without a copy."""
-        return self.record.signals[channel][start:stop]
+        """Return samples start to stop of a channel, shape (stop - start,)."""
+        edit = self.edits.get(channel)
+        first, behind = self.start + start, self.start + stop
+        if edit is None:
+            return self.source.read(channel, first, behind)
+        if isinstance(edit, np.ndarray):
+            return edit[first:behind]
+        low, high = first - edit.margin, behind + edit.margin
+        inside = max(low, 0), min(high, self.source.n)
+        samples = np.asarray(self.source.read(edit.channel, *inside), dtype=float)
+        return edit.make(np.pad(samples, (inside[0] - low, high - inside[1]), mode="edge"))
 
 
 def read_continued(source: Channels, channel: str, start: int, stop: int) -> FloatArray:
@@ -71,6 +130,23 @@ def read_continued(source: Channels, channel: str, start: int, stop: int) -> Flo
         return samples
     with np.errstate(invalid="ignore"):  # who uses it asks whether it is finite
         return np.pad(samples, (low - start, stop - high), mode="reflect", reflect_type="odd")
+
+
+def in_stretches(source: Channels, channel: str) -> Iterator[FloatArray]:
+    """Yield the samples of a channel, one stretch after the other.
+
+    Raises
+    ------
+    DataError
+        When a sample is not finite, or beyond what can be calculated.
+    """
+    for start in range(0, source.n, READ_SAMPLES):
+        stop = min(start + READ_SAMPLES, source.n)
+        samples = np.asarray(source.read(channel, start, stop), dtype=float)
+        # a sum of squares would overflow where the largest of them does not
+        if not max(samples.max(), -samples.min()) <= LARGEST:
+            raise not_finite(source, channel, start, stop)
+        yield samples
 
 
 def not_finite(source: Channels, channel: str, start: int, stop: int) -> DataError:

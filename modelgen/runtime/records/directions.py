@@ -82,7 +82,7 @@ def _extended(model: Model, record: Record, sources: Mapping[str, str], cutoff_h
     if not sources:
         return record
     found = {key: np.sign(_velocity(model, record, channel, cutoff_hz)) for key, channel in sources.items()}
-    return Record({**record.signals, **found}, record.fs, record.name, record.tag)
+    return record.edited(found)
 
 
 def _velocity(model: Model, record: Record, channel: str, cutoff_hz: float) -> FloatArray:

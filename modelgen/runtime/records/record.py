@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem, listed, shortened
 from modelgen.magnitudes import FAINTEST, FREQUENCY_REMEDY, LARGEST, is_frequency, shown_number
+from modelgen.runtime.records.channels import Channels, ChannelSignals, Edit, EditedChannels
 from modelgen.runtime.records.record_facts import RecordFacts
 
 FloatArray = npt.NDArray[np.float64]
@@ -52,6 +53,7 @@ class Record:
     fs: float
     name: str = "record"
     tag: str | None = None
+    n: int = field(init=False)
 
     def __post_init__(self) -> None:
         problems = _label_problems(self.name, self.tag)
@@ -71,11 +73,68 @@ class Record:
             raise DataError(*problems)
         object.__setattr__(self, "signals", MappingProxyType(channels))
         object.__setattr__(self, "fs", float(self.fs))
+        object.__setattr__(self, "n", len(next(iter(channels.values()))))
+
+    @classmethod
+    def over(cls, source: Channels, tag: str | None = None) -> Record:
+        """Return a record whose samples stay where they are, and are read in stretches; for any length.
+
+        Parameters
+        ----------
+        source : Channels
+            For example `modelgen.runtime.files.npy_channels.open_npy`.
+        tag : str, optional
+
+        Raises
+        ------
+        DataError
+            When its name, sampling frequency, number of samples or tag cannot be used.
+        """
+        problems = _label_problems(source.name, tag) + _fs_problems(source.name, source.fs)
+        if source.n < 2:
+            problems.append(Problem(source.name, f"has {source.n} sample(s)", "give at least two samples"))
+        if problems:
+            raise DataError(*problems)
+        record = object.__new__(cls)
+        entries = {"signals": ChannelSignals(source), "fs": float(source.fs), "name": source.name}
+        for key, value in (entries | {"tag": tag, "n": int(source.n)}).items():
+            object.__setattr__(record, key, value)
+        return record
 
     @property
-    def n(self) -> int:
-        """Number of samples."""
-        return len(next(iter(self.signals.values())))
+    def keys(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(self.signals)
+
+    @property
+    def source(self) -> Channels:
+        """Where the samples are: the record itself, or what it was made over."""
+        return self.signals.source if isinstance(self.signals, ChannelSignals) else self
+
+    def read(self, channel: str, start: int, stop: int) -> FloatArray:
+        """Return samples start to stop of a channel, shape (stop - start,)."""
+        if isinstance(self.signals, ChannelSignals):
+            return self.signals.source.read(channel, start, stop)
+        return self.signals[channel][start:stop]
+
+    def edited(self, edits: Mapping[str, Edit | FloatArray]) -> Record:
+        """Return the record with some channels made of others, or new; in memory where this one is."""
+        if not edits:
+            return self
+        if isinstance(self.signals, ChannelSignals):
+            return Record.over(EditedChannels(self.source, self.name, self.n, edits), self.tag)
+        made = {
+            key: edit.whole(self.signals[edit.channel]) if isinstance(edit, Edit) else edit
+            for key, edit in edits.items()
+        }
+        return Record({**self.signals, **made}, self.fs, self.name, self.tag)
+
+    def part(self, start: int, stop: int, name: str) -> Record:
+        """Return samples start to stop of all channels; in memory where this record is."""
+        if isinstance(self.signals, ChannelSignals):
+            return Record.over(EditedChannels(self.source, name, stop - start, {}, start), self.tag)
+        cut = {key: samples[start:stop] for key, samples in self.signals.items()}
+        return Record(cut, self.fs, name, self.tag)
 
     @property
     def dt(self) -> float:
@@ -89,8 +148,8 @@ class Record:
 
     @cached_property
     def facts(self) -> RecordFacts:
-        """The spectra of the channels, each computed when first asked for."""
-        return RecordFacts(self.signals, self.fs)
+        """Spectra and extents of the channels, each computed when first asked for."""
+        return RecordFacts(self)
 
     def select(self, keys: Iterable[str]) -> Record:
         """Return the record with these channels only, in this order.
@@ -122,6 +181,8 @@ class Record:
         return f"Record({label}, fs={self.fs!r}, n={self.n}, channels={list(self.signals)})"
 
     def __reduce__(self) -> tuple[Any, ...]:
+        if isinstance(self.signals, ChannelSignals):
+            return Record.over, (self.source, self.tag)
         # a mapping proxy cannot be sent to another process, a dict can
         return Record, (dict(self.signals), self.fs, self.name, self.tag)
 
@@ -186,11 +247,11 @@ def _channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list
     return array, []
 
 
-def magnitude_problem(where: str, samples: npt.NDArray[Any], least: float = FAINTEST) -> Problem | None:
-    """Return what is wrong where samples that are finite are beyond the limits, or none reaches `least`."""
+def magnitude_problem(where: str, samples: npt.NDArray[Any]) -> Problem | None:
+    """Return what is wrong where samples that are finite are beyond the limits, or all of them too small."""
     size = np.abs(samples, dtype=np.longdouble if samples.dtype.itemsize > 8 else np.float64)
     peak = float(np.fmax.reduce(size, initial=0.0))
-    if peak == 0.0 or least <= peak <= LARGEST:
+    if peak == 0.0 or FAINTEST <= peak <= LARGEST:
         return None
     beyond = (size > LARGEST) & np.isfinite(size)
     remedy = "check the file, the unit and the factor"
@@ -198,10 +259,10 @@ def magnitude_problem(where: str, samples: npt.NDArray[Any], least: float = FAIN
         first = int(np.argmax(beyond))
         what = f"is {samples[first]:g} ({np.count_nonzero(beyond)} samples are beyond {LARGEST:g})"
         return Problem(f"{where}, sample {first}", what, remedy)
-    if peak >= least:
+    if peak >= FAINTEST:
         return None
     first = int(np.argmax(size == peak))
-    what = f"is {samples[first]:g}, the largest of all: none reaches {least:g}"
+    what = f"is {samples[first]:g}, the largest of all: none reaches {FAINTEST:g}"
     return Problem(f"{where}, sample {first}", what, remedy)
 
 

@@ -1,31 +1,90 @@
-"""RecordFacts: what many ask of one record, computed once and then kept with it."""
+"""RecordFacts: what many ask of one record, computed once and then kept with it.
+
+A long record is looked at in stretches that are spread evenly over it: its spectra are their means. What a
+single sample can decide (extremes, the mean) is asked of all of them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, reading_spectrum
+from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, mean_spectrum, reading_spectrum
 from modelgen.runtime.filters.power_spectrum import power_spectrum
+from modelgen.runtime.records.channels import Channels, in_stretches
 
 FloatArray = npt.NDArray[np.float64]
 
+# A record of so many samples is looked at as a whole; of a longer one, so many stretches.
+WHOLE = 1 << 18
+PIECES = 4
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Least and greatest reading of a channel, and their mean, over the whole record; in its unit."""
+
+    least: float
+    greatest: float
+    mean: float
+
+    @property
+    def peak(self) -> float:
+        """Largest magnitude."""
+        return max(-self.least, self.greatest)
+
+    @property
+    def span(self) -> float:
+        """Greatest minus least reading."""
+        return self.greatest - self.least
+
 
 class RecordFacts:
-    """The spectra of a record's channels; `fs` is in Hz. Reached as `Record.facts`."""
+    """The spectra and extents of a record's channels. Reached as `Record.facts`."""
 
-    def __init__(self, signals: Mapping[str, FloatArray], fs: float) -> None:
-        self._signals = signals
-        self._fs = fs
+    def __init__(self, source: Channels) -> None:
+        self._source = source
         self._spectra: dict[str, ReadingSpectrum] = {}
         self._powers: dict[tuple[str, int, bool], tuple[FloatArray, FloatArray]] = {}
+        self._extents: dict[str, Extent] = {}
+        self._stretches: dict[str, tuple[FloatArray, ...]] = {}
+
+    def stretches(self, channel: str) -> tuple[FloatArray, ...]:
+        """Return the samples of a channel, or of a long record stretches of equal length, shape (m,) each."""
+        if channel not in self._stretches:
+            source = self._source
+            self._stretches[channel] = tuple(
+                np.asarray(source.read(channel, part.start, part.stop), dtype=float)
+                for part in stretches_of(source.n)
+            )
+        return self._stretches[channel]
+
+    def extent(self, channel: str) -> Extent:
+        """Return the extent of a channel.
+
+        Raises
+        ------
+        DataError
+            When a sample is not finite.
+        """
+        if channel not in self._extents:
+            parts = [
+                (float(part.min()), float(part.max()), float(part.sum()))
+                for part in in_stretches(self._source, channel)
+            ]
+            least, greatest, sums = zip(*parts, strict=True)
+            self._extents[channel] = Extent(min(least), max(greatest), sum(sums) / self._source.n)
+        return self._extents[channel]
 
     def spectrum(self, channel: str) -> ReadingSpectrum:
         """Return the density of a reading beside its own noise, see `reading_spectrum`."""
         if channel not in self._spectra:
-            self._spectra[channel] = reading_spectrum(self._signals[channel], self._fs)
+            fs = self._source.fs
+            self._spectra[channel] = mean_spectrum(
+                [reading_spectrum(part, fs) for part in self.stretches(channel)]
+            )
         return self._spectra[channel]
 
     def power(
@@ -34,5 +93,18 @@ class RecordFacts:
         """Return frequencies in Hz and the power of a derivative, see `power_spectrum`."""
         asked = channel, derivative, keep_mean
         if asked not in self._powers:
-            self._powers[asked] = power_spectrum(self._signals[channel], self._fs, derivative, keep_mean)
+            found = [
+                power_spectrum(part, self._source.fs, derivative, keep_mean)
+                for part in self.stretches(channel)
+            ]
+            self._powers[asked] = found[0][0], np.mean([power for _, power in found], axis=0)
         return self._powers[asked]
+
+
+def stretches_of(n: int) -> tuple[slice, ...]:
+    """Return the stretches of a record of n samples that are looked at: all of it, or pieces."""
+    if n <= WHOLE:
+        return (slice(0, n),)
+    length = WHOLE // PIECES
+    starts = [round(k * (n - length) / (PIECES - 1)) for k in range(PIECES)]
+    return tuple(slice(start, start + length) for start in starts)

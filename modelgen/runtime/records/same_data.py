@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
-from modelgen.runtime.records.channels import Channels, RecordChannels
+from modelgen.runtime.records.channels import Channels
+from modelgen.runtime.records.record import Record
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -49,11 +50,11 @@ def refuse_same_data(sources: Sequence[Channels], channels: Sequence[str]) -> No
     found = {
         (i, k): sources[i].n for i, k in alike(looks) if same_throughout(sources[i], sources[k], channels)
     }
-    refuse_pairs(sources, {**_stretches(sources, channels), **found})
+    refuse_pairs([(one.name, one.n) for one in sources], {**_stretches(sources, channels), **found})
 
 
-def refuse_pairs(sources: Sequence[Channels], shared: Mapping[tuple[int, int], int]) -> None:
-    """Refuse records that share so many samples, by their places in the sequence.
+def refuse_pairs(records: Sequence[tuple[str, int]], shared: Mapping[tuple[int, int], int]) -> None:
+    """Refuse records (name, samples) that share so many samples, by their places in the sequence.
 
     Raises
     ------
@@ -61,13 +62,13 @@ def refuse_pairs(sources: Sequence[Channels], shared: Mapping[tuple[int, int], i
     """
     problems = []
     for (first, second), n in sorted(shared.items()):
-        a, b = sources[first], sources[second]
-        whole = n == a.n == b.n
-        what = f"holds the same data as {a.name}" if whole else f"shares {n} samples with {a.name}"
-        if a.name == b.name:
+        (a, a_samples), (b, b_samples) = records[first], records[second]
+        whole = n == a_samples == b_samples
+        what = f"holds the same data as {a}" if whole else f"shares {n} samples with {a}"
+        if a == b:
             what += f" (records {first + 1} and {second + 1})"
         remedy = "leave one of them out: data that counts twice makes the intervals too small"
-        problems.append(Problem(b.name, what, remedy))
+        problems.append(Problem(b, what, remedy))
     if problems:
         raise DataError(*problems)
 
@@ -136,7 +137,9 @@ def _stretches(sources: Sequence[Channels], channels: Sequence[str]) -> dict[tup
     looked for in all others.
     """
     records = {
-        i: source.record.signals for i, source in enumerate(sources) if isinstance(source, RecordChannels)
+        i: source.signals
+        for i, source in enumerate(sources)
+        if isinstance(source, Record) and source.source is source
     }
     if len(records) < 2:
         return {}

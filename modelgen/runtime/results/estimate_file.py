@@ -87,8 +87,11 @@ def load_estimate(path: Path) -> Mapping[str, Any]:
     DataError
         With one problem per mistake: a key that is missing, unknown, of another type or length.
     """
-    where = str(path)
-    saved = json_document(read_text(path, ESTIMATE), where, ESTIMATE.remedy)
+    return checked_estimate(json_document(read_text(path, ESTIMATE), str(path), ESTIMATE.remedy), str(path))
+
+
+def checked_estimate(saved: Any, where: str) -> Mapping[str, Any]:
+    """Return a document as it is if it is that of an estimate; raises as `load_estimate` does."""
     if not isinstance(saved, dict):
         raise DataError.at(where, "is no saved estimate", ESTIMATE.remedy)
     problems = [

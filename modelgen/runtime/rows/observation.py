@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,12 +13,12 @@ from modelgen.errors import DataError, Problem
 from modelgen.progress import counted
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.numerics.qr_triangle import triangle_of
-from modelgen.runtime.records.channels import RecordChannels
+from modelgen.runtime.numerics.qr_triangle import tall_triangle
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.masks import turn_masks
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
+from modelgen.runtime.rows.standstill_speeds import Survey
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -27,6 +27,8 @@ IntArray = npt.NDArray[np.int64]
 LEAST_FORCE = 1e-2
 # A body that reverses all the time leaves less than this share of the grid: then its turns are kept.
 LEAST_SHARE = 0.3
+# From so many columns a row holds those only that it touches: of a long chain that is a handful.
+WIDE = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +43,8 @@ class RowBlock:
         Position of each sample on the record's decimated grid of `grid` samples; what is masked is left out.
     Y : array, shape (n,)
         Left-hand side, in `unit`.
-    W : array, shape (n, columns)
-        Observation matrix.
+    W : array, shape (n, columns), or (n, touched)
+        Observation matrix; in wide observations its columns that the row touches.
     masked : int
         Samples of the grid left out.
     has_force : bool
@@ -52,6 +54,8 @@ class RowBlock:
         Rms on the grid of the forces, differentiated as often as the row: the size of what a row balances.
     start : int
         Sample of the record at the grid's first point.
+    touched : array of int, optional
+        Which columns of the observation those of W are; None for all of them.
     """
 
     record: int
@@ -68,15 +72,53 @@ class RowBlock:
     force_scale: float
     differentiated: int
     start: int = 0
+    touched: IntArray | None = None
 
     @cached_property
     def triangle(self) -> FloatArray:
-        """R of [W Y], shape (columns + 1, columns + 1): all that weights and rms of residuals ask for."""
-        return triangle_of(np.column_stack([self.W, self.Y]))
+        """R of [1 W Y]: all that fits, weights and sizes of residuals and terms ask of the rows."""
+        return tall_triangle(self.W, self.Y)
+
+    def own(self, x: FloatArray) -> FloatArray:
+        """Return the entries of an array over all columns that belong to those of W."""
+        return x if self.touched is None else np.asarray(x[self.touched])
+
+    def residual(self, x: FloatArray) -> FloatArray:
+        """Return Y - W x, shape (n,); x is in the order of all columns."""
+        return np.asarray(self.Y - self.W @ self.own(x))
 
     def residual_norm(self, x: FloatArray) -> float:
         """Return the norm of Y - W x."""
-        return float(np.linalg.norm(self.triangle[:, -1] - self.triangle[:, :-1] @ x))
+        return float(np.linalg.norm(self.triangle[:, -1] - self.triangle[:, 1:-1] @ self.own(x)))
+
+    def terms_norm(self, x: FloatArray) -> float:
+        """Return the norm of the largest term W_j x_j about its mean: the size of what the row balances."""
+        spread = np.linalg.norm(self.triangle[1:, 1:-1], axis=0)
+        return float(np.max(spread * np.abs(self.own(x)), initial=0.0))
+
+    def column(self, index: int) -> FloatArray:
+        """Return a column of the observation in this row, shape (n,)."""
+        if self.touched is None:
+            return self.W[:, index]
+        place = np.flatnonzero(self.touched == index)
+        return self.W[:, place[0]] if place.size else np.zeros(len(self.Y))
+
+    def chosen(self, columns: Sequence[int]) -> RowBlock:
+        """Return the block with these of all columns only, in their order."""
+        if self.touched is None:
+            return replace(self, W=self.W[:, columns])
+        place = {int(column): index for index, column in enumerate(self.touched)}
+        kept = [index for index, column in enumerate(columns) if column in place]
+        W = self.W[:, [place[columns[index]] for index in kept]]
+        return replace(self, W=W, touched=np.array(kept, dtype=np.int64))
+
+    def dense(self, columns: int) -> RowBlock:
+        """Return the block with all of so many columns."""
+        if self.touched is None:
+            return self
+        W = np.zeros((len(self.Y), columns))
+        W[:, self.touched] = self.W
+        return replace(self, W=W, touched=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +128,20 @@ class Observation:
     columns: tuple[str, ...]
     blocks: tuple[RowBlock, ...]
     notes: tuple[str, ...] = ()
+    surveys: tuple[Survey, ...] = ()
+
+    def dense(self) -> Observation:
+        """Return the same with every column in every block."""
+        return replace(self, blocks=tuple(block.dense(len(self.columns)) for block in self.blocks))
 
 
 def observe(
-    model: Model, records: Sequence[Record], choice: FilterChoice, drop: int = 0, turns: bool = True
+    model: Model,
+    records: Sequence[Record],
+    choice: FilterChoice,
+    drop: int = 0,
+    turns: bool = True,
+    surveys: Sequence[Survey] = (),
 ) -> Observation:
     """Return the matched-filtered rows of the records.
 
@@ -105,6 +157,8 @@ def observe(
     turns : bool
         Whether rows with Coulomb friction use the samples that feel a reversal (`turn_masks`). Where too few
         others would be left they do in any case.
+    surveys : sequence of Survey, optional
+        Those of an observation of these records with the same filter for directions.
 
     Raises
     ------
@@ -112,9 +166,12 @@ def observe(
         When a record is too short for the filter.
     """
     blocks: list[RowBlock] = []
+    found: list[Survey] = []
     notes = [f"drop = {drop} samples at the beginning of every record, as given"] if drop else []
     for index, record in enumerate(counted(records, "filtering")):
-        rows = matched_rows(model, RecordChannels(record), choice, choice.decimation[index], drop)
+        survey = surveys[index] if surveys else None
+        rows = matched_rows(model, record, choice, choice.decimation[index], drop, survey=survey)
+        found.append(rows.survey)
         if not turns:
             rows = replace(rows, masks=rows.masks + turn_masks(model, choice, record.fs))
         for block in _blocks(rows, index):
@@ -124,7 +181,7 @@ def observe(
                     f"{record.name}, row {block.row_name}: not used, every sample lies too near to a "
                     "reversal or a standstill"
                 )
-    return Observation(model.base_parameters, tuple(blocks), tuple(notes))
+    return Observation(model.base_parameters, tuple(blocks), tuple(notes), tuple(found))
 
 
 def runs_of(place: IntArray) -> list[IntArray]:
@@ -162,58 +219,67 @@ def rows_by_tag(
     return replace(observation, blocks=blocks)
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """One chunk: of every row its lines, and which samples are masked; the power of the forces."""
+class _Kept:
+    """The rows of one record at all samples kept, filled chunk by chunk: lines W and Y of every row."""
 
-    lines: list[FloatArray]
-    masked: list[npt.NDArray[np.bool_]]
-    force_power: Mapping[int, float]
+    def __init__(self, rows: RecordRows) -> None:
+        self.rows, self.count = rows, len(rows.grid)
+        self.lines = [np.empty((len(terms.columns) + 1, self.count)) for terms in rows.terms]
+        self.masked = np.zeros((len(rows.masks), self.count), dtype=bool)
+        self.force_power: dict[int, float] = {}
+
+    def take(self, chunk: Chunk) -> Mapping[int, float]:
+        """Fill in the samples of a chunk; return the power of its forces. Chunks may come from threads."""
+        signals, part = chunk.signals(), slice(chunk.index, chunk.index + chunk.count)
+        for terms, lines in zip(self.rows.terms, self.lines, strict=True):
+            terms.fill(lines[:, part], signals)
+            signals.forget(terms.row)
+        for mask, masked in zip(self.rows.masks, self.masked, strict=True):
+            masked[part] = mask.of(chunk, self.rows.survey.thresholds)
+        return signals.force_power
+
+    def all(self) -> None:
+        """Fill in all chunks; the powers add up in their order."""
+        for power in self.rows.over_chunks(self.take):
+            for times, more in power.items():
+                self.force_power[times] = self.force_power.get(times, 0.0) + more
+
+    def place(self, row: int) -> IntArray | None:
+        """Return the samples that a row may use; None for all."""
+        masked = self.masked[row]
+        further = len(self.rows.terms) + row
+        if further < len(self.masked):
+            calm = masked | self.masked[further]
+            masked = calm if np.count_nonzero(~calm) >= LEAST_SHARE * self.count else masked
+        return np.flatnonzero(~masked).astype(np.int64) if masked.any() else None
 
 
-def _part(rows: RecordRows, chunk: Chunk) -> _Part:
-    signals = chunk.signals()
-    lines = []
-    for terms in rows.terms:
-        lines.append(terms.evaluate(signals)[1:])
-        signals.forget(terms.row)
-    masked = [mask.of(chunk, rows.survey.thresholds) for mask in rows.masks]
-    return _Part(lines, masked, signals.force_power)
-
-
-def _blocks(rows: RecordRows, index: int) -> list[RowBlock]:
-    """Return the blocks of one record, the `index`-th."""
-    model, count = rows.plan.model, len(rows.grid)
-    parts = list(rows.over_chunks(lambda chunk: _part(rows, chunk)))
-    masks = [np.concatenate(masked) for masked in zip(*(part.masked for part in parts), strict=True)]
-    found = []
-    for terms, info in zip(rows.terms, model.rows, strict=True):
-        masked = masks[terms.row]
-        if len(masks) > len(model.rows):
-            calm = masked | masks[len(model.rows) + terms.row]
-            masked = calm if np.count_nonzero(~calm) >= LEAST_SHARE * count else masked
-        place = np.flatnonzero(~masked).astype(np.int64)
-        lines = np.concatenate([part.lines[terms.row] for part in parts], axis=1)[:, place]
-        W = np.zeros((len(place), len(model.base_parameters)))
-        W[:, list(terms.columns)] = lines[:-1].T
-        power = sum(part.force_power.get(info.differentiated, 0.0) for part in parts) / count
-        force_scale = float(np.sqrt(power)) / info.lever
-        found.append(
-            RowBlock(
-                record=index,
-                row=terms.row,
-                record_name=rows.source.name,
-                row_name=info.name,
-                unit=info.unit,
-                place=place,
-                grid=count,
-                Y=lines[-1],
-                W=W,
-                masked=count - len(place),
-                has_force=bool(np.linalg.norm(lines[-1]) > LEAST_FORCE * force_scale * np.sqrt(len(place))),
-                force_scale=force_scale,
-                differentiated=info.differentiated,
-                start=rows.grid[0],
-            )
+def _blocks(rows: RecordRows, index: int) -> Iterator[RowBlock]:
+    """Yield the blocks of one record, the `index`-th."""
+    kept = _Kept(rows)
+    kept.all()
+    columns = rows.plan.model.base_parameters
+    for terms, info in zip(rows.terms, rows.plan.model.rows, strict=True):
+        place = kept.place(terms.row)
+        lines = kept.lines[terms.row] if place is None else kept.lines[terms.row][:, place]
+        kept.lines[terms.row] = lines[:0]  # one row at a time stands in memory twice
+        force_scale = float(np.sqrt(kept.force_power.get(info.differentiated, 0.0) / kept.count)) / info.lever
+        n = lines.shape[1]
+        block = RowBlock(
+            record=index,
+            row=terms.row,
+            record_name=rows.source.name,
+            row_name=info.name,
+            unit=info.unit,
+            place=np.arange(kept.count) if place is None else place,
+            grid=kept.count,
+            Y=lines[-1],
+            W=lines[:-1].T,
+            masked=kept.count - n,
+            has_force=bool(np.linalg.norm(lines[-1]) > LEAST_FORCE * force_scale * np.sqrt(n)),
+            force_scale=force_scale,
+            differentiated=info.differentiated,
+            start=rows.grid[0],
+            touched=np.array(terms.columns, dtype=np.int64),
         )
-    return found
+        yield block if len(columns) >= WIDE else block.dense(len(columns))

@@ -25,7 +25,6 @@ from modelgen.runtime.rows.signal_plan import SignalPlan, signal_plan
 from modelgen.runtime.rows.standstill_speeds import NOTHING, Survey, survey_record
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 Found = TypeVar("Found")
 
 # From so many samples compiled filters are worth the half second that loading numba takes.
@@ -83,20 +82,10 @@ class RecordRows:
         with ThreadPoolExecutor(workers) as pool:
             yield from pool.map(work, self.chunks())
 
-    def places(self, chunk: Chunk) -> list[IntArray | None]:
-        """Return for each row the places in the chunk that it may use; None for all."""
-        if not self.masks:
-            return [None] * len(self.plan.model.rows)
-        found: list[IntArray | None] = []
-        for mask in self.masks:
-            masked = mask.of(chunk, self.survey.thresholds)
-            found.append(np.flatnonzero(~masked).astype(np.int64) if masked.any() else None)
-        return found
-
     def lines(self) -> tuple[FloatArray, ...]:
-        """Return every row at all samples kept, masked or not: 1, the columns it touches, y in lines.
+        """Return every row at all samples kept, masked or not: the columns it touches and y in lines.
 
-        One array a row, shape (columns touched + 2, grid).
+        One array a row, shape (columns touched + 1, grid).
         """
 
         def of(chunk: Chunk) -> list[FloatArray]:

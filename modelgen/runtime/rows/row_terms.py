@@ -21,12 +21,15 @@ class RowTerms:
     columns: tuple[int, ...]
     entries: tuple[Terms, ...]
 
-    def evaluate(self, signals: Mapping[str, FloatArray]) -> FloatArray:
-        """Return 1, the columns touched, and y, one a line of the array, shape (columns + 2, n)."""
-        lines = np.empty((len(self.entries) + 1, len(signals["1"])))
-        lines[0] = 1.0
-        for line, terms in zip(lines[1:], self.entries, strict=True):
+    def fill(self, lines: FloatArray, signals: Mapping[str, FloatArray]) -> None:
+        """Fill in the columns touched, and y, one a line of the array, shape (columns + 1, n)."""
+        for line, terms in zip(lines, self.entries, strict=True):
             _sum_into(line, terms, signals)
+
+    def evaluate(self, signals: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the same in a new array."""
+        lines = np.empty((len(self.entries), len(signals["1"])))
+        self.fill(lines, signals)
         return lines
 
 

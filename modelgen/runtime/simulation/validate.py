@@ -17,7 +17,6 @@ from modelgen.errors import DataError, Problem
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model, Sensor
-from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.same_data import refuse_same_data
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
@@ -141,7 +140,7 @@ def validate(
         problems = [Problem("records", "there are none", "give at least one Record")]
     if problems:
         raise DataError(*problems)
-    refuse_same_data([RecordChannels(record) for record in records], model.channels)
+    refuse_same_data(records, model.channels)
     plant = make_plant(model, parameters, actuator)
     drive = drive or Drive()
     steps = oversample or (1 if drive.sampled else OVERSAMPLE)
