@@ -6,50 +6,65 @@ Exit codes: 0 done, 1 the data cannot answer (or a check failed), 2 wrong input.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Iterable, Sequence
+from importlib import import_module
+from typing import Any
 
 import typer
 
 from modelgen.cli.command_group import CheckedCommand, ExplainedGroup
-from modelgen.cli.commands.compare import compare
-from modelgen.cli.commands.demo import demo
-from modelgen.cli.commands.design import design
-from modelgen.cli.commands.generate import generate
-from modelgen.cli.commands.identify import identify
-from modelgen.cli.commands.import_file import import_file
-from modelgen.cli.commands.new import new
-from modelgen.cli.commands.show import show
-from modelgen.cli.commands.simulate import simulate
-from modelgen.cli.commands.validate import validate
 from modelgen.cli.examples import examples_of
-from modelgen.cli.fleet import fleet
 
-COMMANDS: dict[str, Callable[..., None]] = {
-    "demo": demo,
-    "new": new,
-    "show": show,
-    "generate": generate,
-    "import": import_file,
-    "identify": identify,
-    "simulate": simulate,
-    "validate": validate,
-    "compare": compare,
-    "fleet": fleet,
-    "design": design,
+# name on the command line -> module and function, in the order of the help
+COMMANDS = {
+    "demo": ("modelgen.cli.commands.demo", "demo"),
+    "new": ("modelgen.cli.commands.new", "new"),
+    "show": ("modelgen.cli.commands.show", "show"),
+    "generate": ("modelgen.cli.commands.generate", "generate"),
+    "import": ("modelgen.cli.commands.import_file", "import_file"),
+    "identify": ("modelgen.cli.commands.identify", "identify"),
+    "simulate": ("modelgen.cli.commands.simulate", "simulate"),
+    "validate": ("modelgen.cli.commands.validate", "validate"),
+    "compare": ("modelgen.cli.commands.compare", "compare"),
+    "fleet": ("modelgen.cli.fleet", "fleet"),
+    "design": ("modelgen.cli.commands.design", "design"),
 }
 
-app = typer.Typer(
-    cls=ExplainedGroup,
-    no_args_is_help=True,
-    add_completion=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    help="Identification models of spring-coupled chains: derive, generate, simulate, identify.",
-)
-for name, command in COMMANDS.items():
-    app.command(name, cls=CheckedCommand, epilog=examples_of(name))(command)
+
+def application(names: Iterable[str] = COMMANDS) -> typer.Typer:
+    """Return the command line with the named commands."""
+    app = typer.Typer(
+        cls=ExplainedGroup,
+        no_args_is_help=True,
+        add_completion=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        callback=_group,
+        help="Identification models of spring-coupled chains: derive, generate, simulate, identify.",
+    )
+    for name in names:
+        module, function = COMMANDS[name]
+        command = getattr(import_module(module), function)
+        app.command(name, cls=CheckedCommand, epilog=examples_of(name))(command)
+    return app
+
+
+def _group() -> None:
+    """Keep a single command a member of a group: `modelgen identify`, not `modelgen`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line on the given arguments (those of the process if None) and exit."""
-    app(args=arguments, prog_name="modelgen")
+    given = sys.argv[1:] if arguments is None else arguments
+    # the options of eleven commands take longer to build than those of the one that is called
+    names = given[:1] if given and given[0] in COMMANDS else COMMANDS
+    application(names)(args=arguments, prog_name="modelgen")
+
+
+def __getattr__(name: str) -> Any:
+    """Build `app`, the command line with all commands, when it is first used (PEP 562)."""
+    if name != "app":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()["app"] = application()
+    return globals()["app"]

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import FACTOR_REMEDY, is_usable, shown_number
+from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.formats import open_source
-from modelgen.runtime.files.reader_process import DeadlyFileError
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import Unit, split_name, unit_from_text
 from modelgen.runtime.records.faults import Finding, clock_faults, same_clock, time_faults, zero_faults
