@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from modelgen.render.printer import literal
 from modelgen.render.units import motion_of, unit_of_signal
+from modelgen.spec.chain import Body
 from modelgen.spec.load import ChainSpec
 from modelgen.spec.units import force_unit, signal_unit
 from modelgen.symbolic.base_parameters import BaseModel
@@ -33,16 +34,7 @@ def module_constants(
         "SENSOR_SET": rows.sensor_set,
         "SPEC_SHA256": spec.sha256,
         "SENSORS": tuple(_sensor(output, spec) for output in space.outputs),
-        "ACTUATORS": tuple(
-            {
-                "key": b.actuator,
-                "body": b.name,
-                "unit": force_unit(b.motion, 0),
-                "lever": lever_of[b.name],
-            }
-            for b in spec.bodies
-            if b.actuator
-        ),
+        "ACTUATORS": tuple(_actuator(b, lever_of) for b in spec.bodies if b.actuator),
         "PARAMETERS": tuple(p.name for p in spec.parameters if p.name not in spec.known),
         "KNOWN": dict(spec.known),
         "BASE_PARAMETERS": tuple(base.name for base in model.base),
@@ -91,6 +83,15 @@ def _sensor(output: Output, spec: ChainSpec) -> dict[str, object]:
         "deflection": sensor.deflection,
         "measures": sensor.measures,
         "unit": signal_unit(motion_of(sensor.key, spec, (sensor,)), sensor.measures, 0),
+    }
+
+
+def _actuator(body: Body, lever_of: Mapping[str, float]) -> dict[str, object]:
+    return {
+        "key": body.actuator,
+        "body": body.name,
+        "unit": force_unit(body.motion, 0),
+        "lever": lever_of[body.name],
     }
 
 
