@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -17,10 +17,6 @@ if TYPE_CHECKING:
     from modelgen.spec.load import ChainSpec
     from modelgen.symbolic.equations.newton import MotionEquations
     from modelgen.symbolic.sensor_set_overview import SetSummary
-
-Trust = Annotated[
-    bool, typer.Option("--trust", help="Execute the module even if modelgen did not write it like this.")
-]
 
 
 def given_options(context: typer.Context) -> dict[str, str]:

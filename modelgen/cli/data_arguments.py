@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 # what a closed loop was told: the first is needed wherever it is simulated, the others are used where mapped
 REFERENCE = ("reference",)
 BESIDE_REFERENCE = ("reference_rate", "feedforward")
-MEND_HELP = "What to mend: duplicates, gaps, fill, uneven, clocks or offset=KEY; repeatable."
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modelgen.cli.arguments import Trust
+from modelgen.cli.options import Trust
 from modelgen.cli.output import note, report, say
 from modelgen.errors import DataError, ModelgenError
 from modelgen.progress import shown

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modelgen.errors import DataError, shortened
+from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.formats import open_source
-from modelgen.runtime.files.reader_process import DeadlyFileError
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import unit_from_text
 from modelgen.runtime.records.faults import Finding, clock_faults, time_faults, zero_faults

@@ -153,7 +153,7 @@ def _describe_set(summary: SetSummary) -> Description:
 
 
 def _describe_model(model: BaseModel) -> Description:
-    from modelgen.render.view import column_units
+    from modelgen.render.units import column_units
 
     units = column_units(model.rows)
     return {

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modelgen.atomic_write import check_place, write_whole
 from modelgen.cli.arguments import compared_sensor_sets, load_chain
+from modelgen.cli.output_files import FIGURES, check_output
 from modelgen.errors import DataError, ModelgenError
 from modelgen.report.page import report_page
 from modelgen.spec.chain import ChainSpec
@@ -25,21 +25,7 @@ if TYPE_CHECKING:
     from modelgen.runtime.simulation.validate import Validation
 
 
-FIGURES = (".png", ".svg", ".pdf")
-REPORTS = (".html", ".htm")
-
-
-def check_output(path: Path, suffixes: Sequence[str], overwrite: bool) -> None:
-    """Refuse the path of a result before any work is done for it; any suffix will do if there are none."""
-    if suffixes and path.suffix.lower() not in suffixes:
-        raise DataError.at(str(path), f"has the suffix {path.suffix!r}", f"give it {' or '.join(suffixes)}")
-    check_place(path)
-    if path.exists() and not overwrite:
-        raise DataError.at(str(path), "exists already", "choose another name, or give --overwrite")
-
-
-def write_report(
-    path: Path,
+def report_text(
     model: Model,
     module: Path,
     readings: Sequence[Reading],
@@ -47,9 +33,8 @@ def write_report(
     options: Mapping[str, Any],
     spec: str | None,
     controller: Path | None,
-    overwrite: bool,
-) -> None:
-    """Write the report.
+) -> str:
+    """Return the report as the text of one HTML page.
 
     `spec` names the chain, which is otherwise looked for by its name and hash; with a `controller` the
     records' closed loop is simulated and laid over what was measured.
@@ -58,8 +43,7 @@ def write_report(
     sets = sensor_set_rows(chain) if chain is not None else []
     given = {name: str(value) for name, value in options.items() if value not in (None, (), [])}
     loops = closed_loops(model, readings, estimate, controller) if controller else ()
-    page = report_page(model, readings, estimate, given, sets, loops)
-    write_whole(path, page.encode(), overwrite=overwrite)
+    return report_page(model, readings, estimate, given, sets, loops)
 
 
 def write_figure(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from modelgen.render.view import column_units
+from modelgen.render.units import column_units
 from modelgen.symbolic.base_parameters import BaseModel
 from modelgen.symbolic.equations.newton import motion_equations
 from modelgen.symbolic.equations.row import Feature, Row

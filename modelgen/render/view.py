@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
 from sympy.polys.rings import PolyElement
 
+from modelgen.render.constants import Parts, as_floats, module_constants
 from modelgen.render.printer import literal, weighted_sum
-from modelgen.spec.load import ChainSpec, Sensor
-from modelgen.spec.units import Motion, force_unit, signal_unit
+from modelgen.render.state_space_lines import state_space_lines
+from modelgen.render.units import column_units
 from modelgen.symbolic.base_parameters import BaseModel, BaseParameter
-from modelgen.symbolic.equations.equation_sums import levers
 from modelgen.symbolic.equations.newton import motion_equations
-from modelgen.symbolic.equations.row import Feature, IdentificationRows, NeededSignal, Row
+from modelgen.symbolic.equations.row import Feature, IdentificationRows
 from modelgen.symbolic.equations.signals import Exact
-from modelgen.symbolic.equations.state_space import Entry, Output, StateSpace, state_space
+from modelgen.symbolic.equations.state_space import state_space
 
-CONTRACT_VERSION = 1
 SAFE_FILE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}\Z")
 
 
@@ -75,7 +74,7 @@ def model_view(model: BaseModel) -> ModelView:
         row_summaries=tuple(f"{i}. {r.name}: {r.origin}; order {r.order}" for i, r in enumerate(rows.rows)),
         base_summaries=tuple(f"{b.name} [{units[b.combination[0][0]]}]" for b in model.base),
         absent_summaries=tuple(f"{name}: {reason}" for name, reason in model.absent.items()),
-        constants=_constants(model, space, units),
+        constants=module_constants(model, space, units),
         first_key=next(signal.key for signal in rows.signals),
         row_count=len(rows.rows),
         column_count=len(model.base),
@@ -96,9 +95,9 @@ def model_view(model: BaseModel) -> ModelView:
             for row, table in enumerate(regressor)
             for index, parts in table.items()
         ),
-        columns_measurement=literal(tuple(_as_floats(parts) for parts in measurement)),
+        columns_measurement=literal(tuple(as_floats(parts) for parts in measurement)),
         columns_regressor=literal(
-            tuple({index: _as_floats(parts) for index, parts in table.items()} for table in regressor)
+            tuple({index: as_floats(parts) for index, parts in table.items()} for table in regressor)
         ),
         base_lines=tuple(_base_source(rows, base) for base in model.base),
         physical_lines=tuple(
@@ -107,23 +106,9 @@ def model_view(model: BaseModel) -> ModelView:
         composite_summaries=tuple(f"{n} = {c.formula}" for n, c in rows.composites.items() if n != c.formula),
         nonlinear=nonlinear,
         directions=literal({r.body: 1.0 for r in space.resistances if r.asymmetric}),
-        state_space_lines=tuple(_state_space_lines(space)),
+        state_space_lines=tuple(state_space_lines(space)),
         has_cubic=bool(space.springs),
     )
-
-
-def column_units(rows: IdentificationRows) -> dict[str, str]:
-    """Return the unit of every physical parameter and composite; a composite's is row over signal."""
-    units = {parameter.name: parameter.unit for parameter in rows.spec.parameters}
-    by_key = {signal.key: _signal_unit(signal, rows) for signal in rows.signals}
-    for row in rows.rows:
-        for term in row.terms:
-            if term.parameter in rows.composites:
-                signal = by_key.get(term.key, "1")
-                units.setdefault(
-                    term.parameter or "", row.unit if signal == "1" else f"({row.unit})/({signal})"
-                )
-    return units
 
 
 def _base_source(rows: IdentificationRows, base: BaseParameter) -> str:
@@ -154,9 +139,6 @@ def polynomial(poly: PolyElement) -> str:
     return weighted_sum(terms)
 
 
-Parts = tuple[tuple[Exact, str], ...]
-
-
 def _column_tables(
     rows: IdentificationRows, column: Mapping[str, int]
 ) -> tuple[list[Parts], list[dict[int, Parts]]]:
@@ -174,123 +156,6 @@ def _column_tables(
         measurement.append(tuple(left))
         regressor.append({index: tuple(right[index]) for index in sorted(right)})
     return measurement, regressor
-
-
-def _as_floats(parts: Parts) -> tuple[tuple[float, str], ...]:
-    return tuple((float(coefficient), key) for coefficient, key in parts)
-
-
-def _constants(model: BaseModel, space: StateSpace, units: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
-    rows, spec = model.rows, model.rows.spec
-    lever_of = levers(spec)
-    base_units = {base.name: units[base.combination[0][0]] for base in model.base}
-    values: dict[str, object] = {
-        "CONTRACT_VERSION": CONTRACT_VERSION,
-        "CHAIN": spec.name,
-        "TITLE": spec.title,
-        "SENSOR_SET": rows.sensor_set,
-        "SPEC_SHA256": spec.sha256,
-        "SENSORS": tuple(_sensor(output, spec) for output in space.outputs),
-        "ACTUATORS": tuple(
-            {
-                "key": b.actuator,
-                "body": b.name,
-                "unit": force_unit(b.motion, 0),
-                "lever": lever_of[b.name],
-            }
-            for b in spec.bodies
-            if b.actuator
-        ),
-        "PARAMETERS": tuple(p.name for p in spec.parameters if p.name not in spec.known),
-        "KNOWN": dict(spec.known),
-        "BASE_PARAMETERS": tuple(base.name for base in model.base),
-        "IDENTIFIABLE": model.identifiable,
-        "ABSENT": dict(model.absent),
-        "COMPOSITES": {name: composite.formula for name, composite in rows.composites.items()},
-        "UNITS": {**{p.name: p.unit for p in spec.parameters}, **base_units},
-        "ROLES": {p.name: {"role": p.role, "bodies": p.bodies} for p in spec.parameters},
-        "PARAMETER_SETS": {name: dict(table) for name, table in spec.parameter_sets.items()},
-        "SIGNALS": tuple(_signal(signal, rows) for signal in rows.signals),
-        "FEATURES": tuple(
-            {
-                "key": f.key,
-                "function": f.function,
-                "of": f.of if isinstance(f.of, str) else _as_floats(f.of),
-                "times": f.times,
-            }
-            for f in rows.features
-        ),
-        "ROWS": tuple(_row(row, lever_of) for row in rows.rows),
-        "FRICTION": tuple(
-            {
-                "body": r.body,
-                "state": r.state,
-                "coulomb_plus": r.coulomb_plus,
-                "coulomb_minus": r.coulomb_minus,
-                "offset": r.offset,
-                "asymmetric": r.asymmetric,
-            }
-            for r in space.resistances
-        ),
-    }
-    if space.springs:
-        values["CUBIC_SPRINGS"] = tuple(
-            {"parameter": s.parameter, "deflection": tuple((i, float(c)) for i, c in s.deflection)}
-            for s in space.springs
-        )
-    return tuple((name, literal(value)) for name, value in values.items())
-
-
-def _sensor(output: Output, spec: ChainSpec) -> dict[str, object]:
-    sensor = output.sensor
-    return {
-        "key": sensor.key,
-        "body": sensor.body,
-        "deflection": sensor.deflection,
-        "measures": sensor.measures,
-        "unit": signal_unit(_motion(sensor.key, spec, (sensor,)), sensor.measures, 0),
-    }
-
-
-def _signal(signal: NeededSignal, rows: IdentificationRows) -> dict[str, object]:
-    return {
-        "key": signal.key,
-        "sensor": signal.sensor,
-        "actuator": signal.actuator,
-        "derivative": signal.derivative,
-        "unit": _signal_unit(signal, rows),
-    }
-
-
-def _signal_unit(signal: NeededSignal, rows: IdentificationRows) -> str:
-    spec = rows.spec
-    if signal.sensor is not None:
-        measures = next(s.measures for s in rows.sensors if s.key == signal.sensor)
-        return signal_unit(_motion(signal.sensor, spec, rows.sensors), measures, signal.derivative)
-    if signal.actuator is not None:
-        motion = next(body.motion for body in spec.bodies if body.actuator == signal.actuator)
-        return force_unit(motion, signal.derivative)
-    return "1"
-
-
-def _motion(key: str, spec: ChainSpec, sensors: Iterable[Sensor]) -> Motion:
-    """Return the kind of motion a sensor reads; a deflection is counted on its second body."""
-    sensor = next(s for s in sensors if s.key == key)
-    body = sensor.deflection[1] if sensor.deflection else sensor.body
-    return next(b.motion for b in spec.bodies if b.name == body)
-
-
-def _row(row: Row, lever_of: Mapping[str, float]) -> dict[str, object]:
-    return {
-        "name": row.name,
-        "origin": row.origin,
-        "bodies": row.bodies,
-        "differentiated": row.differentiated,
-        "order": row.order,
-        "reversals": row.reversals,
-        "unit": row.unit,
-        "lever": lever_of[row.bodies[0]],
-    }
 
 
 def _signal_sum(parts: Parts, features: set[str]) -> str:
@@ -312,34 +177,3 @@ def _feature_source(feature: Feature) -> str:
         "backward": f"({value} < 0).astype(float)",
     }[feature.function]
     return f'{source} * s["{feature.times}"]' if feature.times else source
-
-
-def _state_space_lines(space: StateSpace) -> Iterable[str]:
-    count = len(space.bodies)
-    for index in range(count):
-        yield f"A[{index}, {count + index}] = 1.0"
-    for entry in space.a:
-        yield from _entry_lines("A", entry)
-    for name, entries in (("B", space.b), ("E", space.e)):
-        for entry in entries:
-            yield from _entry_lines(name, entry)
-    for row, output in enumerate(space.outputs):
-        for place, factor in output.combination:
-            if output.order < 2:
-                yield f"C[{row}, {place + count * output.order}] = {float(factor)!r}"
-                continue
-            for out, source in (("C", "A"), ("D", "B"), ("F", "E")):
-                yield f"{out}[{row}, :] += {float(factor)!r} * {source}[{count + place}, :]"
-
-
-def _entry_lines(matrix: str, entry: Entry) -> Iterable[str]:
-    total = weighted_sum((c, "1.0" if name is None else f'p["{name}"]') for c, name in entry.form)
-    total = f"({total})" if len(entry.form) > 1 else total
-    line = f'{matrix}[{entry.row}, {entry.column}] += {total} / p["{entry.inertia}"]'
-    if entry.direction is None:
-        yield line
-    else:
-        body, sense = entry.direction
-        relation = ">" if sense > 0 else "<"
-        yield f'if d["{body}"] {relation} 0:'
-        yield f"    {line}"

@@ -19,7 +19,8 @@ from modelgen.errors import ModelError
 from modelgen.symbolic.equations.equation_sums import exact_levers
 from modelgen.symbolic.equations.identifiability import identifiable_parameters
 from modelgen.symbolic.equations.row import IdentificationRows
-from modelgen.symbolic.equations.signals import Exact, quotient
+from modelgen.symbolic.equations.signals import Exact
+from modelgen.symbolic.exact_dependencies import exact_dependencies
 
 SEED = 2002
 #: |R_ii| below this fraction of |R_11| counts as zero; the random columns have unit scale.
@@ -34,9 +35,6 @@ LONGEST_SUM = 2500
 LARGEST_FACTOR = 10**50
 #: A sum of more parameters is shown by its first ones.
 LONGEST_SHOWN = 40
-
-#: one column of the regressor: (row, signal) -> exact coefficient
-Column = Mapping[tuple[int, str], Exact]
 
 
 @dataclass(frozen=True)
@@ -193,46 +191,6 @@ def regroup(rows: IdentificationRows, names: Sequence[str]) -> tuple[BaseParamet
         for i, factor in recipe.items():
             combinations[i].append((names[dependent], factor))
     return tuple(BaseParameter(tuple(combinations[i])) for i in independent)
-
-
-def exact_dependencies(columns: Sequence[Column]) -> dict[int, dict[int, Exact]]:
-    """Write every column that depends on earlier ones as their exact combination (sparse elimination)."""
-    pivots: dict[tuple[int, str], tuple[dict[tuple[int, str], Exact], dict[int, Exact]]] = {}
-    dependent: dict[int, dict[int, Exact]] = {}
-    for index, column in enumerate(columns):
-        vector = dict(column)
-        recipe: dict[int, Exact] = {index: 1}
-        for place in sorted(column):  # fill-in can only meet pivots whose own entries are still in `vector`
-            _eliminate(vector, recipe, place, pivots)
-        pending = [place for place in vector if place in pivots]
-        while pending:
-            _eliminate(vector, recipe, min(pending), pivots)
-            pending = [place for place in vector if place in pivots]
-        if vector:
-            pivots[min(vector)] = (vector, recipe)
-        else:
-            dependent[index] = {i: -factor for i, factor in sorted(recipe.items()) if i != index}
-    return dependent
-
-
-def _eliminate(
-    vector: dict[tuple[int, str], Exact],
-    recipe: dict[int, Exact],
-    place: tuple[int, str],
-    pivots: Mapping[tuple[int, str], tuple[dict[tuple[int, str], Exact], dict[int, Exact]]],
-) -> None:
-    if place not in pivots or place not in vector:
-        return
-    pivot, made_of = pivots[place]
-    factor = -quotient(vector[place], pivot[place])
-    for key, value in pivot.items():
-        vector[key] = vector.get(key, 0) + factor * value
-        if not vector[key]:
-            del vector[key]
-    for index, value in made_of.items():
-        recipe[index] = recipe.get(index, 0) + factor * value
-        if not recipe[index]:
-            del recipe[index]
 
 
 def _numerical_dependencies(rows: IdentificationRows, names: Sequence[str]) -> dict[int, dict[int, float]]:

@@ -10,15 +10,8 @@ import numpy as np
 import pytest
 
 from generated import emps_rigid_qm
-from modelgen.cli.write_report import (
-    FIGURES,
-    REPORTS,
-    _spec_of,
-    check_output,
-    sensor_set_rows,
-    write_figure,
-    write_report,
-)
+from modelgen.cli.output_files import FIGURES, REPORTS, OutputFiles, check_output
+from modelgen.cli.write_report import _spec_of, sensor_set_rows, write_figure
 from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import load_model, model_from_module
@@ -50,7 +43,7 @@ def report(
     options = {"--method": "wls", "--mend": [], "data": ["run1.csv"]}
     module = Path(str(emps_rigid_qm.__file__))
     arguments: dict[str, Any] = {"spec": None, "controller": None, **given}
-    write_report(path, MODEL, module, readings, estimate, options, overwrite=overwrite, **arguments)
+    OutputFiles(None, path, None, overwrite).write(MODEL, module, readings, estimate, options, **arguments)
     return path.read_text(encoding="utf-8")
 
 

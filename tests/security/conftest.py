@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from modelgen.runtime.files.reader_process import START
+from modelgen.runtime.files.child_process.reader_process import START
 
 FORBIDDEN = (
     "os.system",

@@ -17,7 +17,7 @@ from modelgen.cli.candidates import load_candidates
 from modelgen.errors import DataError, ModelgenError
 from modelgen.read_file import DATA, open_file
 from modelgen.render.target import user_files
-from modelgen.runtime.files.formats import OPENERS, open_source
+from modelgen.runtime.files.formats import SUFFIXES, open_source
 from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.files.open_channels import FORMATS, open_channels
 from modelgen.runtime.model.model import load_model
@@ -39,7 +39,7 @@ ENTRIES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "estimate": ("a.json", load_estimate),
     "template": ("a.txt.j2", lambda path: user_files(CHAIN, "qm", path.parent)),
     "npy": ("a.npy", lambda path: open_npy({"q_m": path}, 1000.0)),
-    **{f"record{suffix}": (f"a{suffix}", read_record) for suffix in OPENERS},
+    **{f"record{suffix}": (f"a{suffix}", read_record) for suffix in SUFFIXES},
     **{
         f"stretches{suffix}": (f"a{suffix}", lambda path: open_channels(path, {"q_m": ("q_m", 1.0)}, 1000.0))
         for suffix in FORMATS

@@ -11,7 +11,8 @@ import pytest
 from modelgen.errors import ModelError
 from modelgen.spec.load import catalog_names, catalog_path, load_spec, parse_spec
 from modelgen.symbolic import base_parameters
-from modelgen.symbolic.base_parameters import exact_dependencies, random_regressor, regroup
+from modelgen.symbolic.base_parameters import random_regressor, regroup
+from modelgen.symbolic.exact_dependencies import exact_dependencies
 from modelgen.symbolic.pipeline import build
 
 TWO_OFFSETS = """

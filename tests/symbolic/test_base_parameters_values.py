@@ -22,10 +22,10 @@ from modelgen.symbolic.base_parameters import (
     _agree,
     _numerical_dependencies,
     _reasons,
-    exact_dependencies,
     random_regressor,
     regroup,
 )
+from modelgen.symbolic.exact_dependencies import exact_dependencies
 from modelgen.symbolic.pipeline import build
 from tests.symbolic.test_base_parameters import PARALLEL, TWO_OFFSETS
 

@@ -19,8 +19,6 @@ from modelgen.runtime.parameters.dependence import HIGHEST_INDEX, Dependence
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import RowBlock
-from modelgen.runtime.simulation.closed_loop import vibration
-from modelgen.runtime.simulation.plant import make_plant
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -48,6 +46,9 @@ def slowest_mode_hz(model: Model, physical: Mapping[str, float]) -> float | None
     """Return the frequency of the slowest mode of vibration; None where there is none, or no telling."""
     if not model.actuators:
         return None
+    from modelgen.runtime.simulation.closed_loop import vibration
+    from modelgen.runtime.simulation.plant import make_plant
+
     values = {name: 0.0 for name in model.parameters} | dict(model.known) | dict(physical)
     try:
         elastic = vibration(make_plant(model, values)).elastic_hz

@@ -8,28 +8,11 @@ from pathlib import Path
 
 from modelgen.errors import DataError
 from modelgen.read_file import DATA, TEXT_DATA, check_file
-from modelgen.runtime.files.hdf5 import open_hdf5
-from modelgen.runtime.files.mdf import open_mdf
-from modelgen.runtime.files.npz_and_mat import open_mat, open_npz
-from modelgen.runtime.files.parquet import open_parquet
 from modelgen.runtime.files.size_limits import check_columns
 from modelgen.runtime.files.source import Source
-from modelgen.runtime.files.tdms import open_tdms
-from modelgen.runtime.files.text import open_text
 
-OPENERS: dict[str, Callable[[Path], Source]] = {
-    ".csv": open_text,
-    ".txt": open_text,
-    ".tsv": open_text,
-    ".npz": open_npz,
-    ".mat": open_mat,
-    ".parquet": open_parquet,
-    ".h5": open_hdf5,
-    ".hdf5": open_hdf5,
-    ".mf4": open_mdf,
-    ".mdf": open_mdf,
-    ".tdms": open_tdms,
-}
+TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
+SUFFIXES = (*TEXT_SUFFIXES, ".npz", ".mat", ".parquet", ".h5", ".hdf5", ".mf4", ".mdf", ".tdms")
 
 
 def open_source(path: Path) -> Source:
@@ -40,15 +23,42 @@ def open_source(path: Path) -> Source:
     DataError
         When the file is absent, unreadable, or of no known format.
     """
-    opener = OPENERS.get(path.suffix.lower())
-    if opener is None:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
         what = f"has the suffix {path.suffix!r}" if path.suffix else "has no suffix"
-        raise DataError.at(str(path), what, f"give a file of one of the formats {', '.join(OPENERS)}")
-    check_file(path, TEXT_DATA if opener is open_text else DATA)
+        raise DataError.at(str(path), what, f"give a file of one of the formats {', '.join(SUFFIXES)}")
+    check_file(path, TEXT_DATA if suffix in TEXT_SUFFIXES else DATA)
     try:
-        source = opener(path)
+        source = _opener(suffix)(path)
     except (OSError, UnicodeError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or error
         raise DataError.at(str(path), f"cannot be read ({reason})", "check the path and the file") from error
     check_columns(path, len(source.names), source.names)
     return source
+
+
+def _opener(suffix: str) -> Callable[[Path], Source]:
+    """Return the function that opens a format; the readers of the other formats are not imported."""
+    if suffix in TEXT_SUFFIXES:
+        from modelgen.runtime.files.text import open_text
+
+        return open_text
+    if suffix in (".npz", ".mat"):
+        from modelgen.runtime.files.npz_and_mat import open_mat, open_npz
+
+        return open_npz if suffix == ".npz" else open_mat
+    if suffix in (".h5", ".hdf5"):
+        from modelgen.runtime.files.child_process.hdf5 import open_hdf5
+
+        return open_hdf5
+    if suffix in (".mf4", ".mdf"):
+        from modelgen.runtime.files.child_process.mdf import open_mdf
+
+        return open_mdf
+    if suffix == ".parquet":
+        from modelgen.runtime.files.parquet import open_parquet
+
+        return open_parquet
+    from modelgen.runtime.files.tdms import open_tdms
+
+    return open_tdms

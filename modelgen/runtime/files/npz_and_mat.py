@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,12 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError, listed
 from modelgen.read_file import DATA, open_file
+from modelgen.runtime.files.child_process.hdf5 import open_hdf5
 from modelgen.runtime.files.mat import MatFile, open_variables
 from modelgen.runtime.files.mat_elements import LEFT_OUT, DamagedFile, Fields
 from modelgen.runtime.files.size_limits import check_columns, check_expansion, check_zip_members
-from modelgen.runtime.files.source import Columns, Source
+from modelgen.runtime.files.source import Columns, Source, source_of_arrays, source_of_shapes
 from modelgen.runtime.files.units import states_no_unit
-
-FS_NAMES = ("fs", "Fs")
 
 
 def open_npz(path: Path) -> Source:
@@ -68,8 +67,6 @@ def open_mat(path: Path) -> Source:
     """
     with open_file(path, DATA) as file:
         if b"MATLAB 7.3" in file.read(128):
-            from modelgen.runtime.files.hdf5 import open_hdf5
-
             return open_hdf5(path)
     try:
         found = open_variables(path)
@@ -109,46 +106,6 @@ def _source_of_variables(file: MatFile) -> Source:
 def _no_matlab_file(path: Path, error: DamagedFile) -> DataError:
     remedy = "export it from MATLAB with save(..., '-v7')"
     return DataError.at(str(path), f"is no readable MATLAB file ({error})", remedy)
-
-
-def source_of_shapes(
-    path: Path,
-    shapes: Mapping[str, tuple[int, ...]],
-    single: Columns,
-    load: Callable[[Sequence[str]], Columns],
-    name: str | None = None,
-    tag: str | None = None,
-    units: Mapping[str, str] | None = None,
-    took: tuple[str, ...] = (),
-) -> Source:
-    """Return the source of arrays of these shapes, which `load` returns flat; `single` are numbers alone."""
-    scalars = {key: float(array.item()) for key, array in single.items()}
-    names = tuple(key for key, shape in shapes.items() if _is_vector(shape))
-    fs = next((scalars[key] for key in FS_NAMES if key in scalars), None)
-    return Source(path, names, load, scalars, fs=fs, name=name, tag=tag, units=units or {}, took=took)
-
-
-def source_of_arrays(
-    path: Path,
-    arrays: Columns,
-    name: str | None = None,
-    tag: str | None = None,
-    units: Mapping[str, str] | None = None,
-    took: tuple[str, ...] = (),
-) -> Source:
-    """Return the source of named arrays: vectors are columns, single numbers are scalars."""
-    single = {key: array for key, array in arrays.items() if array.size == 1 and array.dtype.kind in "iuf"}
-    shapes = {key: array.shape for key, array in arrays.items()}
-
-    def load(names: Sequence[str]) -> Columns:
-        return {key: arrays[key].ravel() for key in names}
-
-    return source_of_shapes(path, shapes, single, load, name, tag, units, took)
-
-
-def _is_vector(shape: tuple[int, ...]) -> bool:
-    """Tell whether an array of this shape is one row or one column of at least two samples."""
-    return 0 not in shape and sum(length > 1 for length in shape) == 1
 
 
 def _dspace_traces(value: Fields) -> tuple[npt.NDArray[Any], Fields] | None:

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from modelgen.errors import DataError
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
 from modelgen.read_file import STRETCHES, check_file
+from modelgen.runtime.files.child_process.reader_process import ask
 from modelgen.runtime.files.optional_reader import reader_library, unreadable
-from modelgen.runtime.files.reader_process import ask
 
 FloatArray = npt.NDArray[np.float64]
 # (path, column, start, stop) -> samples

@@ -12,6 +12,8 @@ import numpy.typing as npt
 
 Columns = dict[str, npt.NDArray[Any]]
 
+# a scalar of this name is the sampling frequency in Hz
+FS_NAMES = ("fs", "Fs")
 # a column of this name holds times, whatever else the file says
 TIME_NAMES = ("t", "time", "zeit", "timestamp", "zeitstempel", "temps", "tiempo", "x-axis", "x_value")
 
@@ -72,3 +74,43 @@ def is_time_name(name: str) -> bool:
     """Tell whether a column of this name holds times; "time (2)" is the second one of a file."""
     base = name.partition(" (")[0].strip().strip('"').lower()
     return base in TIME_NAMES
+
+
+def source_of_shapes(
+    path: Path,
+    shapes: Mapping[str, tuple[int, ...]],
+    single: Columns,
+    load: Callable[[Sequence[str]], Columns],
+    name: str | None = None,
+    tag: str | None = None,
+    units: Mapping[str, str] | None = None,
+    took: tuple[str, ...] = (),
+) -> Source:
+    """Return the source of arrays of these shapes, which `load` returns flat; `single` are numbers alone."""
+    scalars = {key: float(array.item()) for key, array in single.items()}
+    names = tuple(key for key, shape in shapes.items() if _is_vector(shape))
+    fs = next((scalars[key] for key in FS_NAMES if key in scalars), None)
+    return Source(path, names, load, scalars, fs=fs, name=name, tag=tag, units=units or {}, took=took)
+
+
+def source_of_arrays(
+    path: Path,
+    arrays: Columns,
+    name: str | None = None,
+    tag: str | None = None,
+    units: Mapping[str, str] | None = None,
+    took: tuple[str, ...] = (),
+) -> Source:
+    """Return the source of named arrays: vectors are columns, single numbers are scalars."""
+    single = {key: array for key, array in arrays.items() if array.size == 1 and array.dtype.kind in "iuf"}
+    shapes = {key: array.shape for key, array in arrays.items()}
+
+    def load(names: Sequence[str]) -> Columns:
+        return {key: arrays[key].ravel() for key in names}
+
+    return source_of_shapes(path, shapes, single, load, name, tag, units, took)
+
+
+def _is_vector(shape: tuple[int, ...]) -> bool:
+    """Tell whether an array of this shape is one row or one column of at least two samples."""
+    return 0 not in shape and sum(length > 1 for length in shape) == 1

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from numbers import Integral
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,7 +39,6 @@ from modelgen.runtime.identification.run_checks import (
     refusals,
     scanned,
 )
-from modelgen.runtime.iv.companion_simulation import Loop
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.least_squares.wls import Fit
@@ -50,6 +50,9 @@ from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.same_data import refuse_same_data
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.rows_by_tag import PAPER, rows_for_tags
+
+if TYPE_CHECKING:
+    from modelgen.runtime.iv.companion_simulation import Loop
 
 Progress = Callable[[str], None]
 

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.iv.companion_simulation import Loop
-from modelgen.runtime.iv.composite_iv import fit_composites_iv
-from modelgen.runtime.iv.gauss_newton_step import Rules
-from modelgen.runtime.iv.instrumental_variables import Setting, fit_iv, iv_round, starting_at
 from modelgen.runtime.least_squares.delays import delay_rates, fit_with_delays
 from modelgen.runtime.least_squares.total_least_squares import fit_total
 from modelgen.runtime.least_squares.wls import Fit, fit_matched, fit_paper
@@ -23,6 +20,9 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation, observe, rows_by_tag
 from modelgen.runtime.rows.paper_rows import observe_paper
 from modelgen.runtime.rows.standstill_speeds import Survey
+
+if TYPE_CHECKING:
+    from modelgen.runtime.iv.companion_simulation import Loop
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -96,6 +96,10 @@ def run_wls(job: Job) -> tuple[Observation, Fit]:
 
 def run_iv(job: Job) -> tuple[Observation, Fit]:
     """Instrumental variables on matched-filtered rows, started from their least-squares fit."""
+    # its simulation is loaded by those who use it only
+    from modelgen.runtime.iv.composite_iv import fit_composites_iv
+    from modelgen.runtime.iv.gauss_newton_step import Rules
+    from modelgen.runtime.iv.instrumental_variables import Setting, fit_iv, iv_round, starting_at
 
     def calm(records: tuple[Record, ...]) -> Observation:
         return job.observed(records, turns=False).dense()

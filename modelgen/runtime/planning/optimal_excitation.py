@@ -8,16 +8,19 @@ limits. The criterion is what `information` predicts: no random numbers, so that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from math import exp, inf, log
+from typing import TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, ModelgenError, Problem
+from modelgen.keyword_options import with_defaults
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.planning.peaks import LIMITS, peaks_of
 from modelgen.runtime.planning.planned_experiment import PAIR, Experiment, experiment
 from modelgen.runtime.planning.predicted_precision import Predicted, predict
 from modelgen.runtime.simulation.closed_loop import bandwidth_hz, vibration
@@ -25,11 +28,10 @@ from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.fourier_excitation import Shape, series_excitation
 from modelgen.runtime.simulation.instrument import Instrument
 from modelgen.runtime.simulation.plant import Plant, make_plant
-from modelgen.runtime.simulation.simulate import Simulation, simulate
+from modelgen.runtime.simulation.simulate import simulate
 
 FloatArray = npt.NDArray[np.float64]
 
-LIMITS = ("position", "velocity", "force", "deflection")
 CRITERIA = ("worst", "d-optimal", "condition")
 HARMONICS = 2
 PARTS = 3
@@ -69,18 +71,27 @@ class Optimised:
     parameters: tuple[tuple[str, float, float], ...]
 
 
+class SearchOptions(TypedDict, total=False):
+    """What `optimise` searches for, and how long; it describes them."""
+
+    criterion: str
+    limits: Mapping[str, float] | None
+    rounds: int
+
+
+SEARCH_DEFAULTS = SearchOptions(criterion="worst", limits=None, rounds=200)
+
+
 def optimise(
     model: Model,
     parameters: Mapping[str, float],
     instruments: Mapping[str, Instrument],
     *,
-    criterion: str = "worst",
-    limits: Mapping[str, float] | None = None,
-    rounds: int = 200,
     fs: float = 5000.0,
     duration_s: float = 2.0,
     method: str | None = None,
     progress: Callable[[str], None] | None = None,
+    **options: Unpack[SearchOptions],
 ) -> Optimised:
     """Return two records that tell more than chirp and trapezoid of the same length within the same limits.
 
@@ -91,13 +102,13 @@ def optimise(
     method : str, optional
         The estimator, by default "wls".
     criterion : str
-        "worst": largest predicted error of a parameter; "d-optimal": geometric mean of all; "condition":
-        condition number of the weighted observation matrix.
+        "worst", the default: largest predicted error of a parameter; "d-optimal": geometric mean of all;
+        "condition": condition number of the weighted observation matrix.
     limits : mapping of str to float, optional
         Peaks (SI) of "position" (travel from the start), "velocity", "force", "deflection"; what is not given
         is what the pair reaches.
     rounds : int
-        Trials.
+        Trials, by default 200.
     fs, duration_s : float
         Sampling frequency in Hz; duration in s of each of the two records.
 
@@ -106,21 +117,23 @@ def optimise(
     DataError
         For an unknown criterion or limit.
     """
-    _check(criterion, limits or {})
+    search = with_defaults("optimise", options, SEARCH_DEFAULTS)
+    criterion, limits = search["criterion"], search["limits"] or {}
+    _check(criterion, limits)
     say = progress or (lambda _: None)
     plant = make_plant(model, parameters)
     method = method or "wls"  # which gives its weights in a fraction of the time of iv
     pair = experiment(model, parameters, instruments, PAIR, fs=fs, duration_s=duration_s, method=method)
-    bounds = {**_peaks(plant, pair.simulations), **(limits or {})}
+    bounds = {**peaks_of(plant, pair.simulations), **limits}
     trial = _Trial(plant, instruments, bounds, criterion, fs, duration_s, method)
-    best = _search(trial, rounds, say)
+    best = _search(trial, search["rounds"], say)
     before = {entry.name: entry.error for entry in predict(pair).precisions}
     planned, found = trial.planned(best)
     return Optimised(
         tuple(found.reference for found in planned.simulations),
         trial.shapes(best),
         bounds,
-        _peaks(plant, planned.simulations),
+        peaks_of(plant, planned.simulations),
         max(before.values()),
         found.worst,
         tuple((entry.name, before.get(entry.name, inf), entry.error) for entry in found.precisions),
@@ -203,7 +216,9 @@ class _Trial:
         """Return the excitation at these scales, and its peaks as shares of the limits."""
         scale = rate, force
         found = series_excitation(shape, self._plant, self._limits, scale, self._fs, self._duration_s)
-        peaks = _peaks(self._plant, [simulate(self._plant.model, self._plant.parameters, found, fs=self._fs)])
+        peaks = peaks_of(
+            self._plant, [simulate(self._plant.model, self._plant.parameters, found, fs=self._fs)]
+        )
         return found, {key: peaks[key] / self._limits[key] for key in LIMITS if self._limits[key] > 0.0}
 
     def planned(self, variables: FloatArray) -> tuple[Experiment, Predicted]:
@@ -253,33 +268,6 @@ def _search(trial: _Trial, rounds: int, say: Callable[[str], None]) -> FloatArra
         if k % 10 == 0:
             say(f"trial {k} of {rounds}: {exp(value):.4g}")
     return best
-
-
-def _peaks(plant: Plant, simulations: Sequence[Simulation]) -> dict[str, float]:
-    """Return the largest travel, velocity, force and deflection of the simulations (SI)."""
-    gears = vibration(plant).lowest
-    key = plant.model.actuators[plant.actuator].key
-    peaks = dict.fromkeys(LIMITS, 0.0)
-    links = [
-        role.bodies
-        for role in plant.model.roles.values()
-        if role.role == "stiffness" and len(role.bodies) == 2
-    ]
-    for found in simulations:
-        q = {body: found.true[f"q_{body}"] for body in plant.bodies}
-        travel = {body: array - array[0] for body, array in q.items()}
-        rigid = {body: travel[body] / gears[i] for i, body in enumerate(plant.bodies) if gears[i]}
-        reached = {
-            "position": max(float(np.abs(array).max()) for array in travel.values()),
-            "velocity": max(float(np.abs(found.true[f"v_{body}"]).max()) for body in plant.bodies),
-            "force": float(np.abs(found.true[key]).max()),
-            "deflection": max(
-                (float(np.abs(rigid[a] - rigid[b]).max()) for a, b in links if a in rigid and b in rigid),
-                default=0.0,
-            ),
-        }
-        peaks = {name: max(peaks[name], reached[name]) for name in LIMITS}
-    return peaks
 
 
 def _check(criterion: str, limits: Mapping[str, float]) -> None:

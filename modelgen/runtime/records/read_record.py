@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
-from modelgen.magnitudes import FACTOR_REMEDY, is_usable, shown_number
+from modelgen.keyword_options import with_defaults
+from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.formats import open_source
-from modelgen.runtime.files.reader_process import DeadlyFileError
 from modelgen.runtime.files.source import Columns, Source
-from modelgen.runtime.files.units import Unit, split_name, unit_from_text
+from modelgen.runtime.files.units import unit_from_text
 from modelgen.runtime.records.faults import Finding, clock_faults, same_clock, time_faults, zero_faults
+from modelgen.runtime.records.picked_columns import Pick, pick_columns, taken_for
 from modelgen.runtime.records.record import Record, magnitude_problem, missing_name
 from modelgen.runtime.records.repair import Track, check_mends, join_clocks, mend_offsets, mend_times
 from modelgen.runtime.records.sampling_frequency import sampling_frequency
@@ -32,6 +33,18 @@ class Reading:
     mended: tuple[str, ...]
 
 
+class ReadOptions(TypedDict, total=False):
+    """Further options of `read_record`, which describes them."""
+
+    needed: Sequence[str] | None
+    time_unit: str | None
+    mend: Sequence[str]
+    units: Mapping[str, str] | None
+
+
+DEFAULTS = ReadOptions(needed=None, time_unit=None, mend=(), units=None)
+
+
 def read_record(
     path: str | Path,
     mapping: Mapping[str, str] | None = None,
@@ -40,10 +53,7 @@ def read_record(
     time: str | None = None,
     name: str | None = None,
     tag: str | None = None,
-    needed: Sequence[str] | None = None,
-    time_unit: str | None = None,
-    mend: Sequence[str] = (),
-    units: Mapping[str, str] | None = None,
+    **options: Unpack[ReadOptions],
 ) -> Record:
     """Read one record from a file.
 
@@ -81,7 +91,8 @@ def read_record(
         With one problem per mistake: the file, an absent column, a cell that is no number, non-uniform times,
         a sampling frequency that is missing or contradicted.
     """
-    return read(path, mapping, scales, fs, time, name, tag, needed, time_unit, mend, units).record
+    given = with_defaults("read_record", options, DEFAULTS)
+    return read(path, mapping, scales, fs, time, name, tag, **given).record
 
 
 def read(
@@ -92,22 +103,21 @@ def read(
     time: str | None = None,
     name: str | None = None,
     tag: str | None = None,
-    needed: Sequence[str] | None = None,
-    time_unit: str | None = None,
-    mend: Sequence[str] = (),
-    units: Mapping[str, str] | None = None,
+    **options: Unpack[ReadOptions],
 ) -> Reading:
     """Read one record and tell what was taken for what; the parameters are those of `read_record`.
 
     A `Source` that is open already may stand for its file.
     """
+    given = with_defaults("read", options, DEFAULTS)
+    needed, mend, units = given["needed"], given["mend"], given["units"] or {}
     source = path if isinstance(path, Source) else open_source(Path(path))
     path = source.path
     clock = time or source.clock
     if needed is None:
         times_of = {clock, *source.clocks.values()}
         needed = tuple(mapping or (column for column in source.names if column not in times_of))
-    picks, problems = _picks(source, needed, mapping or {}, scales or {})
+    picks, problems = pick_columns(source, needed, mapping or {}, scales or {})
     if time is not None and time not in source.known:
         problems.append(missing_name(f"{path}: times", "column", time, source.names))
     if problems:
@@ -118,13 +128,13 @@ def read(
     loaded = _load(source, picks, [c for c in clocks.values() if c], time is None and stated is not None)
     _check_magnitudes(path, loaded)
     signals = {pick.key: _in_si(loaded[pick.column], pick.factor) for pick in picks}
-    factor = _time_factor(source, time_unit, next(iter(clocks.values()), None))
+    factor = _time_factor(source, given["time_unit"], next(iter(clocks.values()), None))
     as_float: Columns = {}  # once a column of times, however many channels have it
     times = {
         key: _times(source, loaded, as_float, c, signals[key], time is not None) for key, c in clocks.items()
     }
     track, findings = _together(source, clocks, times, factor, signals, mend)
-    si_units = {pick.key: pick.unit.si for pick in picks if pick.unit} | dict(units or {})
+    si_units = {pick.key: pick.unit.si for pick in picks if pick.unit} | dict(units)
     offsets = mend_offsets(track.signals, si_units, mend) if mend else track
     label = next((c for c in clocks.values() if c), None)
     where = f"{path}: column {label}" if track.times.size else str(path)
@@ -137,7 +147,7 @@ def read(
     )
     findings += zero_faults(track.signals, si_units)
     mended = track.said if offsets is track else (*track.said, *offsets.said)
-    return Reading(record, _took(source, picks, units or {}), findings, mended)
+    return Reading(record, taken_for(source, picks, units), findings, mended)
 
 
 def available_channels(path: str | Path) -> tuple[str, ...]:
@@ -151,60 +161,7 @@ def available_channels(path: str | Path) -> tuple[str, ...]:
     return open_source(Path(path)).names
 
 
-@dataclass(frozen=True)
-class _Pick:
-    """A channel of the record: the file's column times a factor; `unit` is what the file states for it."""
-
-    key: str
-    column: str
-    factor: float
-    unit: Unit | None = None
-    scaled: bool = False
-
-
-def _picks(
-    source: Source, keys: Sequence[str], mapping: Mapping[str, str], scales: Mapping[str, float | str]
-) -> tuple[list[_Pick], list[Problem]]:
-    """Return the channels to read, and one problem per column or factor that is absent or wrong."""
-    picks, problems = [], []
-    for key in keys:
-        place = mapping.get(key, key)
-        column = _column(source, place.removeprefix("-"))
-        if column not in source.known:
-            problems.append(missing_name(f"{source.path}: channel {key}", "column", column, source.names))
-        unit = unit_from_text(source.units.get(column, ""))
-        factor = scales.get(key, unit.factor if unit else 1.0)
-        if isinstance(factor, str):
-            if factor not in source.scalars:
-                problems.append(
-                    missing_name(f"{source.path}: scale of {key}", "scalar", factor, source.scalars)
-                )
-            factor = source.scalars.get(factor, 1.0)
-        if not is_usable(factor) or factor == 0.0:
-            problems.append(
-                Problem(f"{source.path}: scale of {key}", f"is {shown_number(factor)}", FACTOR_REMEDY)
-            )
-            factor = 1.0
-        signed = -factor if place.startswith("-") else factor
-        picks.append(_Pick(key, column, signed, unit, key in scales))
-    # a misspelt scale would silently leave a channel in the wrong unit
-    asked = dict.fromkeys((*keys, *mapping))
-    problems += [
-        missing_name(f"{source.path}: scale of {key}", "channel", key, asked)
-        for key in scales
-        if key not in asked
-    ]
-    if not keys:
-        problems.append(Problem(str(source.path), "has no columns to read", "give a file that holds samples"))
-    return picks, problems
-
-
-def _column(source: Source, name: str) -> str:
-    """Return the column of a name; a title may be given with its unit, as it stands in the file."""
-    return name if name in source.known or split_name(name)[0] not in source.known else split_name(name)[0]
-
-
-def _load(source: Source, picks: Sequence[_Pick], clocks: Sequence[str], optional: bool) -> Columns:
+def _load(source: Source, picks: Sequence[Pick], clocks: Sequence[str], optional: bool) -> Columns:
     """Load the picked columns and the times, which may be unreadable where nobody asked for them."""
     columns = dict.fromkeys(pick.column for pick in picks)
     wanted = dict.fromkeys((*columns, *(clock for clock in clocks if clock in source.known)))
@@ -288,22 +245,3 @@ def _together(
         alone = {key: mend_times(Track(known[key], {key: signals[key]}), mend) for key in keys}
         track = join_clocks({key: (part.times, part.signals[key]) for key, part in alone.items()})
     return mend_times(track, mend) if mend else track, findings
-
-
-def _took(source: Source, picks: Sequence[_Pick], wanted: Mapping[str, str]) -> tuple[str, ...]:
-    """Return what was taken for what: the file's layout, and every unit that was converted or is doubtful."""
-    said = list(source.took)
-    for pick in picks:
-        text = source.units.get(pick.column, "")
-        if pick.unit is None:
-            if text and not pick.scaled:
-                said.append(
-                    f"{pick.key}: column {pick.column} is in {text!r}, an unknown unit; not converted"
-                )
-            continue
-        if not pick.scaled and pick.unit.factor != 1.0:
-            said.append(f"{pick.key}: column {pick.column} converted from {text} to {pick.unit.si}")
-        asked = wanted.get(pick.key)
-        if asked and asked != pick.unit.si and not pick.scaled:
-            said.append(f"{pick.key}: column {pick.column} is in {pick.unit.si}, the model wants {asked}")
-    return tuple(said)

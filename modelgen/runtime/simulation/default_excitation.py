@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from math import isfinite, pi
+from typing import TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.keyword_options import with_defaults
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.simulation.closed_loop import (
     PositionVelocityController,
@@ -34,6 +36,19 @@ HIGHEST_PART_OF_FS = 0.2
 SPEED_LEVELS = (1.0, 0.5)
 
 
+class ExcitationOptions(TypedDict, total=False):
+    """The keyword options of `default_excitation`, which describes them."""
+
+    band_hz: tuple[float, float] | None
+    force: float | None
+    controller: PositionVelocityController | None
+    actuator: str | None
+    oversample: int
+
+
+DEFAULTS = ExcitationOptions(band_hz=None, force=None, controller=None, actuator=None, oversample=32)
+
+
 def default_excitation(
     kind: str,
     model: Model,
@@ -41,11 +56,7 @@ def default_excitation(
     fs: float = 5000.0,
     *,
     duration_s: float = 2.0,
-    band_hz: tuple[float, float] | None = None,
-    force: float | None = None,
-    controller: PositionVelocityController | None = None,
-    actuator: str | None = None,
-    oversample: int = 32,
+    **options: Unpack[ExcitationOptions],
 ) -> Excitation:
     """Return a chirp or a trapezoid with levels chosen from the chain's parameters.
 
@@ -56,7 +67,7 @@ def default_excitation(
     model, parameters, actuator, controller
         As in `modelgen.simulate`; the velocity under the chirp depends on the controller.
     fs, duration_s, oversample
-        Sampling frequency in Hz, duration in s, internal steps per sample.
+        Sampling frequency in Hz, duration in s, internal steps per sample (by default 32).
     band_hz : pair of float, optional
         Band of the chirp in Hz; by default 0.2 times the lowest to 1.8 times the highest elastic frequency.
     force : float, optional
@@ -67,13 +78,14 @@ def default_excitation(
     DataError
         For an unknown kind, and for parameters that do not suit the model.
     """
-    plant = make_plant(model, parameters, actuator)
-    amplitude = default_force(plant) if force is None else force
+    given = with_defaults("default_excitation", options, DEFAULTS)
+    plant = make_plant(model, parameters, given["actuator"])
+    amplitude = default_force(plant) if given["force"] is None else given["force"]
     if kind == "chirp":
-        loop = controller or default_controller(plant)
-        return _chirp(plant, loop, amplitude, band_hz, duration_s, fs, oversample)
+        loop = given["controller"] or default_controller(plant)
+        return _chirp(plant, loop, amplitude, given["band_hz"], duration_s, fs, given["oversample"])
     if kind == "trapezoid":
-        return _trapezoid(plant, amplitude, duration_s, fs, oversample)
+        return _trapezoid(plant, amplitude, duration_s, fs, given["oversample"])
     raise DataError.at(
         "excitation", f"there is no kind {kind!r}", "choose chirp or trapezoid, or give an Excitation"
     )

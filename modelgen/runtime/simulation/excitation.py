@@ -11,12 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import pi
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
+from modelgen.keyword_options import with_defaults
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, is_usable, shown_number
 from modelgen.runtime.records.record import Record
 
@@ -112,6 +113,17 @@ def excitation_from_record(record: Record, oversample: int = 32, forces: Sequenc
     return Excitation(reference, rate, feedforward, record.fs * oversample, record.name, others)
 
 
+class ChirpOptions(TypedDict, total=False):
+    """Times and steps of a `chirp`, which describes them."""
+
+    ramp_s: float
+    settle_s: float
+    oversample: int
+
+
+CHIRP_DEFAULTS = ChirpOptions(ramp_s=0.1, settle_s=0.1, oversample=32)
+
+
 def chirp(
     f_start_hz: float,
     f_stop_hz: float,
@@ -121,9 +133,7 @@ def chirp(
     force: float = 0.0,
     rate: float = 0.0,
     velocity: float = 0.0,
-    ramp_s: float = 0.1,
-    settle_s: float = 0.1,
-    oversample: int = 32,
+    **options: Unpack[ChirpOptions],
 ) -> Excitation:
     """Return a linear chirp, riding on a constant velocity.
 
@@ -140,10 +150,13 @@ def chirp(
     velocity : float
         Constant velocity underneath. Nothing reverses while it exceeds the oscillation of every body.
     ramp_s, settle_s : float
-        Smooth start to `velocity`, then time to settle before the sweep; the same in reverse after it.
+        Smooth start to `velocity`, then time to settle before the sweep, by default 0.1 s each; the same in
+        reverse after it.
     oversample : int
-        Internal steps per sample.
+        Internal steps per sample, by default 32.
     """
+    given = with_defaults("chirp", options, CHIRP_DEFAULTS)
+    ramp_s, settle_s, oversample = given["ramp_s"], given["settle_s"], given["oversample"]
     check_band(f_start_hz, f_stop_hz, fs)
     begin, end = ramp_s + settle_s, duration_s - ramp_s - settle_s
     _require(

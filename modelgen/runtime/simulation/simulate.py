@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.keyword_options import with_defaults
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, default_controller
@@ -80,22 +82,42 @@ class Simulation:
     settings: Settings
 
 
+class SimulationOptions(TypedDict, total=False):
+    """The keyword options of `simulate`, which describes them."""
+
+    fs: float
+    duration_s: float | None
+    noise: Mapping[str, float] | None
+    resolution: Mapping[str, float] | None
+    bias: Mapping[str, float] | None
+    seed: int
+    oversample: int
+    controller: PositionVelocityController | None
+    drive: Drive | None
+    actuator: str | None
+    initial_state: npt.ArrayLike | None
+
+
+DEFAULTS = SimulationOptions(
+    fs=5000.0,
+    duration_s=None,
+    noise=None,
+    resolution=None,
+    bias=None,
+    seed=0,
+    oversample=32,
+    controller=None,
+    drive=None,
+    actuator=None,
+    initial_state=None,
+)
+
+
 def simulate(
     model: Model,
     parameters: Mapping[str, float],
     excitation: str | Excitation = "chirp",
-    *,
-    fs: float = 5000.0,
-    duration_s: float | None = None,
-    noise: Mapping[str, float] | None = None,
-    resolution: Mapping[str, float] | None = None,
-    bias: Mapping[str, float] | None = None,
-    seed: int = 0,
-    oversample: int = 32,
-    controller: PositionVelocityController | None = None,
-    drive: Drive | None = None,
-    actuator: str | None = None,
-    initial_state: npt.ArrayLike | None = None,
+    **options: Unpack[SimulationOptions],
 ) -> Simulation:
     """Simulate a chain with true Coulomb friction under position and velocity control.
 
@@ -108,7 +130,7 @@ def simulate(
     excitation : str or Excitation
         "chirp", "trapezoid" (levels as in `default_excitation`), or the user's own.
     fs : float
-        Sampling frequency in Hz.
+        Sampling frequency in Hz, by default 5000.
     duration_s : float, optional
         Of "chirp" and "trapezoid", by default 2 s; an Excitation has its own.
     noise : mapping of str to float, optional
@@ -118,9 +140,9 @@ def simulate(
     bias : mapping of str to float, optional
         Constant error (SI) of a channel, such as an accelerometer's.
     seed : int
-        Of the noise. Every channel draws from a stream of its own.
+        Of the noise, by default 0. Every channel draws from a stream of its own.
     oversample : int
-        Internal steps per sample. An Excitation has its own.
+        Internal steps per sample, by default 32. An Excitation has its own.
     controller : PositionVelocityController, optional
         By default slow against the lowest elastic mode.
     drive : Drive, optional
@@ -137,48 +159,53 @@ def simulate(
         For parameters, channels or options that do not fit the model, for a chain without an
         actuator, and for a closed loop that is unstable.
     """
-    plant = make_plant(model, parameters, actuator)
-    loop = controller or default_controller(plant)
-    drive = drive or Drive()
-    noise, resolution, bias = dict(noise or {}), dict(resolution or {}), dict(bias or {})
-    check_levels(model, "noise", noise)
-    check_levels(model, "resolution", resolution)
-    check_levels(model, "bias", bias, signed=True)
-    if seed < 0:
-        raise DataError.at("seed", f"is {seed}", "give a whole number, 0 or more")
+    given = with_defaults("simulate", options, DEFAULTS)
+    plant = make_plant(model, parameters, given["actuator"])
+    settings = _settings(plant, given)
     if isinstance(excitation, str):
         excitation = default_excitation(
             excitation,
             model,
             parameters,
-            fs,
-            duration_s=2.0 if duration_s is None else duration_s,
-            controller=loop,
-            actuator=actuator,
-            oversample=oversample,
+            settings.fs,
+            duration_s=2.0 if given["duration_s"] is None else given["duration_s"],
+            controller=settings.controller,
+            actuator=given["actuator"],
+            oversample=settings.oversample,
         )
-    elif duration_s is not None:
-        raise DataError.at("duration_s", "is given beside an Excitation, which has its own", "leave it out")
-    oversample = _oversample(excitation, fs)
-    motion = move(plant, loop, drive, excitation, _initial_state(plant, initial_state), oversample)
+    elif given["duration_s"] is not None:
+        raise DataError.at("duration_s", "is given, but the Excitation has its own", "leave it out")
+    settings = replace(settings, oversample=_oversample(excitation, settings.fs))
+    start = _initial_state(plant, given["initial_state"])
+    motion = move(plant, settings.controller, settings.drive, excitation, start, settings.oversample)
     true = true_signals(plant, motion)
-    measured = readings(model, true, noise, resolution, seed, bias)
-    record = Record(measured, fs, excitation.name, excitation.name)
-    key = model.actuators[plant.actuator].key
-    settings = Settings(
+    measured = readings(model, true, settings.noise, settings.resolution, settings.seed, settings.bias)
+    record = Record(measured, settings.fs, excitation.name, excitation.name)
+    changes = tuple(_mode_change(plant, event) for event in motion.events)
+    return Simulation(record, MappingProxyType(true), excitation, changes, settings)
+
+
+def _settings(plant: Plant, given: SimulationOptions) -> Settings:
+    """Return the checked settings; `oversample` may still be replaced by that of an Excitation."""
+    model, seed = plant.model, given["seed"]
+    noise, resolution, bias = (dict(given[key] or {}) for key in ("noise", "resolution", "bias"))
+    check_levels(model, "noise", noise)
+    check_levels(model, "resolution", resolution)
+    check_levels(model, "bias", bias, signed=True)
+    if seed < 0:
+        raise DataError.at("seed", f"is {seed}", "give a whole number, 0 or more")
+    return Settings(
         plant.parameters,
-        loop,
-        key,
-        fs,
-        oversample,
+        given["controller"] or default_controller(plant),
+        model.actuators[plant.actuator].key,
+        given["fs"],
+        given["oversample"],
         MappingProxyType(noise),
         MappingProxyType(resolution),
         seed,
         MappingProxyType(bias),
-        drive,
+        given["drive"] or Drive(),
     )
-    changes = tuple(_mode_change(plant, event) for event in motion.events)
-    return Simulation(record, MappingProxyType(true), excitation, changes, settings)
 
 
 def record_with_reference(simulation: Simulation) -> Record:

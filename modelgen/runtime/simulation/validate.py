@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
+from typing import TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError, Problem
+from modelgen.keyword_options import with_defaults
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model, Sensor
@@ -90,6 +92,13 @@ class Validation:
         return next(c for c in self.checks if (c.channel, c.kind) == (channel, kind))
 
 
+class ValidationOptions(TypedDict, total=False):
+    """Filter and steps of `validate`, which describes them."""
+
+    cutoff_hz: float | None
+    oversample: int | None
+
+
 def validate(
     model: Model,
     parameters: Mapping[str, float],
@@ -99,8 +108,7 @@ def validate(
     drive: Drive | None = None,
     actuator: str | None = None,
     used: Sequence[str] = (),
-    cutoff_hz: float | None = None,
-    oversample: int | None = None,
+    **options: Unpack[ValidationOptions],
 ) -> tuple[Validation, ...]:
     """Simulate every record's reference in closed loop and compare.
 
@@ -130,6 +138,7 @@ def validate(
         When a channel or a force is missing, records hold the same data, or parameters or loop do not suit
         the model.
     """
+    given = with_defaults("validate", options, ValidationOptions(cutoff_hz=None, oversample=None))
     problems = [
         missing_name(record.name, "channel", key, record.signals)
         for record in records
@@ -143,9 +152,9 @@ def validate(
     refuse_same_data(records, model.channels)
     plant = make_plant(model, parameters, actuator)
     drive = drive or Drive()
-    steps = oversample or (1 if drive.sampled else OVERSAMPLE)
+    steps = given["oversample"] or (1 if drive.sampled else OVERSAMPLE)
     return tuple(
-        _validate(plant, record, controller, drive, steps, record.name not in used, cutoff_hz)
+        _validate(plant, record, controller, drive, steps, record.name not in used, given["cutoff_hz"])
         for record in records
     )
 

@@ -8,14 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from modelgen.cli.arguments import Trust
-from modelgen.cli.data_arguments import (
-    BESIDE_REFERENCE,
-    MEND_HELP,
-    REFERENCE,
-    DataOptions,
-    read_files,
-    reading_lines,
+from modelgen.cli.data_arguments import BESIDE_REFERENCE, REFERENCE, DataOptions, read_files, reading_lines
+from modelgen.cli.options import (
+    Columns,
+    Data,
+    Json,
+    MapFile,
+    Mend,
+    Module,
+    SamplingFrequency,
+    Scales,
+    TimeColumn,
+    TimeUnit,
+    Trust,
 )
 from modelgen.cli.output import note, print_json, say
 from modelgen.errors import DataError
@@ -26,49 +31,43 @@ if TYPE_CHECKING:
     from modelgen.runtime.simulation.validate import Validation
 
 
+EstimateFile = Annotated[
+    Path, typer.Option("--estimate", metavar="FILE.json", help="What identify -o wrote.")
+]
+Controller = Annotated[
+    Path, typer.Option(metavar="FILE.toml", help="The loop: tables [controller] and [drive].")
+]
+Values = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="A parameter the estimate lacks, SI; repeatable."),
+]
+Cutoff = Annotated[
+    float | None, typer.Option(help="Cut-off in Hz before a reading is differentiated; 0.1 fs.")
+]
+HoldOut = Annotated[
+    float | None,
+    typer.Option(metavar="SHARE", help="Also identify from this first share alone, validate on the rest."),
+]
+
+
 def validate(
-    data: Annotated[list[Path], typer.Argument(metavar="DATA", help="One data file a record.")],
-    module: Annotated[Path, typer.Option("--model", metavar="MODULE.py", help="A generated module.")],
-    estimate: Annotated[
-        Path, typer.Option("--estimate", metavar="FILE.json", help="What identify -o wrote.")
-    ],
-    controller: Annotated[
-        Path, typer.Option(metavar="FILE.toml", help="The loop: tables [controller] and [drive].")
-    ],
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option("--map", metavar="KEY=COLUMN", help="Column of a channel, or of reference; repeatable."),
-    ] = None,
-    scale: Annotated[
-        list[str] | None,
-        typer.Option(metavar="KEY=FACTOR", help="Factor (or scalar of the file) to SI units; repeatable."),
-    ] = None,
-    map_file: Annotated[
-        Path | None,
-        typer.Option(metavar="MAP.toml", help="What modelgen import wrote; --map goes before it."),
-    ] = None,
-    fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz.")] = None,
-    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of times.")] = None,
-    time_unit: Annotated[str | None, typer.Option(metavar="UNIT", help="s, ms, us or ns; as stated.")] = None,
-    mend: Annotated[list[str] | None, typer.Option(metavar="WHAT", help=MEND_HELP)] = None,
-    value: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="A parameter the estimate lacks, SI; repeatable."),
-    ] = None,
-    cutoff_hz: Annotated[
-        float | None, typer.Option(help="Cut-off in Hz before a reading is differentiated; 0.1 fs.")
-    ] = None,
+    data: Data,
+    module: Module,
+    estimate: EstimateFile,
+    controller: Controller,
+    mapping: Columns = None,
+    scale: Scales = None,
+    map_file: MapFile = None,
+    fs: SamplingFrequency = None,
+    time: TimeColumn = None,
+    time_unit: TimeUnit = None,
+    mend: Mend = None,
+    value: Values = None,
+    cutoff_hz: Cutoff = None,
     oversample: Annotated[int | None, typer.Option(help="Internal steps per sample; 8, sampled 1.")] = None,
-    hold_out: Annotated[
-        float | None,
-        typer.Option(
-            metavar="SHARE", help="Also identify from this first share alone, validate on the rest."
-        ),
-    ] = None,
+    hold_out: HoldOut = None,
     trust: Trust = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
-    ] = False,
+    as_json: Json = False,
 ) -> None:
     """Validate an estimate in closed loop: simulate the records' reference, compare all signals.
 

@@ -25,13 +25,13 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError
 from modelgen.read_file import DATA, check_file
+from modelgen.runtime.files.child_process.reader_child import BUFFER, PLAIN
 from modelgen.runtime.files.optional_reader import require_library, unreadable
-from modelgen.runtime.files.reader_child import BUFFER, PLAIN
 
 # the path of imports is given, so that neither the environment nor the working directory decides on it
 START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from modelgen.runtime.files.reader_child import serve; serve()"
+    "from modelgen.runtime.files.child_process.reader_child import serve; serve()"
 )
 KINDS = {"hdf5": ("HDF5 file", "h5py"), "mdf": ("MDF file", "asammdf")}
 MORE_ARGUMENTS: tuple[str, ...] = ()

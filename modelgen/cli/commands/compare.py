@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modelgen.cli.arguments import Trust
+from modelgen.cli.options import Columns, Json, Scales, SensorSet, Trust
 from modelgen.cli.output import print_json, say
 from modelgen.errors import DataError, ModelgenError
 
@@ -18,39 +18,34 @@ if TYPE_CHECKING:
     from modelgen.runtime.records.record import Record
 
 
+Sources = Annotated[
+    list[str],
+    typer.Argument(metavar="SPEC_OR_MODULE", help="TOML files, catalogue names, generated modules."),
+]
+PairParameters = Annotated[
+    str | None, typer.Option(metavar="SET", help="The parameter set of the simulated pair; the first.")
+]
+Records = Annotated[
+    list[Path] | None, typer.Option(metavar="FILE", help="A record for all models; repeatable.")
+]
+Yardsticks = Annotated[
+    bool, typer.Option("--yardsticks", help="Also other estimators on FILE, with times; one model will do.")
+]
+
+
 def compare(
-    sources: Annotated[
-        list[str],
-        typer.Argument(metavar="SPEC_OR_MODULE", help="TOML files, catalogue names, generated modules."),
-    ],
-    sensors: Annotated[
-        str | None, typer.Option("--sensors", metavar="S", help="One sensor set; all of them if left out.")
-    ] = None,
-    parameters: Annotated[
-        str | None, typer.Option(metavar="SET", help="The parameter set of the simulated pair; the first.")
-    ] = None,
+    sources: Sources,
+    sensors: SensorSet = None,
+    parameters: PairParameters = None,
     fs_hz: Annotated[float, typer.Option(help="Sampling frequency in Hz of the simulated pair.")] = 5000.0,
-    data: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE", help="A record for all models; repeatable.")
-    ] = None,
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option("--map", metavar="KEY=COLUMN", help="Column of a channel; -COLUMN negates; repeatable."),
-    ] = None,
-    scale: Annotated[
-        list[str] | None,
-        typer.Option(metavar="KEY=FACTOR", help="Factor (or scalar of the file) to SI units; repeatable."),
-    ] = None,
+    data: Records = None,
+    mapping: Columns = None,
+    scale: Scales = None,
     fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz of FILE.")] = None,
     method: Annotated[str, typer.Option(help="As in identify.")] = "wls",
-    yardsticks: Annotated[
-        bool,
-        typer.Option("--yardsticks", help="Also other estimators on FILE, with times; one model will do."),
-    ] = False,
+    yardsticks: Yardsticks = False,
     trust: Trust = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
-    ] = False,
+    as_json: Json = False,
 ) -> None:
     """Compare sensor sets: their regressors by exact algebra, what they ask for, and their estimates.
 

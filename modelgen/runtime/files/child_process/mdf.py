@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from modelgen.runtime.files.reader_process import ask
+from modelgen.runtime.files.child_process.reader_process import ask
 from modelgen.runtime.files.size_limits import check_columns, check_expansion
 from modelgen.runtime.files.source import Columns, Source
 

@@ -29,8 +29,8 @@ BUFFER = 1 << 20  # bytes of a pipe
 PATIENCE_S, BYTES_PER_S = 2, 2_000_000  # of processor time for a file, and more for a large one
 # the module that answers a kind of call, and the library that it needs
 MODULES = {
-    "hdf5": ("modelgen.runtime.files.hdf5_calls", "h5py"),
-    "mdf": ("modelgen.runtime.files.mdf_calls", "asammdf"),
+    "hdf5": ("modelgen.runtime.files.child_process.hdf5_calls", "h5py"),
+    "mdf": ("modelgen.runtime.files.child_process.mdf_calls", "asammdf"),
 }
 
 

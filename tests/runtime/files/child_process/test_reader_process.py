@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError
-from modelgen.runtime.files import reader_process
+from modelgen.runtime.files.child_process import reader_process
 from modelgen.runtime.files.formats import open_source
 from modelgen.runtime.files.open_channels import open_channels
 
@@ -20,7 +20,7 @@ h5py = pytest.importorskip("h5py")
 # what a file does to the library that reads it, by its name; libraries are mended, files are not
 PATCH = """
 import ctypes, os, signal
-import modelgen.runtime.files.hdf5_calls as calls
+import modelgen.runtime.files.child_process.hdf5_calls as calls
 
 def patched(call):
     def answer(path, **arguments):
@@ -147,7 +147,8 @@ def test_it_ends_with_the_process_that_started_it(files: Path) -> None:
     import sys
 
     code = (
-        "import os, sys; from pathlib import Path; from modelgen.runtime.files import reader_process as r; "
+        "import os, sys; from pathlib import Path; "
+        "from modelgen.runtime.files.child_process import reader_process as r; "
         "r.ask('hdf5.listing', Path(sys.argv[1])); print(r._READERS['hdf5'].process.pid, flush=True); "
         "os.kill(os.getpid(), 9)"
     )

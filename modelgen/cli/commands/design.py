@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from modelgen.cli.options import Json, Noise, Overwrite, ParameterSet, Resolution, SensorSet, Spec
 from modelgen.cli.output import print_json, say
 from modelgen.errors import DataError, IdentifiabilityError
 
@@ -19,62 +20,58 @@ if TYPE_CHECKING:
     from modelgen.spec.chain import ChainSpec
 
 
+Candidates = Annotated[
+    Path | None, typer.Option(metavar="FILE.toml", help="Instruments to choose from, with noise and price.")
+]
+Price = Annotated[
+    list[str] | None, typer.Option(metavar="KEY=AMOUNT", help="Price of an instrument; repeatable.")
+]
+WantedPercent = Annotated[
+    float, typer.Option(help="Wanted error of every parameter in %: the cheapest set is named.")
+]
+Excitations = Annotated[
+    list[str] | None,
+    typer.Option(metavar="KIND", help="chirp, trapezoid or a reference file; repeatable; both."),
+]
+OptimisedFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE.csv", help="Optimise the excitation of the best set; write references."),
+]
+Criterion = Annotated[
+    Literal["worst", "d-optimal", "condition"], typer.Option(help="What --optimise looks at.")
+]
+Limits = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="KEY=PEAK",
+        help="Largest position (travel), velocity, force or deflection, SI; by default the pair's.",
+    ),
+]
+Method = Annotated[str | None, typer.Option(help="The estimator: wls, or iv (no bias, far slower); wls.")]
+Draws = Annotated[int | None, typer.Option(metavar="N", help="Confirm every set by N simulated experiments.")]
+
+
 def design(
-    spec: Annotated[str, typer.Argument(metavar="SPEC", help="A chain's TOML file, or a catalogue name.")],
-    candidates: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.toml", help="Instruments to choose from, with noise and price."),
-    ] = None,
+    spec: Spec,
+    candidates: Candidates = None,
     most_sensors: Annotated[int, typer.Option(min=1, max=4, help="Largest set made of candidates.")] = 2,
-    sensors: Annotated[
-        str | None, typer.Option("--sensors", metavar="S", help="One sensor set; all of them if left out.")
-    ] = None,
-    noise: Annotated[
-        list[str] | None, typer.Option(metavar="KEY=STD", help="White noise on a channel, SI; repeatable.")
-    ] = None,
-    resolution: Annotated[
-        list[str] | None, typer.Option(metavar="KEY=STEP", help="Resolution of a channel, SI; repeatable.")
-    ] = None,
-    price: Annotated[
-        list[str] | None, typer.Option(metavar="KEY=AMOUNT", help="Price of an instrument; repeatable.")
-    ] = None,
-    parameters: Annotated[
-        str | None, typer.Option(metavar="SET", help="A parameter set of the spec; the only one if left out.")
-    ] = None,
-    wanted_percent: Annotated[
-        float, typer.Option(help="Wanted error of every parameter in %: the cheapest set is named.")
-    ] = 1.0,
-    excitation: Annotated[
-        list[str] | None,
-        typer.Option(metavar="KIND", help="chirp, trapezoid or a reference file; repeatable; both."),
-    ] = None,
-    optimise: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.csv", help="Optimise the excitation of the best set; write references."),
-    ] = None,
-    criterion: Annotated[
-        Literal["worst", "d-optimal", "condition"], typer.Option(help="What --optimise looks at.")
-    ] = "worst",
-    limit: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KEY=PEAK",
-            help="Largest position (travel), velocity, force or deflection, SI; by default the pair's.",
-        ),
-    ] = None,
+    sensors: SensorSet = None,
+    noise: Noise = None,
+    resolution: Resolution = None,
+    price: Price = None,
+    parameters: ParameterSet = None,
+    wanted_percent: WantedPercent = 1.0,
+    excitation: Excitations = None,
+    optimise: OptimisedFile = None,
+    criterion: Criterion = "worst",
+    limit: Limits = None,
     rounds: Annotated[int, typer.Option(min=1, help="Trials of --optimise.")] = 200,
     fs_hz: Annotated[float, typer.Option(help="Sampling frequency in Hz.")] = 5000.0,
     duration_s: Annotated[float, typer.Option(help="Duration in s of every record.")] = 2.0,
-    method: Annotated[
-        str | None, typer.Option(help="The estimator: wls, or iv (no bias, far slower); wls.")
-    ] = None,
-    monte_carlo: Annotated[
-        int | None, typer.Option(metavar="N", help="Confirm every set by N simulated experiments.")
-    ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace output files that exist.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON for programs instead of tables.")
-    ] = False,
+    method: Method = None,
+    monte_carlo: Draws = None,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
 ) -> None:
     """Predict the precision of every parameter for each sensor set, and rank the sets.
 

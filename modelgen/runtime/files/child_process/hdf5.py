@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from modelgen.errors import DataError
-from modelgen.runtime.files.npz_and_mat import source_of_shapes
-from modelgen.runtime.files.reader_process import ask
+from modelgen.runtime.files.child_process.reader_process import ask
 from modelgen.runtime.files.size_limits import check_columns, check_expansion
-from modelgen.runtime.files.source import Columns, Source
+from modelgen.runtime.files.source import Columns, Source, source_of_shapes
 
 
 def open_hdf5(path: Path) -> Source:

@@ -1,0 +1,1 @@
+"""The commands, one a file; `modelgen.cli.main` gathers them."""

@@ -1,0 +1,23 @@
+"""`modelgen demo`: the paper end to end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from modelgen.cli.options import Json
+from modelgen.cli.output import print_json, say
+
+
+def demo(as_json: Json = False) -> None:
+    """Show the paper end to end: derive, simulate, identify.
+
+    Modules, two records and a picture go to the folder modelgen_demo.
+    """
+    from modelgen.cli.demo import run_demo
+    from modelgen.cli.tables import console, demo_tables
+
+    found = run_demo(Path("modelgen_demo"), say)
+    if as_json:
+        print_json(found)
+    else:
+        console().print(demo_tables(found))

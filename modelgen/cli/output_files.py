@@ -1,0 +1,86 @@
+"""Files that identify writes: each place is checked before any work, and written when the work is done."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from modelgen.atomic_write import check_place, write_whole
+from modelgen.cli.output import say
+from modelgen.errors import DataError
+
+if TYPE_CHECKING:
+    from modelgen.runtime.model.model import Model
+    from modelgen.runtime.records.read_record import Reading
+    from modelgen.runtime.results.estimate import Estimate
+
+FIGURES = (".png", ".svg", ".pdf")
+REPORTS = (".html", ".htm")
+
+
+@dataclass(frozen=True)
+class OutputFiles:
+    """The files of an estimate, of its report and of its figure; None for what was not asked for."""
+
+    estimate: Path | None
+    report: Path | None
+    figure: Path | None
+    overwrite: bool
+
+    @property
+    def paths(self) -> list[Path]:
+        """The files to write."""
+        return [path for path in (self.estimate, self.report, self.figure) if path is not None]
+
+    def check(self) -> None:
+        """Check that every file can be written.
+
+        Raises
+        ------
+        DataError
+        """
+        for path, suffixes in ((self.estimate, ()), (self.report, REPORTS), (self.figure, FIGURES)):
+            if path is not None:
+                check_output(path, suffixes, self.overwrite)
+
+    def write(
+        self,
+        model: Model,
+        module: Path,
+        readings: Sequence[Reading],
+        estimate: Estimate,
+        options: Mapping[str, Any],
+        spec: str | None,
+        controller: Path | None,
+    ) -> None:
+        """Write the files; `spec` and `controller` as in `modelgen.cli.write_report.report_text`."""
+        if self.estimate is not None:
+            write_whole(self.estimate, estimate.to_json().encode(), overwrite=self.overwrite)
+        if self.report is not None:
+            from modelgen.cli.write_report import report_text
+
+            say("writing the report")
+            page = report_text(model, module, readings, estimate, options, spec, controller)
+            write_whole(self.report, page.encode(), overwrite=self.overwrite)
+        if self.figure is not None:
+            from modelgen.cli.write_report import write_figure
+
+            write_figure(self.figure, model, readings, estimate, self.overwrite)
+
+
+def check_output(path: Path, suffixes: Sequence[str], overwrite: bool) -> None:
+    """Check the path of a result before any work is done for it.
+
+    Raises
+    ------
+    DataError
+        For a suffix that is none of `suffixes` (any suffix is accepted if there are none), a place that
+        cannot be written, and a file that exists and may not be replaced.
+    """
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise DataError.at(str(path), f"has the suffix {path.suffix!r}", f"give it {' or '.join(suffixes)}")
+    check_place(path)
+    if path.exists() and not overwrite:
+        raise DataError.at(str(path), "exists already", "choose another name, or give --overwrite")

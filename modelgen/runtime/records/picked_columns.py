@@ -1,0 +1,84 @@
+"""Which column of a file becomes which channel, in which unit and with which factor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from modelgen.errors import Problem
+from modelgen.magnitudes import FACTOR_REMEDY, is_usable, shown_number
+from modelgen.runtime.files.source import Source
+from modelgen.runtime.files.units import Unit, split_name, unit_from_text
+from modelgen.runtime.records.record import missing_name
+
+
+@dataclass(frozen=True)
+class Pick:
+    """A channel of the record: the file's column times a factor; `unit` is what the file states for it."""
+
+    key: str
+    column: str
+    factor: float
+    unit: Unit | None = None
+    scaled: bool = False
+
+
+def pick_columns(
+    source: Source, keys: Sequence[str], mapping: Mapping[str, str], scales: Mapping[str, float | str]
+) -> tuple[list[Pick], list[Problem]]:
+    """Return the channels to read, and one problem per column or factor that is absent or wrong."""
+    picks, problems = [], []
+    for key in keys:
+        place = mapping.get(key, key)
+        column = _column(source, place.removeprefix("-"))
+        if column not in source.known:
+            problems.append(missing_name(f"{source.path}: channel {key}", "column", column, source.names))
+        unit = unit_from_text(source.units.get(column, ""))
+        factor = scales.get(key, unit.factor if unit else 1.0)
+        if isinstance(factor, str):
+            if factor not in source.scalars:
+                problems.append(
+                    missing_name(f"{source.path}: scale of {key}", "scalar", factor, source.scalars)
+                )
+            factor = source.scalars.get(factor, 1.0)
+        if not is_usable(factor) or factor == 0.0:
+            problems.append(
+                Problem(f"{source.path}: scale of {key}", f"is {shown_number(factor)}", FACTOR_REMEDY)
+            )
+            factor = 1.0
+        signed = -factor if place.startswith("-") else factor
+        picks.append(Pick(key, column, signed, unit, key in scales))
+    # a misspelt scale would silently leave a channel in the wrong unit
+    asked = dict.fromkeys((*keys, *mapping))
+    problems += [
+        missing_name(f"{source.path}: scale of {key}", "channel", key, asked)
+        for key in scales
+        if key not in asked
+    ]
+    if not keys:
+        problems.append(Problem(str(source.path), "has no columns to read", "give a file that holds samples"))
+    return picks, problems
+
+
+def _column(source: Source, name: str) -> str:
+    """Return the column of a name; a title may be given with its unit, as it stands in the file."""
+    return name if name in source.known or split_name(name)[0] not in source.known else split_name(name)[0]
+
+
+def taken_for(source: Source, picks: Sequence[Pick], wanted: Mapping[str, str]) -> tuple[str, ...]:
+    """Return what was taken for what: the file's layout, and every unit that was converted or is doubtful."""
+    said = list(source.took)
+    for pick in picks:
+        text = source.units.get(pick.column, "")
+        if pick.unit is None:
+            if text and not pick.scaled:
+                said.append(
+                    f"{pick.key}: column {pick.column} is in {text!r}, an unknown unit; not converted"
+                )
+            continue
+        if not pick.scaled and pick.unit.factor != 1.0:
+            said.append(f"{pick.key}: column {pick.column} converted from {text} to {pick.unit.si}")
+        asked = wanted.get(pick.key)
+        if asked and asked != pick.unit.si and not pick.scaled:
+            said.append(f"{pick.key}: column {pick.column} is in {pick.unit.si}, the model wants {asked}")
+    return tuple(said)
