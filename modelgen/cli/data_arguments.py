@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modelgen.errors import DataError
+from modelgen.errors import DataError, Problem
 from modelgen.progress import counted
 
 if TYPE_CHECKING:
@@ -52,7 +52,8 @@ def read_files(
     from modelgen.runtime.records.read_record import read
 
     how = reading_options(model, options, extra, optional)
-    readings, problems = [], []
+    readings: list[Reading] = []
+    problems: list[Problem] = []
     for path in counted(paths, "reading"):
         try:
             readings.append(read(path, **how))

@@ -27,7 +27,7 @@ COMMANDS = {
     "simulate": ("modelgen.cli.commands.simulate", "simulate"),
     "validate": ("modelgen.cli.commands.validate", "validate"),
     "compare": ("modelgen.cli.commands.compare", "compare"),
-    "fleet": ("modelgen.cli.fleet", "fleet"),
+    "fleet": ("modelgen.cli.commands.fleet", "fleet"),
     "design": ("modelgen.cli.commands.design", "design"),
 }
 

@@ -106,12 +106,12 @@ def period_spread(
             np.add.at(sums, number[first : first + len(psi)] // together, psi)
             first += len(psi)
         clusters.append(sums)
-    parts = np.concatenate(clusters)
-    count = len(parts)
+    found = np.concatenate(clusters)
+    count = len(found)
     if count < FEWEST_PERIODS:
         return None
-    parts = parts - parts.mean(axis=0)
-    return PeriodSpread(dict(period_s), count, parts.T @ parts * count / (count - 1))
+    found = found - found.mean(axis=0)
+    return PeriodSpread(dict(period_s), count, found.T @ found * count / (count - 1))
 
 
 def spread_beyond_noise(found: PeriodSpread, noise: FloatArray) -> FloatArray:

@@ -177,9 +177,7 @@ def residual_advice(tests: Sequence[ResidualTest]) -> tuple[Advice, ...]:
     return tuple(found)
 
 
-def _correlation(
-    fit: Fit, index: int, colour: Coloured, step_s: float
-) -> Correlation | None:
+def _correlation(fit: Fit, index: int, colour: Coloured, step_s: float) -> Correlation | None:
     """Return the largest correlation, against its bound, of a stretch of a residual with past inputs."""
     from scipy.stats import norm
 

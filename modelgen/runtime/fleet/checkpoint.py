@@ -1,4 +1,4 @@
-"""A checkpoint of a fleet: what came of each machine, a file each; a run that was stopped goes on from there."""
+"""A checkpoint of a fleet: what came of each machine, a file each; a run that was stopped goes on."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FORMAT = "modelgen fleet machine"
 
 
 class Checkpoint:
-    """Reports of machines in a folder; what no longer fits the data, the model or the options is made anew."""
+    """Reports of machines in a folder; what does not fit data, model or options any more is made anew."""
 
     def __init__(self, folder: Path, module_text: str, options: Mapping[str, Any]) -> None:
         self._folder = folder

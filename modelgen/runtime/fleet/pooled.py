@@ -2,8 +2,8 @@
 
 Estimates of machines are pooled as those of independent studies are (Cochran, Biometrics 10, 1954, 101-129;
 DerSimonian and Laird, Controlled Clinical Trials 7, 1986, 177-188): weighted by their precision, with the
-spread between machines in the interval as soon as it shows. Rows of different machines in one least-squares fit would say nothing of
-that spread, and its intervals would be those of a machine that there is not.
+spread between machines in the interval as soon as it shows. Rows of different machines in one least-squares
+fit would say nothing of that spread, and its intervals would be those of a machine that there is not.
 """
 
 from __future__ import annotations

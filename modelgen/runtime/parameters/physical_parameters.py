@@ -21,6 +21,8 @@ FloatArray = npt.NDArray[np.float64]
 RELATIVE_STEP = 6e-6
 STEPS = 30
 CONVERGED = 1e-12
+# Relative steps below this are taken as they are: whether the misfit falls is a matter of rounding by then.
+SMALL_STEP = 1e-6
 NO_CHAIN = "the composites are far from those of any chain, so that no physical parameters follow"
 # Singular values and components below these count as zero; scaled by the parameters, all are of size one.
 RANK_TOLERANCE = 1e-9
@@ -218,12 +220,12 @@ def fit_composites(
     for _ in range(STEPS):
         step = np.linalg.lstsq(slope(p), error, rcond=RANK_TOLERANCE)[0]
         # half steps until the misfit falls: a composite may be far from linear
-        while np.abs(step).max() > CONVERGED and not _smaller(mismatch(p + step * size), error):
+        while np.abs(step).max() > SMALL_STEP and not _smaller(mismatch(p + step * size), error):
             step = 0.5 * step
-        if np.abs(step).max() <= CONVERGED:
-            break
         p = p + step * size
         error = mismatch(p)
+        if np.abs(step).max() <= CONVERGED:
+            break
     weighted = slope(p)
     gradients = size[:, None] * (np.linalg.pinv(weighted, rcond=RANK_TOLERANCE) @ whiten)
     determined = [name for name, known in zip(model.parameters, _known(weighted), strict=True) if known]

@@ -1,0 +1,265 @@
+"""`modelgen fleet`: records of many machines on dask workers; an estimate each, and whether they differ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from modelgen.cli.data_arguments import DataOptions, direction_sources, reading_options
+from modelgen.cli.estimation_options import (
+    Bounds,
+    Cutoff,
+    Decimation,
+    Delays,
+    DirectionCutoff,
+    Directions,
+    Drop,
+    FilterOrder,
+    Held,
+    Keep,
+    Method,
+    Periods,
+    PrunePercent,
+    ResidualDof,
+    Robust,
+    estimation_settings,
+)
+from modelgen.cli.options import (
+    Columns,
+    Json,
+    MapFile,
+    Mend,
+    Module,
+    SamplingFrequency,
+    Scales,
+    TimeColumn,
+    TimeUnit,
+    Trust,
+)
+from modelgen.cli.output import note, report, say
+from modelgen.errors import DataError
+from modelgen.progress import shown
+from modelgen.read_file import MODULE, read_text
+
+if TYPE_CHECKING:
+    from modelgen.runtime.fleet.dask_cluster import Certificates
+    from modelgen.runtime.fleet.identify_fleet import FleetEstimate
+    from modelgen.runtime.fleet.worker import FleetRecord
+    from modelgen.runtime.model.model import Model
+
+FleetData = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="DATA", help="A file, or a folder of .npy files, a record; its folder names the machine."
+    ),
+]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="tls://HOST:PORT", help="A scheduler that runs; a local cluster.")
+]
+TlsCaFile = Annotated[
+    str | None, typer.Option(metavar="FILE", help="Authority that signed the scheduler's certificate.")
+]
+TlsCert = Annotated[str | None, typer.Option(metavar="FILE", help="Own certificate, signed by it.")]
+TlsKey = Annotated[str | None, typer.Option(metavar="FILE", help="Its private key.")]
+Workers = Annotated[int | None, typer.Option(help="Processes of the local cluster; one a core.")]
+CheckpointFolder = Annotated[
+    Path | None,
+    typer.Option("--checkpoint", metavar="DIR", help="Keep finished machines there, and go on from them."),
+]
+
+# columns of parameters that a table of 80 characters holds
+PARAMETERS_A_TABLE = 3
+
+
+def fleet(
+    context: typer.Context,
+    data: FleetData,
+    module: Module,
+    method: Method = "wls",
+    mapping: Columns = None,
+    scale: Scales = None,
+    map_file: MapFile = None,
+    fs: SamplingFrequency = None,
+    time: TimeColumn = None,
+    time_unit: TimeUnit = None,
+    mend: Mend = None,
+    direction: Directions = None,
+    cutoff_hz: Cutoff = None,
+    filter_order: FilterOrder = None,
+    decimation: Decimation = None,
+    direction_cutoff_hz: DirectionCutoff = None,
+    drop: Drop = None,
+    delay: Delays = None,
+    held: Held = None,
+    prune_percent: PrunePercent = 10.0,
+    residual_dof: ResidualDof = "r-c",
+    keep: Keep = None,
+    period_s: Periods = None,
+    robust: Robust = None,
+    bounds: Bounds = None,
+    scheduler: Scheduler = None,
+    tls_ca_file: TlsCaFile = None,
+    tls_cert: TlsCert = None,
+    tls_key: TlsKey = None,
+    workers: Workers = None,
+    checkpoint: CheckpointFolder = None,
+    trust: Trust = False,
+    as_json: Json = False,
+) -> None:
+    """Identify every machine of a fleet as `identify` does, and test whether the machines differ.
+
+    A file that cannot be read, or a worker that is lost, costs its record only, and is named. --json holds
+    everything that `identify --json` says of each machine.
+    """
+    from modelgen.runtime.fleet.dask_cluster import check_cluster, fleet_client
+    from modelgen.runtime.fleet.identify_fleet import identify_fleet
+    from modelgen.runtime.model.model import load_model
+
+    certificates = _certificates(tls_ca_file, tls_cert, tls_key)
+    check_cluster(scheduler, workers, certificates)
+    if scheduler is not None and not scheduler.startswith("tls://"):
+        note([f"warning: {scheduler} is not encrypted: whoever reaches it can run code on its workers"])
+    model = load_model(module, trust)
+    reading = DataOptions(
+        mapping or (), scale or (), fs, time, time_unit, map_file, mend or (), direction or ()
+    )
+    records = _records(data, model, reading)
+    settings = estimation_settings(context.params) | {"directions": direction_sources(reading)}
+    say("starting the workers" if scheduler is None else f"asking {scheduler}")
+    with shown(), fleet_client(scheduler, workers, certificates=certificates) as client:
+        found = identify_fleet(client, read_text(module, MODULE), records, settings, checkpoint)
+    facts = {
+        "machines": dict(found.machines),
+        "pooled": [asdict(one) for one in found.pooled],
+        "failed": dict(found.failed),
+        "refused": dict(found.refused),
+    }
+    report(facts, _lines(found), as_json)
+
+
+def _certificates(ca_file: str | None, cert: str | None, key: str | None) -> Certificates | None:
+    """Return the files for tls://; all three or none.
+
+    Raises
+    ------
+    DataError
+    """
+    from modelgen.runtime.fleet.dask_cluster import Certificates
+
+    given = {"--tls-ca-file": ca_file, "--tls-cert": cert, "--tls-key": key}
+    if ca_file is not None and cert is not None and key is not None:
+        return Certificates(ca_file, cert, key)
+    absent = [option for option, value in given.items() if value is None]
+    if len(absent) < len(given):
+        raise DataError.at(", ".join(absent), "is missing", "give all of " + ", ".join(given))
+    return None
+
+
+def _records(data: Sequence[Path], model: Model, options: DataOptions) -> list[FleetRecord]:
+    """Return the records of a fleet; each is read where its machine is identified."""
+    from modelgen.runtime.fleet.worker import FleetRecord
+    from modelgen.runtime.records.read_record import read_record
+
+    how = reading_options(model, options)
+    records = []
+    given: dict[tuple[int, int], Path] = {}
+    for path in data:
+        where = path.resolve()
+        stamp = _stamp(path, given)
+        if path.is_dir():
+            source = partial(_folder, where, how, str(path))
+        else:
+            source = partial(read_record, where, name=str(path), **how)
+        records.append(FleetRecord(where.parent.name, source, str(path), stamp))
+    return records
+
+
+def _stamp(path: Path, given: dict[tuple[int, int], Path]) -> str:
+    """Return what changes with a file or folder; refuse one that was given before, by whatever path.
+
+    Raises
+    ------
+    DataError
+    """
+    try:
+        found = path.stat()
+        files = sorted(path.glob("*.npy")) if path.is_dir() else [path]
+        sizes = [(str(file), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+    except OSError:  # told by who reads it
+        return ""
+    first = given.setdefault((found.st_dev, found.st_ino), path)
+    if first is not path:
+        raise DataError.at(str(path), f"is the same file as {first}", "give it once")
+    return repr(sizes)
+
+
+def _folder(path: Path, how: Mapping[str, Any], name: str) -> Any:
+    """Return a record of .npy files, one a channel, that is read in stretches."""
+    from modelgen.runtime.files.npy_channels import open_npy
+    from modelgen.runtime.records.record import Record
+
+    if how["fs"] is None:
+        raise DataError.at(name, "holds no sampling frequency", "give --fs HZ")
+    files, factors = {}, {}
+    for channel in how["needed"]:
+        column, factor = how["mapping"].get(channel, channel), how["scales"].get(channel, 1.0)
+        if isinstance(factor, str):
+            raise DataError.at(f"--scale {channel}={factor}", "is no number", "give the factor itself")
+        files[channel] = path / f"{column.removeprefix('-')}.npy"
+        factors[channel] = -factor if column.startswith("-") else factor
+    changed = {channel: factor for channel, factor in factors.items() if factor != 1.0}
+    return Record.over(open_npy(files, float(how["fs"]), name, changed))
+
+
+def _lines(found: FleetEstimate) -> list[str]:
+    """Return a row of results a machine, below them what all say together, and what was left out."""
+    lines: list[str] = []
+    for start in range(0, len(found.pooled), PARAMETERS_A_TABLE):
+        shown_here = found.pooled[start : start + PARAMETERS_A_TABLE]
+        heads = [f"{one.name} [{one.unit}]" if one.unit else one.name for one in shown_here]
+        lines.append(_line("", heads))
+        for machine, estimate in found.machines.items():
+            cells = [
+                _cell(estimate["params"].get(one.name), estimate["bse"].get(one.name)) for one in shown_here
+            ]
+            lines.append(_line(machine, cells))
+        if len(found.machines) > 1:
+            lines.append(_line("all", [_cell(one.value, one.std) for one in shown_here]))
+            lines.append(_line("machines", [_verdict(one) for one in shown_here]))
+        lines.append("")
+    lines.append("value +- half the 95 % interval; - where a machine does not give it")
+    for machine, estimate in found.machines.items():
+        refused = estimate["not_identifiable"]
+        if refused:
+            lines.append(f"{machine}: not identifiable: {', '.join(refused)}")
+        for one in estimate["checks"]["advice"]:
+            lines.append(f"{machine}: {one['kind']}: {one['where']} {one['what']}; {one['remedy']}")
+    lines += [f"{machine}: no estimate ({why})" for machine, why in found.refused.items()]
+    lines += [f"left out: {why}" for why in found.failed.values()]
+    return lines
+
+
+def _line(title: str, cells: Sequence[str]) -> str:
+    return f"{title[:13]:13s}" + "".join(f" {cell:>21s}" for cell in cells)
+
+
+def _cell(value: float | None, std: float | None) -> str:
+    if value is None:
+        return "-"
+    if std is None or not math.isfinite(std):
+        return f"{value:.5g}"
+    return f"{value:.5g} +- {1.96 * std:.2g}"
+
+
+def _verdict(one: Any) -> str:
+    if one.machines < 2:
+        return "-"
+    if one.differs:
+        return f"differ by {one.between_std:.2g}"
+    return f"agree (p = {one.p_value:.2g})"

@@ -1,0 +1,121 @@
+"""One estimate, wherever the samples are: in memory, in files, in chunks, in threads; over random experiments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from generated import (
+    emps300_qm_ac,
+    emps300_qm_qc,
+    emps_rigid_asymmetric_qm,
+    emps_rigid_qm,
+    three_mass_qa_qb_ac,
+    tree_positions,
+    two_mass_bench_qm_qc,
+)
+from modelgen import generate
+from modelgen.errors import DataError, IdentifiabilityError, ModelgenError
+from modelgen.runtime.files.npy_channels import NpyChannels, open_npy
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.model import Model, model_from_module, model_from_text
+from modelgen.runtime.records.channels import READ_SAMPLES
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import catalog_path, parse_spec
+
+CHAINS: tuple[ModuleType, ...] = (
+    emps300_qm_qc,
+    emps300_qm_ac,
+    emps_rigid_qm,
+    emps_rigid_asymmetric_qm,
+    three_mass_qa_qb_ac,
+    tree_positions,
+    two_mass_bench_qm_qc,
+)
+# of a sensor, as a share of how far it reads
+FAINTEST_NOISE = 1e-7
+
+
+def experiment(seed: int) -> tuple[Model, list[Record]]:
+    """A chain, a sensor set and records, all drawn from a seed."""
+    rng = np.random.default_rng(seed)
+    model = model_from_module(CHAINS[int(rng.integers(len(CHAINS)))])
+    truth = next(iter(model.parameter_sets.values()))
+    kinds = [["chirp"], ["trapezoid"], ["chirp", "trapezoid"]][int(rng.integers(3))]
+    noise = float(rng.choice([0.0, 1.0, 10.0, 100.0])) * FAINTEST_NOISE
+    step = float(rng.choice([0.0, 0.0, 1e-4]))
+    records = []
+    for kind in kinds:
+        record = simulate(model, truth, kind, duration_s=2.0, fs=2000.0, oversample=4).record
+        signals = {}
+        for key, samples in record.signals.items():
+            span = float(np.ptp(samples))
+            read = samples + noise * span * rng.standard_normal(record.n)
+            if step and key.startswith("q"):
+                read = np.round(read / (step * span)) * (step * span)
+            if rng.random() < 0.15:  # samples that were lost and filled in by holding the last one
+                first = int(rng.integers(record.n - 20))
+                read[first : first + 15] = read[first]
+            signals[key] = read
+        records.append(Record(signals, record.fs, kind, kind))
+    return model, records
+
+
+def outcome(model: Model, records: Any, **options: Any) -> Estimate | str:
+    """The estimate, or what the refusal says."""
+    try:
+        return identify(model, records, **options)
+    except ModelgenError as error:
+        return str(error)
+
+
+def same(found: Estimate | str, expected: Estimate | str) -> None:
+    if isinstance(found, str) or isinstance(expected, str):
+        assert found == expected
+        return
+    assert found.not_identifiable == expected.not_identifiable
+    assert found.checks.advice == expected.checks.advice
+    assert found.notes == expected.notes
+    assert found.filtering == expected.filtering
+    assert found.nobs == expected.nobs
+    for got, wanted in (
+        (found.parameters, expected.parameters),
+        (found.physical_parameters, expected.physical_parameters),
+    ):
+        assert [one.name for one in got] == [one.name for one in wanted]
+        for one, other in zip(got, wanted, strict=True):
+            assert abs(one.value - other.value) <= 1e-9 * other.std + 1e-12 * abs(other.value)
+            assert one.std == pytest.approx(other.std, rel=1e-7)
+            assert one.drift_std == pytest.approx(other.drift_std, rel=1e-6, abs=1e-9 * other.std)
+
+
+def in_files(record: Record, folder: Path) -> NpyChannels:
+    folder.mkdir()
+    for key, samples in record.signals.items():
+        np.save(folder / f"{key}.npy", samples)
+    return open_npy({key: folder / f"{key}.npy" for key in record.signals}, record.fs, record.name)
+
+
+def in_small_chunks(monkeypatch: pytest.MonkeyPatch, samples: int, threads: int) -> None:
+    monkeypatch.setattr("modelgen.runtime.rows.chunk.CHUNK_SAMPLES", samples)
+    monkeypatch.setattr("modelgen.runtime.rows.chunk.HALOS", 0)
+    monkeypatch.setattr("modelgen.runtime.records.channels.READ_SAMPLES", 4 * samples)
+    monkeypatch.setattr("modelgen.runtime.rows.record_rows.usable_threads", lambda: threads)
+
+
+@pytest.mark.parametrize("seed", [*range(8), *(pytest.param(k, marks=pytest.mark.slow) for k in range(8, 50))])
+def test_files_chunks_and_threads_change_nothing(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, records = experiment(seed)
+    expected = outcome(model, records)
+    sources = [in_files(record, tmp_path / record.name) for record in records]
+    same(outcome(model, sources), expected)
+    in_small_chunks(monkeypatch, int(np.random.default_rng(seed).integers(200, 1500)), 1 + seed % 3)
+    same(outcome(model, sources), expected)
