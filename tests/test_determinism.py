@@ -16,7 +16,6 @@ import pytest
 from generated import emps300_qm_ac, emps300_qm_qc
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.identify_stream import identify_stream
 from modelgen.runtime.identification.methods import METHODS, Job
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import fit_matched
@@ -58,10 +57,14 @@ def apart(found: Estimate, expected: Estimate) -> float:
 
 
 @pytest.mark.parametrize("samples", [700, 1024, 3777, 9999, 10_000, 1_000_000])
-def test_chunks_change_nothing(case: tuple[Model, tuple[Record, ...]], samples: int) -> None:
+def test_chunks_change_nothing(
+    case: tuple[Model, tuple[Record, ...]], samples: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model, records = case
-    whole = identify_stream(model, records, drift_check=False, **SETTINGS)
-    chunked = identify_stream(model, records, drift_check=False, chunk_samples=samples, **SETTINGS)
+    whole = identify(model, records, drift_check=False, **SETTINGS)
+    monkeypatch.setattr("modelgen.runtime.rows.chunk.CHUNK_SAMPLES", samples)
+    monkeypatch.setattr("modelgen.runtime.rows.chunk.HALOS", 0)
+    chunked = identify(model, records, drift_check=False, **SETTINGS)
     assert apart(chunked, whole) < SAME
     assert chunked.nobs == whole.nobs
 

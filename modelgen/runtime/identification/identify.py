@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from numbers import Integral
 from types import ModuleType
@@ -250,9 +250,10 @@ def as_records(records: Record | Channels | Sequence[Record | Channels]) -> tupl
     DataError
         When there is none, or something is neither.
     """
-    several = tuple(records) if isinstance(records, Iterable) else (records,)
+    several = tuple(records) if isinstance(records, Sequence) else (records,)
     if not several:
         raise DataError.at("records", "there are none", "give at least one Record")
+    # a mapping of signals, say, has no read()
     strange = [one for one in several if not isinstance(one, Record) and not hasattr(one, "read")]
     if strange:
         problems = [Problem("records", f"hold a {type(one).__name__}", "give Records") for one in strange]

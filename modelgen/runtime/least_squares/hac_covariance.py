@@ -7,6 +7,7 @@ ones, then promises too much. The Newey-West estimator takes both as they are.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -73,21 +74,31 @@ def long_run_covariance(series: Sequence[Series | FloatArray]) -> FloatArray:
     for one, parzen in zip(series, sums, strict=True):
         for psi in _in_parts(one):
             parzen.add(psi)
-    return _joined(sums, bandwidth)
+    return joined_covariance([one.result() for one in sums], bandwidth, sum(one.n for one in sums))
 
 
 def _in_parts(series: Series | FloatArray) -> Iterator[FloatArray]:
     return series() if callable(series) else iter((series,))
 
 
+@dataclass(frozen=True, eq=False)
+class KernelSums:
+    """What a record gives: the kernel's sum over lags, shape (c, c), and `fourth`, shape (c,).
+
+    The latter are the sums of fourth powers of the influence after its moving sums.
+    """
+
+    total: FloatArray
+    fourth: FloatArray
+
+
 class _ParzenSums:
     """The sum over lags l of Parzen's kernel times psi_t psi_(t+l)^T, of an influence in parts."""
 
     def __init__(self, bandwidth: float) -> None:
-        self._width = max(1, round(0.5 * bandwidth))  # of two moving sums
-        self._power = self._width * (2.0 * self._width**2 + 1.0) / 3.0  # the kernel's weight at lag 0
+        self._width = window_width(bandwidth)
         self._tails: list[FloatArray] = []
-        self._total = self._fourth = np.zeros(1)
+        self._sums = KernelSums(np.zeros(1), np.zeros(1))
         self.n = 0
 
     def add(self, psi: FloatArray) -> None:
@@ -102,32 +113,36 @@ class _ParzenSums:
             joined = np.concatenate([tail, psi])
             self._tails[place] = joined[len(joined) - len(tail) :]
             psi = moving_sum(joined, self._width)
-        squares = psi**2
-        self._total = self._total + psi.T @ psi / self._power
-        self._fourth = self._fourth + np.einsum("nc,nc->c", squares, squares) / self._power**2
+        more = squared_sums(psi, self._width)
+        self._sums = KernelSums(self._sums.total + more.total, self._sums.fourth + more.fourth)
 
-    def result(self) -> tuple[FloatArray, FloatArray]:
-        """Return the sum, shape (c, c), and the sums of fourth powers, shape (c,); to be called once."""
+    def result(self) -> KernelSums:
+        """Return the sums over what was taken in; to be called once."""
         # the moving sums that begin within the record and end behind it
         self._add(np.zeros((2 * (self._width - 1), self._tails[0].shape[1])))
-        return self._total, self._fourth
+        return self._sums
 
 
-def _joined(records: Sequence[_ParzenSums], bandwidth: float) -> FloatArray:
-    """Return the covariance, shape (c, c), from the sums of all records.
+def squared_sums(twice: FloatArray, width: int) -> KernelSums:
+    """Return the sums over an influence after its moving sums, shape (n, c)."""
+    power, squares = window_power(width), twice**2
+    return KernelSums(twice.T @ twice / power, np.einsum("nc,nc->c", squares, squares) / power**2)
+
+
+def joined_covariance(sums: Sequence[KernelSums], bandwidth: float, n: int) -> FloatArray:
+    """Return the covariance, shape (c, c), from the sums of all records, n instants together.
 
     Each record's share grows by the factor for the instants that it rests on. One factor a record, for all
     columns: their near dependences, which composites live by, stay as they are.
     """
-    n = sum(one.n for one in records)
-    sums = [one.result() for one in records]
-    power = np.diag(np.sum([total for total, _ in sums], axis=0))
+    power = np.diag(np.sum([one.total for one in sums], axis=0))
     alive = power > 0.0
     result = np.zeros((len(power), len(power)))
-    for total, fourth in sums:
-        shares = np.sum(np.diag(total)[alive] / power[alive])
-        instants = effective_instants(float(shares), float(np.sum(fourth[alive] / power[alive] ** 2)), n)
-        result += total * fixed_b_factor(bandwidth, instants)
+    for one in sums:
+        shares = np.sum(np.diag(one.total)[alive] / power[alive])
+        fourth = np.sum(one.fourth[alive] / power[alive] ** 2)
+        instants = effective_instants(float(shares), float(fourth), n)
+        result += one.total * fixed_b_factor(bandwidth, instants)
     return result
 
 
@@ -146,6 +161,16 @@ def effective_instants(shares: float, fourth: float, n: int) -> float:
         Number of instants of all records.
     """
     return min(float(n), 3.0 * shares / fourth) if fourth > 0.0 else float(n)
+
+
+def window_width(bandwidth: float) -> int:
+    """Return over how many instants a moving sum goes, taken twice, for Parzen's kernel of that bandwidth."""
+    return max(1, round(0.5 * bandwidth))
+
+
+def window_power(width: int) -> float:
+    """Return the sum of squares of the triangle that two moving sums make: the kernel's weight at lag 0."""
+    return width * (2.0 * width**2 + 1.0) / 3.0
 
 
 def moving_sum(series: FloatArray, width: int) -> FloatArray:
@@ -218,6 +243,11 @@ def andrews_bandwidth(series: Sequence[Series | FloatArray]) -> float:
                 product = product + psi[0] * last
             last, n = psi[-1], n + len(psi)
         longest = max(longest, n)
+    return bandwidth_from_moments(power, product, longest)
+
+
+def bandwidth_from_moments(power: FloatArray, product: FloatArray, n: int) -> float:
+    """Return the same from sums of squares and of products of neighbours, and the longest record's length."""
     alive = power > 0.0
     if not np.any(alive):
         return 1.0
@@ -226,4 +256,4 @@ def andrews_bandwidth(series: Sequence[Series | FloatArray]) -> float:
     innovation = 1.0 - rho**2
     numerator = np.sum(4.0 * rho**2 * innovation**2 / (1.0 - rho) ** 8)
     denominator = np.sum(innovation**2 / (1.0 - rho) ** 4)
-    return max(1.0, WIDER * float(2.6614 * (numerator / denominator * longest) ** (1.0 / 5.0)))
+    return max(1.0, WIDER * float(2.6614 * (numerator / denominator * n) ** (1.0 / 5.0)))

@@ -11,12 +11,10 @@ from generated import emps300_qm_ac, emps300_qm_qc, tree_mixed
 from modelgen.runtime.filter_choice.derivative_noise import LEAST_KEPT, STEP, highest_derivatives
 from modelgen.runtime.filter_choice.explain import percent
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter, distortion_bound_hz
-from modelgen.runtime.filter_choice.stretches import choose_from_stretches, stretches
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import model_from_module
-from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
 
@@ -170,13 +168,15 @@ def test_a_derivative_that_no_record_shows_is_warned_of() -> None:
     assert choice.dynamics_hz == choose_filter(CHAIN, [sweep(1e-10)]).dynamics_hz
 
 
-def test_a_streamed_record_gets_the_same_filter() -> None:
-    hum = 1e-6 * np.sin(2.0 * np.pi * 280.0 * T)
-    record = sweep(1e-7, hum)
-    whole = choose_filter(CHAIN, [record])
-    streamed = choose_from_stretches(CHAIN, [stretches(CHAIN, RecordChannels(record))])
-    assert streamed == whole
-    assert whole.filter_order > 4
+def test_a_long_record_gets_its_filter_from_stretches(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = choose_filter(CHAIN, [sweep(1e-7)])
+    monkeypatch.setattr("modelgen.runtime.records.record_facts.WHOLE", 8192)
+    record = sweep(1e-7)
+    assert {len(part) for part in record.facts.stretches("q_m")} == {2048}
+    cut = choose_filter(CHAIN, [record])
+    # stretches end before the sweep does
+    assert 0.8 * whole.cutoff_hz < cut.cutoff_hz <= whole.cutoff_hz
+    assert len(cut.decimation) == len(cut.bands) == 1
 
 
 @lru_cache

@@ -1,4 +1,4 @@
-"""One estimate, wherever the samples are: in memory, in files, in chunks, in threads; over random experiments."""
+"""One estimate, wherever the samples are: in memory, in files, in chunks, in threads."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ from modelgen.errors import DataError, IdentifiabilityError, ModelgenError
 from modelgen.runtime.files.npy_channels import NpyChannels, open_npy
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import Model, model_from_module, model_from_text
-from modelgen.runtime.records.channels import READ_SAMPLES
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
@@ -109,7 +108,9 @@ def in_small_chunks(monkeypatch: pytest.MonkeyPatch, samples: int, threads: int)
     monkeypatch.setattr("modelgen.runtime.rows.record_rows.usable_threads", lambda: threads)
 
 
-@pytest.mark.parametrize("seed", [*range(8), *(pytest.param(k, marks=pytest.mark.slow) for k in range(8, 50))])
+@pytest.mark.parametrize(
+    "seed", [*range(8), *(pytest.param(k, marks=pytest.mark.slow) for k in range(8, 50))]
+)
 def test_files_chunks_and_threads_change_nothing(
     seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -119,3 +120,101 @@ def test_files_chunks_and_threads_change_nothing(
     same(outcome(model, sources), expected)
     in_small_chunks(monkeypatch, int(np.random.default_rng(seed).integers(200, 1500)), 1 + seed % 3)
     same(outcome(model, sources), expected)
+
+
+def bench(seed: int = 0) -> tuple[Model, list[Record]]:
+    model = model_from_module(emps300_qm_qc)
+    noise = {"q_m": 2e-5, "q_c": 2e-5, "Gamma_m": 1e-4}
+    truth = model.parameter_sets["table_2"]
+    return model, [
+        simulate(model, truth, kind, duration_s=2.0, noise=noise, oversample=8, seed=seed + k).record
+        for k, kind in enumerate(("chirp", "trapezoid"))
+    ]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"method": "iv"},
+        {"method": "tls"},
+        {"method": "pham2002"},
+        {"delays": {"Gamma_m": 1e-4}, "held": ["Gamma_m"]},
+        {"hold_out": 0.2},
+        {"robust": "huber", "bounds": "physical"},
+        {"delays": "estimate", "drift_check": False},
+    ],
+    ids=str,
+)
+def test_every_option_takes_files(tmp_path: Path, options: dict[str, Any]) -> None:
+    model, records = bench()
+    sources = [in_files(record, tmp_path / record.name) for record in records]
+    same(outcome(model, sources, **options), outcome(model, records, **options))
+
+
+def test_long_records_are_looked_at_in_stretches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model, records = bench()
+    monkeypatch.setattr("modelgen.runtime.records.record_facts.WHOLE", 8192)
+    estimate = identify(model, records)
+    truth = model.parameter_sets["table_2"]
+    for entry in estimate.parameters:
+        assert abs(entry.value - truth[entry.name]) < 5.0 * entry.std
+    again = [Record(dict(record.signals), record.fs, record.name) for record in records]
+    sources = [in_files(record, tmp_path / record.name) for record in again]
+    same(identify(model, sources), estimate)
+
+
+def test_asymmetric_friction_and_a_resting_channel() -> None:
+    model = model_from_module(emps_rigid_asymmetric_qm)
+    truth = next(iter(model.parameter_sets.values()))
+    record = simulate(model, truth, "trapezoid", duration_s=4.0, fs=1000.0).record
+    still = Record({**record.signals, "q_m": np.full(record.n, 3.0)}, 1000.0)
+    for one in (still, still.edited({})):
+        with pytest.raises(IdentifiabilityError):
+            identify(model, Record.over(one), cutoff_hz=40.0)
+
+
+def test_wide_chains_hold_only_the_columns_that_a_row_touches(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, records = bench()
+    expected = identify(model, records)
+    monkeypatch.setattr("modelgen.runtime.rows.observation.WIDE", 1)
+    same(identify(model, records), expected)
+    for options in ({"method": "iv"}, {"robust": "huber"}, {"delays": "estimate", "drift_check": False}):
+        wide = outcome(model, records, **options)
+        monkeypatch.setattr("modelgen.runtime.rows.observation.WIDE", 40)
+        same(wide, outcome(model, records, **options))
+        monkeypatch.setattr("modelgen.runtime.rows.observation.WIDE", 1)
+
+
+def test_composites_give_physical_parameters(tmp_path: Path) -> None:
+    only_motor = '\n[sensors.qm]\nq_m = { body = "m", measures = "position" }\n'
+    spec = parse_spec(catalog_path("emps300").read_text(encoding="utf-8") + only_motor, "emps300.toml")
+    model = model_from_text(generate(spec, "qm"), "qm")
+    records = [Record({k: r.signals[k] for k in model.channels}, r.fs, r.name) for r in bench()[1]]
+    same(
+        outcome(model, [in_files(record, tmp_path / record.name) for record in records]),
+        outcome(model, records),
+    )
+
+
+def test_a_sample_that_is_not_finite_is_named(tmp_path: Path) -> None:
+    model, records = bench()
+    source = in_files(records[0], tmp_path / "chirp")
+    samples = np.load(tmp_path / "chirp" / "q_c.npy")
+    samples[4321] = np.nan
+    np.save(tmp_path / "chirp" / "q_c.npy", samples)
+    with pytest.raises(DataError, match="chirp: channel q_c, sample 4321: is nan"):
+        identify(model, source)
+
+
+def test_what_is_no_record_is_refused() -> None:
+    model, records = bench()
+    for given, message in (
+        ([], "records: there are none"),
+        ([records[0].signals], "records: hold a mappingproxy"),
+        (5, "records: hold a int"),
+    ):
+        with pytest.raises(DataError, match=message):
+            identify(model, given)  # type: ignore[arg-type]
+    short = Record(dict.fromkeys(model.channels, np.sin(np.arange(60) * 0.1)), 5000.0, "run")
+    with pytest.raises(DataError, match=r"run: has 60 samples"):
+        identify(model, Record.over(short), cutoff_hz=300.0)

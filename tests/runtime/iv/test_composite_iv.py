@@ -19,7 +19,7 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.iv import starting_values as physical_start
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.starting_values import physical_starts
-from modelgen.runtime.least_squares.delays import shifted
+from modelgen.runtime.least_squares.delays import shift
 from modelgen.runtime.least_squares.hac_covariance import printed_covariance
 from modelgen.runtime.least_squares.wls import Fit, fit_matched
 from modelgen.runtime.model.model import Model
@@ -198,7 +198,9 @@ def test_model_error_reaches_the_physical_parameters() -> None:
     # a force that is late by a tenth of a sample, taken as it is: every cut-off sees another chain
     late = [
         Record(
-            {**record.signals, "Gamma_m": shifted(record.signals["Gamma_m"], -0.1)}, record.fs, record.name
+            {**record.signals, "Gamma_m": shift("Gamma_m", -0.1).whole(record.signals["Gamma_m"])},
+            record.fs,
+            record.name,
         )
         for record in noisy("light", 0)
     ]

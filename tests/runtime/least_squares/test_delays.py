@@ -6,7 +6,7 @@ import pytest
 from generated import emps300_qm_qc
 from modelgen.errors import DataError
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.least_squares.delays import advanced, held, shifted
+from modelgen.runtime.least_squares.delays import advanced, hold, shift
 from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
@@ -36,11 +36,11 @@ def late(delay_s: float) -> list[Record]:
 def test_a_shift_is_exact_for_polynomials_and_good_for_slow_waves() -> None:
     k = np.arange(40.0)
     inside = slice(12, 28)
-    np.testing.assert_allclose(shifted(k**5, 0.3)[inside], (k + 0.3)[inside] ** 5, rtol=1e-11)
+    np.testing.assert_allclose(shift("F", 0.3).whole(k**5)[inside], (k + 0.3)[inside] ** 5, rtol=1e-11)
     wave = np.sin(0.2 * np.pi * np.arange(200.0))
     moved = np.sin(0.2 * np.pi * (np.arange(200.0) - 2.5))
-    np.testing.assert_allclose(shifted(wave, -2.5)[20:-20], moved[20:-20], atol=1e-4)
-    np.testing.assert_array_equal(shifted(wave, 1.0)[10:-10], wave[11:-9])
+    np.testing.assert_allclose(shift("F", -2.5).whole(wave)[20:-20], moved[20:-20], atol=1e-4)
+    np.testing.assert_array_equal(shift("F", 1.0).whole(wave)[10:-10], wave[11:-9])
 
 
 def test_a_held_command_is_half_a_sample_late_and_a_little_weaker() -> None:
@@ -48,7 +48,7 @@ def test_a_held_command_is_half_a_sample_late_and_a_little_weaker() -> None:
     wave = np.sin(omega * np.arange(300.0))
     # the average over one sample is sin(omega / 2) / (omega / 2)
     expected = np.sin(omega * (np.arange(300.0) - 0.5)) * np.sin(omega / 2.0) / (omega / 2.0)
-    np.testing.assert_allclose(held(wave)[20:-20], expected[20:-20], atol=omega**4 / 200.0)
+    np.testing.assert_allclose(hold("F").whole(wave)[20:-20], expected[20:-20], atol=omega**4 / 200.0)
 
 
 def test_advanced_moves_only_what_is_named() -> None:

@@ -81,6 +81,6 @@ def test_refinement_wins_digits_where_the_residual_is_large() -> None:
     W, Y = problem.W, problem.Y
     scale = np.linalg.norm(W, axis=0)
     plain = np.linalg.lstsq(W / scale, Y, rcond=None)[0] / scale
-    better = refined(W, Y, plain, np.linalg.inv((W / scale).T @ (W / scale)) / np.outer(scale, scale))
+    better = refined([(W, Y)], plain, np.linalg.inv((W / scale).T @ (W / scale)) / np.outer(scale, scale))
     assert np.max(np.abs(plain - 1.0)) > 1e-8
     assert np.max(np.abs(better - 1.0)) < 1e-13

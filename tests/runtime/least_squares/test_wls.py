@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.least_squares.wls import fit_matched, fit_paper, least_squares, refit, terms_norm
+from modelgen.runtime.least_squares.wls import fit_matched, fit_paper, least_squares, refit
 from modelgen.runtime.rows.observation import Observation, RowBlock
 from tests.runtime.least_squares.row_blocks import block as row_block
 
@@ -130,4 +130,4 @@ def test_refit_keeps_rows_and_weights() -> None:
 
 def test_terms_norm_ignores_what_is_constant() -> None:
     W = np.column_stack([np.full(4, 1e6), [1.0, -1.0, 1.0, -1.0]])
-    assert terms_norm(block(W, np.ones(4)), np.array([1.0, 3.0])) == pytest.approx(6.0)
+    assert block(W, np.ones(4)).terms_norm(np.array([1.0, 3.0])) == pytest.approx(6.0)

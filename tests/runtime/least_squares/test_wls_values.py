@@ -18,8 +18,8 @@ from modelgen.runtime.least_squares.wls import (
     fit_paper,
     least_squares,
     refit,
-    terms_norm,
 )
+from modelgen.runtime.numerics.iterative_refinement import Parts
 from modelgen.runtime.rows.observation import Observation, RowBlock
 from tests.runtime.least_squares.row_blocks import block
 
@@ -165,8 +165,8 @@ def test_residuals_and_measurement_are_stacked_with_their_weights() -> None:
 def test_terms_norm_is_that_of_the_largest_term() -> None:
     W = np.array([[1.0, 10.0], [-1.0, 10.5], [1.0, 9.5], [-1.0, 10.0]])
     one = block(W, np.ones(4))
-    assert terms_norm(one, np.array([-3.0, 2.0])) == pytest.approx(3.0 * 2.0)
-    assert terms_norm(one, np.array([0.1, -100.0])) == pytest.approx(100.0 * np.sqrt(0.5))
+    assert one.terms_norm(np.array([-3.0, 2.0])) == pytest.approx(3.0 * 2.0)
+    assert one.terms_norm(np.array([0.1, -100.0])) == pytest.approx(100.0 * np.sqrt(0.5))
 
 
 # Rank and rounding --------------------------------------------------------------------------------
@@ -231,8 +231,8 @@ def test_solutions_are_refined_where_that_helps(
 ) -> None:
     called: list[int] = []
 
-    def refined(W: FloatArray, Y: FloatArray, x: FloatArray, inverse: FloatArray) -> FloatArray:
-        called.append(len(Y))
+    def refined(parts: Parts, x: FloatArray, inverse: FloatArray) -> FloatArray:
+        called.append(len(parts))
         return x
 
     monkeypatch.setattr("modelgen.runtime.least_squares.wls.refined", refined)

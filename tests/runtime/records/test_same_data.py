@@ -18,9 +18,7 @@ from modelgen.cli.main import app
 from modelgen.errors import DataError
 from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.identify_stream import identify_stream
 from modelgen.runtime.model.model import model_from_module
-from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.same_data import refuse_same_data
 from modelgen.runtime.simulation.simulate import simulate
@@ -88,9 +86,9 @@ def test_the_same_data_is_found_in_any_dress(
 ) -> None:
     signals = measured(seed, resolution=resolution, rest=rest)
     dressed = dress(signals, np.random.default_rng(seed))
-    others = [RecordChannels(Record(measured(seed + k, 3000 + rest), 1000.0, f"own {k}")) for k in (1, 2)]
-    first = RecordChannels(Record(signals, 1000.0, "first"))
-    second = RecordChannels(Record(dressed, 500.0, "second", "chirp"))
+    others = [Record(measured(seed + k, 3000 + rest), 1000.0, f"own {k}") for k in (1, 2)]
+    first = Record(signals, 1000.0, "first")
+    second = Record(dressed, 500.0, "second", "chirp")
     for order in ([first, *others, second], [second, first, *others]):
         with pytest.raises(
             DataError, match=r"(first|second): (holds the same data as|shares \d+ samples with)"
@@ -105,7 +103,7 @@ def test_data_with_noise_of_its_own_passes(seed: int, resolution: float, rest: i
     records = [measured(seed + k, 3000, resolution, rest) for k in range(3)]
     records += [{key: values[:short] for key, values in measured(seed + 3).items()}]
     records += [{key: np.zeros(3000) for key in MODEL.channels}]
-    sources = [RecordChannels(Record(one, 1000.0, f"run {i}")) for i, one in enumerate(records)]
+    sources = [Record(one, 1000.0, f"run {i}") for i, one in enumerate(records)]
     refuse_same_data(sources, MODEL.channels)
 
 
@@ -122,7 +120,7 @@ def test_every_way_to_an_estimate_refuses_it(tmp_path: Path) -> None:
         np.save(tmp_path / f"{channel}.npy", samples.astype(np.float32))
     mapped = open_npy({key: tmp_path / f"{key}.npy" for key in record.signals}, record.fs, "mapped")
     with pytest.raises(DataError, match="mapped: holds the same data"):
-        identify_stream(MODEL, [record, mapped], cutoff_hz=200.0)
+        identify(MODEL, [record, mapped])
 
 
 def test_a_file_by_another_path_is_the_same_file(tmp_path: Path) -> None:

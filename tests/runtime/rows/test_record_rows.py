@@ -12,7 +12,6 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_fi
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.model import Feature, Model, model_from_module
-from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
@@ -37,13 +36,13 @@ def choice_for(record: Record) -> FilterChoice:
 
 
 def rows_of(model: Model, record: Record, factor: int = 7, drop: int = 0, **options: int) -> RecordRows:
-    return matched_rows(model, RecordChannels(record), choice_for(record), factor, drop, **options)
+    return matched_rows(model, record, choice_for(record), factor, drop, **options)
 
 
 def column(rows: RecordRows, name: str, row: int = 0) -> FloatArray:
     """A column of a row at all samples kept."""
     touched = rows.terms[row].columns
-    return rows.lines()[row][1 + touched.index(rows.plan.model.base_parameters.index(name))]
+    return rows.lines()[row][touched.index(rows.plan.model.base_parameters.index(name))]
 
 
 def close(found: FloatArray, expected: FloatArray, share: float = 1e-4) -> None:
@@ -143,7 +142,7 @@ def test_an_accelerometer_is_differentiated_from_its_own_reading() -> None:
     rng = np.random.default_rng(0)
     record = Record({key: rng.standard_normal(3000) for key in CHAIN.channels}, 5000.0)
     choice = choose_filter(CHAIN, [record], cutoff_hz=300.0, direction_cutoff_hz=100.0)
-    rows = matched_rows(CHAIN, RecordChannels(record), choice, 1)
+    rows = matched_rows(CHAIN, record, choice, 1)
     load = next(index for index, info in enumerate(CHAIN.rows) if info.bodies == ("c",))
     found = column(rows, "J_c", load)
     expected = differentiate(zero_phase(record.signals["a_c"], 6, 300.0, 5000.0), 2e-4, 2)[list(rows.grid)]

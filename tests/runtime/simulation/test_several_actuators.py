@@ -26,7 +26,7 @@ from modelgen.runtime.iv.companion_simulation import Loop, run_beside
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.output_error import fit_response
 from modelgen.runtime.iv.starting_values import _felt_inertia
-from modelgen.runtime.least_squares.delays import shifted
+from modelgen.runtime.least_squares.delays import shift
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.write_record import write_record
@@ -92,7 +92,7 @@ def measured(sensors: str, seed: int, late: Mapping[str, float], share: float = 
     return tuple(
         Record(
             {
-                key: shifted(samples, -FS * late.get(key, 0.0))
+                key: shift(key, -FS * late.get(key, 0.0)).whole(samples)
                 + share * NOISE[key] * rng.standard_normal(record.n)
                 for key, samples in record.signals.items()
             },
