@@ -3,16 +3,14 @@
     python benchmarks/throughput.py
 
 Two bodies, both positions sensed, six parameters, decimation by 10. By hand: butter and sosfiltfilt on the
-positions, numpy.gradient, decimate(zero_phase=True) on every column of W and Y, lstsq. Both use the same
-interior samples; runs alternate in one process, and medians are compared. Ratios of the processor's own time
-are printed beside, for machines that have other work. The product's side runs on one thread, and on as many
-as it takes where it is not told (a thread for every core this process may use). What a user calls is
-`modelgen.identify`: timed with everything that it does by default and without its checks of other cut-offs,
-on a new Record each time (a record keeps its spectra). Filters, rows and solution alone are labelled as
-inner: no user can call them. BLAS has the same number of
-threads for all sides of a run, which is printed: one, unless OPENBLAS_NUM_THREADS says otherwise; by hand,
-only lstsq (a sixth of the time) could use more. The record is made here: a sum of sines that solves the
-equations of motion exactly, plus noise in the torque.
+positions, numpy.gradient, decimate(zero_phase=True) on every column of W and Y, lstsq; no intervals but those
+of eq. (11), no check. Against it stands what a user calls, `modelgen.identify`: with everything that it does
+by default, and without its checks of other cut-offs and of noise; on a new Record each time (a record keeps
+its spectra). Runs alternate in one process, and medians are compared. Ratios of the processor's own time are
+printed as well, for machines that have other work. BLAS has the same number of threads for all sides of a
+run, which is printed: one, unless OPENBLAS_NUM_THREADS says otherwise; by hand, only lstsq (a sixth of the
+time) could use more. The record is made here: a sum of sines that solves the equations of motion exactly,
+plus noise in the torque.
 """
 
 from __future__ import annotations
@@ -36,15 +34,10 @@ import numpy.typing as npt
 
 import modelgen
 from modelgen.runtime.model.model import Model, load_model
-from modelgen.runtime.numerics.banded_least_squares import solve_banded
+from modelgen.runtime.numerics import qr_triangle
 from modelgen.runtime.numerics.threads import usable_threads
-from modelgen.runtime.records.channels import RecordChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows import record_rows
-from modelgen.runtime.rows.filter_sections import paper_filtering
-from modelgen.runtime.rows.record_factors import record_factors
-from modelgen.runtime.rows.record_rows import RecordRows
-from modelgen.runtime.rows.signal_plan import signal_plan
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -122,22 +115,11 @@ def by_hand(model: Model, record: Record) -> tuple[FloatArray, FloatArray]:
     return x, np.sqrt(variance * np.diag(np.linalg.inv(W_all.T @ W_all)))
 
 
-def by_product(
-    model: Model, record: Record, fast: bool | None = None, threads: int | None = None
-) -> FloatArray:
-    """Return x from the fused operators, the triangles of the rows, and the banded solution."""
-    plan = signal_plan(model, paper_filtering(ORDER, CUTOFF_HZ, FS, FACTOR), fast)
-    grid = range(EDGE, record.n - EDGE - (record.n - EDGE) % FACTOR, FACTOR)
-    rows = record_factors(RecordRows(RecordChannels(record), plan, grid), threads).rows
-    triangles, columns = [row.triangle for row in rows], [row.columns for row in rows]
-    return solve_banded(triangles, columns, len(model.base_parameters)).x
-
-
-def at_the_door(model: Model, record: Record, fast: bool, checks: bool) -> object:
+def at_the_door(model: Model, record: Record, fast: bool, **options: object) -> object:
     """Return the estimate that a user gets, without numba's filters unless `fast`."""
     fresh = Record(record.signals, record.fs, record.name)
-    record_rows.COMPILED_SAMPLES = 0 if fast else sys.maxsize
-    return modelgen.identify(model, fresh, decimation=FACTOR, drift_check=checks)
+    record_rows.COMPILED_SAMPLES = qr_triangle.COMPILED_ROWS = 0 if fast else sys.maxsize
+    return modelgen.identify(model, fresh, decimation=FACTOR, **options)
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -178,31 +160,24 @@ def main() -> None:
     record = made_record(model, options.samples)
     usable = usable_threads()
     print(f"BLAS threads: {os.environ['OPENBLAS_NUM_THREADS']}, for all; threads by default: {usable}")
-    x, sd = by_hand(model, record)
     sides: dict[str, Callable[[], object]] = {"by hand": lambda: by_hand(model, record)}
     wanted = {}
-    for kind, fast, least in (("NumPy only", False, "12"), ("fast", True, "25; stretch 60"))[: 1 + HAS_NUMBA]:
-        for label, threads in (("one thread", 1), ("default", None)):
-            product = partial(by_product, model, record, fast, threads)
-            name = f"inner: {kind}, {label}"
-            sides[name], wanted[name] = product, least
-            differ = np.max(np.abs(x - product()) / sd)  # the first one compiles
-            print(f"{name}: estimates differ by {differ:.1e} standard deviations  (wanted: 1e-6)")
-    for kind, fast, least in (("NumPy only", False, "1; 8"), ("fast", True, "2; 15"))[: 1 + HAS_NUMBA]:
-        for label, checks, bound in zip(
-            ("all it does", "no drift checks"), (True, False), least.split("; "), strict=True
-        ):
+    for kind, fast, bounds in (("NumPy only", False, (1, 8)), ("fast", True, (2, 15)))[: 1 + HAS_NUMBA]:
+        for label, checks, bound in zip(("all it does", "no checks"), (True, False), bounds, strict=True):
             name = f"identify, {kind}, {label}"
-            sides[name] = partial(at_the_door, model, record, fast, checks)
-            sides[name]()
+            sides[name] = partial(at_the_door, model, record, fast, drift_check=checks)
+            sides[name]()  # the first one compiles
             wanted[name] = bound
+    sides["identify, iv"] = partial(at_the_door, model, record, HAS_NUMBA, method="iv")
     medians = compared(sides, options.runs)
     busy = compared(sides, options.runs, processor_seconds)
     for name, value in medians.items():
         print(f"{name:38s} {1e9 * value / options.samples:8.1f} ns a sample")
     for name, least in wanted.items():
         ratio, share = medians["by hand"] / medians[name], busy["by hand"] / busy[name]
-        print(f"by hand / {name}: {ratio:.1f}, processor's time {share:.1f}  (wanted: at least {least})")
+        print(f"by hand / {name}: {ratio:.2f}, processor's time {share:.2f}  (wanted: at least {least})")
+    wls = medians[f"identify, {'fast' if HAS_NUMBA else 'NumPy only'}, all it does"]
+    print(f"iv / wls: {medians['identify, iv'] / wls:.2f}  (wanted: at most 5)")
 
 
 if __name__ == "__main__":

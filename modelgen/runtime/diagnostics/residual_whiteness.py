@@ -21,8 +21,10 @@ from modelgen.runtime.rows.observation import RowBlock, runs_of
 
 FloatArray = npt.NDArray[np.float64]
 
-# A residual is tested on its longest stretch without masked samples, of so many frequencies at least.
+# A residual is tested on its longest stretch without masked samples, of so many frequencies at least, and of
+# so many samples at most: more of them tell no more than that no model is exact.
 FEWEST_LINES = 32
+MOST_SAMPLES = 1 << 15
 LAGS = 20
 ROUNDS = 8
 # Frequencies at which the filter leaves less than this share of its largest power hold only rounding.
@@ -66,7 +68,8 @@ def coloured(
         Sampling frequency of the record in Hz.
     """
     longest = max(runs_of(block.place), key=len)
-    samples = slice(int(longest[0]), int(longest[-1]) + 1) if len(longest) else slice(0, 0)
+    first = int(longest[0]) if len(longest) else 0
+    samples = slice(first, first + min(len(longest), MOST_SAMPLES))
     e = residual[samples] - residual[samples].mean()
     n = len(e)
     rate = fs / choice.decimation[block.record]

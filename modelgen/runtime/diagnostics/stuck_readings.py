@@ -16,6 +16,8 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
+# What is usual in a long channel is seen in so many stretches of so many samples.
+EXCERPTS, EXCERPT = 16, 1 << 12
 # Readings are rounded to a step where most of their differences are nearly integer multiples of the least.
 ROUNDING, NEARLY, MOST = 1e-12, 0.1, 0.8
 # Chance that a run of equal readings as long as one that counts comes about in a record by itself.
@@ -63,11 +65,21 @@ def equal_runs(samples: FloatArray) -> Runs:
     return Runs(edges[:-1][long], edges[1:][long] - 1, _resolution(samples))
 
 
+def excerpt(samples: FloatArray) -> FloatArray:
+    """Return samples from all over a channel that tell what is usual in it; all of a short one."""
+    if len(samples) <= EXCERPTS * EXCERPT:
+        return samples
+    starts = np.linspace(0, len(samples) - EXCERPT, EXCERPTS).astype(int)
+    return np.concatenate([samples[start : start + EXCERPT] for start in starts])
+
+
 def _resolution(samples: FloatArray) -> float:
     """Return the least difference of two readings if most others are multiples of it, otherwise 0."""
-    apart = np.diff(np.unique(samples))
+    apart = np.diff(np.unique(excerpt(samples)))
     # values that were scaled or shifted differ by rounding as well
     apart = apart[apart > ROUNDING * np.ptp(samples)]
+    if not apart.size:
+        return 0.0
     least = float(np.min(apart))
     multiples = np.abs(apart / least - np.round(apart / least)) < NEARLY
     return least if float(np.mean(multiples)) > MOST else 0.0
@@ -105,7 +117,7 @@ def faulty_runs(
     short = extreme & (lengths >= CLIPPED_RUN)
     clipped = short & bent & ((before & after) | _only_there(short, lengths, len(samples)))
     if measures in LEAP:
-        largest = max(full, float(np.quantile(steps, 0.99)))
+        largest = max(full, float(np.quantile(excerpt(steps), 0.99)))
         wrong = _at(steps, runs.last) > LEAP[measures] * largest
         if measures == "position":
             wrong |= _sudden(steps, bends, runs.first - 1, runs.first - 2, full)
@@ -139,7 +151,7 @@ def _longest_by_chance(n: int, lengths: IntArray) -> float:
 
 def _noisy(samples: FloatArray, runs: Runs) -> bool:
     """Tell whether there is noise larger than the resolution: readings then hardly ever repeat."""
-    fourth = np.diff(samples, 4)
+    fourth = np.diff(excerpt(samples), 4)
     fourth = fourth[fourth != 0.0]
     if len(fourth) < SHORTEST_RUN:
         return False
@@ -151,7 +163,7 @@ def _noisy(samples: FloatArray, runs: Runs) -> bool:
 def _full_speed(steps: FloatArray, bends: FloatArray, resolution: float) -> float:
     """Return the step that no mass makes just before it stops."""
     rms = float(np.sqrt(np.mean(steps[steps > 0.0] ** 2)))
-    usual = float(np.quantile(bends, 0.95)) if bends.size else 0.0
+    usual = float(np.quantile(excerpt(bends), 0.95)) if bends.size else 0.0
     return max(FULL_SPEED * rms, RESOLUTIONS * resolution, USUAL_CHANGES * usual)
 
 

@@ -191,8 +191,11 @@ def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
         return Pruning(percent, fit.relative_error, (), kept)
 
     def fit_again(kept: tuple[str, ...]) -> tuple[FloatArray, FloatArray, float]:
-        reduced = refit(fit, [name for name in fit.columns if name in kept or name not in identified])
-        reduced = finish(reduced, solved.job.model) if finish else reduced
+        columns = [name for name in fit.columns if name in kept or name not in identified]
+        reduced = fit
+        if len(columns) < len(fit.columns):
+            reduced = refit(fit, columns)
+            reduced = finish(reduced, solved.job.model) if finish else reduced
         covariance = hac_covariance(reduced) if hac else printed_covariance(reduced, residual_dof)[1]
         place = [reduced.columns.index(name) for name in kept]
         variance = np.diag(covariance)[place] + np.array([drifts[name] for name in kept])

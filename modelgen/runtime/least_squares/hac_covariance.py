@@ -69,12 +69,22 @@ def long_run_covariance(series: Sequence[Series | FloatArray]) -> FloatArray:
     series : sequence of array or callable
         One a record: its influence, shape (n, c), or what yields it in parts from the first instant on.
     """
+    series = [_kept(one) for one in series]
     bandwidth = andrews_bandwidth(series)
     sums = [_ParzenSums(bandwidth) for _ in series]
     for one, parzen in zip(series, sums, strict=True):
         for psi in _in_parts(one):
             parzen.add(psi)
     return joined_covariance([one.result() for one in sums], bandwidth, sum(one.n for one in sums))
+
+
+def _kept(series: Series | FloatArray) -> Series | FloatArray:
+    """Return a short series as an array, so that it is computed once."""
+    if not callable(series):
+        return series
+    parts = series()
+    first = next(parts)
+    return series if next(parts, None) is not None else first
 
 
 def _in_parts(series: Series | FloatArray) -> Iterator[FloatArray]:
@@ -223,7 +233,9 @@ def _parts(fit: Fit, indices: Sequence[int]) -> Iterator[FloatArray]:
             if fit.projected:
                 regressor, gain = fit.projected[index][rows], inverse
             error = fit.weights[index] ** 2 * fit.residuals[index][rows]
-            psi[block.place[rows] - start] += error[:, None] * (regressor @ gain)
+            # where nothing is masked the places follow each other
+            whole = rows.stop - rows.start == stop - start
+            psi[slice(None) if whole else block.place[rows] - start] += error[:, None] * (regressor @ gain)
         yield psi
 
 
