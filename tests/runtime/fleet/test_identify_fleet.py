@@ -233,6 +233,14 @@ def test_a_worker_that_dies_costs_nothing_where_another_can_do_its_work(
     same_to_rounding(found.records["once"], alone.records["run 0"])
 
 
+def test_a_worker_that_takes_long_to_start_again_is_kept(tmp_path: Path) -> None:
+    dask = pytest.importorskip("dask")
+    pytest.importorskip("distributed")
+    # dask's patience with a worker that was lost: far less than a start takes
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "1ms"}), fleet_client(workers=1) as only:
+        assert only.submit(_dies_once, tmp_path / "dead", pure=False).result(timeout=100.0) == "survived"
+
+
 def test_a_record_that_is_lost_before_its_covariance_leaves_the_estimate(
     client: Any, sources: list[NpyChannels], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -316,6 +324,13 @@ def test_workers_that_do_not_start_are_told(monkeypatch: pytest.MonkeyPatch) -> 
 
 def _environment() -> dict[str, str]:
     return dict(os.environ)
+
+
+def _dies_once(marker: Path) -> str:
+    if not marker.exists():
+        marker.touch()
+        os._exit(1)
+    return "survived"
 
 
 def _no_moments(*_: Any) -> None:
