@@ -153,7 +153,8 @@ def _sensor_problems(place: str, key: str, table: Mapping[str, Any], chain: Chai
     from modelgen.spec.chain import Sensor
     from modelgen.spec.references import check_one_sensor
 
-    measures, pair, body = (table.get(name) for name in ("measures", "deflection", "body"))
+    measures: Any = table.get("measures")
+    pair, body = table.get("deflection"), table.get("body")
     if measures not in MEASURES:
         yield Problem(f"{place}.measures", f"is {measures!r}", f"choose from {', '.join(MEASURES)}")
     named = [body] if pair is None else pair

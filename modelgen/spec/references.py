@@ -6,11 +6,11 @@ import re
 from collections.abc import Iterator, Mapping
 
 from modelgen.documents import Document
-from modelgen.errors import Problem
+from modelgen.errors import Problem, listed
 from modelgen.spec.chain import GROUND, LINK_ROLES, ChainSpec, Parameter, Sensor, elements
 from modelgen.spec.tables import BodyTable, FileTable, LinkTable
 from modelgen.spec.units import Motion, Role
-from modelgen.spec.words import identifier_problem, listed, path, shown, suggest
+from modelgen.spec.words import identifier_problem, path, shown, suggest
 
 _DERIVED = re.compile(r"d\d+_.*|sign_.*|1")  # names of signals made from sensors and actuators
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from modelgen.errors import DataError, RenderError
-from modelgen.generated_module.module_check import MAX_BYTES, module_problems, seal
+from modelgen.generated_module.module_check import module_problems, seal
+from modelgen.read_file import MODULE, Kind
 from modelgen.render.environment import environment
 from modelgen.render.writer import generate
 from modelgen.runtime.model.model import load_model, model_from_text
@@ -43,9 +44,9 @@ def test_nothing_outside_the_skeleton_is_ever_rendered(monkeypatch: pytest.Monke
 
 
 def test_a_chain_that_is_too_large_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("modelgen.generated_module.module_check.MAX_BYTES", 1000)
+    monkeypatch.setattr("modelgen.generated_module.module_check.MODULE", Kind(1000, ""))
     with pytest.raises(
-        RenderError, match="file: is larger than 0 MB; describe the machine with fewer bodies"
+        RenderError, match=r"file: is larger than 0\.001 MB; describe the machine with fewer bodies"
     ):
         generate(load_spec(catalog_path("emps_rigid")), "qm")
 
@@ -169,7 +170,7 @@ def test_code_in_a_hidden_place_is_refused(trap: Path, name: str) -> None:
 
 
 HUGE = {
-    "bytes": lambda: "#" * (MAX_BYTES + 1),
+    "bytes": lambda: "#" * (MODULE.largest + 1),
     "lines": lambda: TEXT + "x\n" * 2_000_000,
     "empty lines": lambda: TEXT + "\n" * 4_000_000,
     "minus signs": lambda: TEXT.replace("ABSENT = {}", f"ABSENT = {'-' * 1_000_000}1"),
@@ -317,7 +318,7 @@ def test_a_foreign_file_runs_with_trust_only(trap: Path) -> None:
 
 def test_a_file_that_is_too_large_is_not_executed_in_part(trap: Path) -> None:
     path = trap / "model.py"
-    path.write_text(TEXT + "#" * MAX_BYTES)
+    path.write_text(TEXT + "#" * MODULE.largest)
     for trust in (False, True):
         with pytest.raises(DataError, match=r"model\.py: is larger than 5 MB"):
             load_model(path, trust=trust)
