@@ -275,6 +275,16 @@ def test_literals_are_read_not_executed() -> None:
         literal_value(r"'\x00'")
 
 
+def test_lines_of_code_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    code = TEXT[TEXT.index("def features") :].count("\n")
+    monkeypatch.setattr("modelgen.generated_module.allow_list.MOST_LINES", code)
+    assert module_problems(TEXT) == []
+    monkeypatch.setattr("modelgen.generated_module.allow_list.MOST_LINES", code - 1)
+    (problem,) = module_problems(TEXT)
+    where = TEXT[: TEXT.index("def features")].count("\n") + 1
+    assert problem == Problem(f"line {where}", f"begins more than {code - 1} lines of code", SMALLER)
+
+
 def test_what_is_wrong_with_a_header() -> None:
     assert module_problems("x") == [
         Problem("header", "does not say that modelgen generated this file", "check the path")
