@@ -20,6 +20,7 @@ from modelgen.errors import DataError
 from modelgen.runtime.fleet.dask_cluster import Certificates, check_cluster, fleet_client
 
 distributed: Any = pytest.importorskip("distributed")
+dask: Any = pytest.importorskip("dask")
 psutil: Any = pytest.importorskip("psutil")
 pytest.importorskip("cryptography")
 
@@ -190,6 +191,13 @@ def test_a_key_with_a_pass_phrase_is_refused_for_nobody_is_asked_for_it(tmp_path
         key.write_bytes(loaded.private_bytes(serialization.Encoding.PEM, form, phrase))
         with pytest.raises(DataError, match=r"key.pem: is protected by a pass phrase"):
             check_cluster("tls://127.0.0.1:9", None, Certificates(*map(str, (ca, cert, key))))
+        own = {"ca-file": ca, "client.cert": cert, "client.key": key}
+        with (
+            dask.config.set({f"distributed.comm.tls.{name}": str(path) for name, path in own.items()}),
+            pytest.raises(DataError, match=r"key.pem: is protected by a pass phrase"),
+            fleet_client("tls://127.0.0.1:9"),
+        ):
+            pass
 
 
 @pytest.mark.parametrize("place", range(3))

@@ -39,10 +39,13 @@ def check_certificates(certificates: Certificates) -> None:
         OpenSSL would ask for the phrase on the terminal, where nobody may sit.
     """
     for option, name in OPTIONS.items():
-        path = getattr(certificates, name)
-        if PROTECTED in read_bytes(path, CERTIFICATE):
-            what = "is protected by a pass phrase, which nobody would be asked for"
-            raise DataError.at(f"{option} {path}", what, "give a key without: openssl pkey -in KEY -out NEW")
+        _refuse_protected(f"{option} {getattr(certificates, name)}", getattr(certificates, name))
+
+
+def _refuse_protected(where: str, path: str) -> None:
+    if PROTECTED in read_bytes(path, CERTIFICATE):
+        what = "is protected by a pass phrase, which nobody would be asked for"
+        raise DataError.at(where, what, "give a key without: openssl pkey -in KEY -out NEW")
 
 
 def security_of(distributed: Any, certificates: Certificates | None, where: str) -> Any:
@@ -57,6 +60,9 @@ def security_of(distributed: Any, certificates: Certificates | None, where: str)
         if not (security.tls_ca_file and security.tls_client_cert):
             remedy = "give --tls-ca-file, --tls-cert and --tls-key"
             raise DataError.at(where, "needs certificates", remedy)
+        for held in (security.tls_client_cert, security.tls_client_key):
+            if held and "\n" not in held:  # else it is the text itself
+                _refuse_protected(held, held)
     else:
         security = distributed.Security(
             require_encryption=True,
