@@ -14,9 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
+from itertools import islice
 from typing import ClassVar, Self
 
 LONGEST = 600  # characters of each part of a message; names may have megabytes
+COMPARED, LONGEST_NAME = 200, 64  # names, and their characters, that a misspelt one is compared with
 
 
 def visible(text: str) -> str:
@@ -24,12 +27,28 @@ def visible(text: str) -> str:
     return text if text.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
-def _shortened(text: str) -> str:
-    """Return a text of bounded length: its beginning and its end tell more than its middle."""
-    if len(text) <= LONGEST:
-        return visible(text)
-    half = LONGEST // 2
-    return f"{visible(text[:half])} [... {len(text) - 2 * half} characters ...] {visible(text[-half:])}"
+def shortened(text: str, width: int = 80) -> str:
+    """Return a text of at most so many characters: its beginning and its end tell more than its middle."""
+    if len(text) <= width:
+        return text
+    end = (width - 3) // 2
+    return f"{text[: width - 3 - end]}...{text[-end:]}"
+
+
+def listed(names: Iterable[str], between: str = ", ", most: int = 20, width: int = 80) -> str:
+    """Return "a, b, c and 97 more": a line that a person can read, however many and long the names are."""
+    texts = list(names)
+    shown = between.join(shortened(text, width) for text in texts[:most])
+    return shown if len(texts) <= most else f"{shown} and {len(texts) - most} more"
+
+
+def nearest(name: str, names: Iterable[str]) -> str | None:
+    """Return the right name that a misspelt one is nearest to; None if none is near.
+
+    Only so many and so long ones are compared: the time grows with the product of both lengths.
+    """
+    known = [other for other in islice(names, COMPARED) if len(other) <= LONGEST_NAME]
+    return next(iter(get_close_matches(name[:LONGEST_NAME], known, n=1)), None)
 
 
 @dataclass(frozen=True)
@@ -45,22 +64,10 @@ class Problem:
 
     def __post_init__(self) -> None:
         for name in ("where", "what", "remedy"):
-            object.__setattr__(self, name, _shortened(getattr(self, name)))
+            object.__setattr__(self, name, visible(shortened(getattr(self, name), LONGEST)))
 
     def __str__(self) -> str:
         return f"{self.where}: {self.what}; {self.remedy}"
-
-
-def listed(names: Iterable[str], most: int = 20, width: int = 80) -> str:
-    """Return "a, b, c and 97 more": a line that a person can read, however many and long the names are."""
-    texts = list(names)
-    shown = ", ".join(shortened(text, width) for text in texts[:most])
-    return shown if len(texts) <= most else f"{shown} and {len(texts) - most} more"
-
-
-def shortened(text: str, width: int = 80) -> str:
-    """Return a text of at most so many characters, its end replaced by "..." where it is longer."""
-    return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
 class ModelgenError(Exception):

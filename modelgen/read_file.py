@@ -43,6 +43,7 @@ CONTROLLER = Kind(100_000, "give a controller's TOML file")
 INSTRUMENTS = Kind(100_000, "give a TOML file of candidate instruments")
 ESTIMATE = Kind(32_000_000, "give a file that modelgen identify -o wrote")
 CHECKPOINT = Kind(64_000_000, "remove it: its machine is then identified again")
+CERTIFICATE = Kind(1_000_000, "give a PEM file: see --tls-ca-file, --tls-cert and --tls-key")
 TEMPLATE = Kind(1_000_000, "give a folder of readable templates", RenderError)
 GENERATED = Kind(100_000_000, "move it away or choose another folder with -o", RenderError)
 # 1e8 samples of ten channels are a legitimate record, also as arrays; they are held in memory

@@ -16,11 +16,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
+from math import comb
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modelgen.documents import toml_document
-from modelgen.errors import DataError, ModelgenError, Problem
+from modelgen.errors import DataError, ModelgenError, Problem, listed
 from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.read_file import INSTRUMENTS, read_text
 
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from modelgen.runtime.simulation.instrument import Instrument
     from modelgen.spec.chain import ChainSpec, Sensor
 
+#: Each takes a tenth of a second to some seconds.
+MOST_SETS = 1000
 LEVELS = ("noise", "resolution", "price")
 MEASURES = ("position", "velocity", "acceleration")
 
@@ -71,7 +74,18 @@ def load_candidates(path: Path, chain: ChainSpec) -> Candidates:
 def candidate_models(
     chain: ChainSpec, candidates: Candidates, most_sensors: int
 ) -> tuple[dict[str, Model], dict[str, str]]:
-    """Return a model per combination of at most so many sensors, and why others have none."""
+    """Return a model per combination of at most so many sensors, and why others have none.
+
+    Raises
+    ------
+    DataError
+        When the combinations are too many, or none of them has a model.
+    """
+    count = sum(comb(len(candidates.sensors), size) for size in range(1, most_sensors + 1))
+    if count > MOST_SETS:
+        what = f"{len(candidates.sensors)} sensors make {count} sets of at most {most_sensors}"
+        remedy = f"give fewer, or a smaller --most-sensors: at most {MOST_SETS} sets are compared"
+        raise DataError.at("--candidates", what, remedy)
     sets = {
         "+".join(sensor.key for sensor in chosen): chosen
         for count in range(1, most_sensors + 1)
@@ -85,6 +99,9 @@ def candidate_models(
             models[title] = spec_model(spec, name)
         except ModelgenError as error:
             refused[title] = "; ".join(str(problem) for problem in error.problems)
+    if not models:
+        remedy = "add candidates, or allow more --most-sensors"
+        raise DataError(*(Problem(f"--candidates: {title}", why, remedy) for title, why in refused.items()))
     return models, refused
 
 
@@ -102,13 +119,15 @@ def _pair(table: Mapping[str, Any]) -> tuple[str, str] | None:
 
 
 def _problems(where: str, given: Mapping[str, Any], chain: ChainSpec) -> Iterator[Problem]:
-    bodies = [body.name for body in chain.bodies]
     actuators = [body.actuator for body in chain.bodies if body.actuator]
     for key in given:
         if key not in ("sensors", "actuators"):
             yield Problem(f"{where}: {key}", "is unknown", "write tables [sensors.KEY] and [actuators.KEY]")
     if not isinstance(given.get("sensors"), dict) or not given["sensors"]:
         yield Problem(f"{where}: sensors", "is missing", "write one table [sensors.KEY] a candidate")
+        return
+    if not isinstance(given.get("actuators", {}), dict):
+        yield Problem(f"{where}: actuators", "is no table", "write one table [actuators.KEY] a force")
         return
     for kind in ("sensors", "actuators"):
         for key, table in given.get(kind, {}).items():
@@ -119,7 +138,7 @@ def _problems(where: str, given: Mapping[str, Any], chain: ChainSpec) -> Iterato
             if kind == "actuators" and key not in actuators:
                 yield Problem(place, "is no actuator of the chain", f"choose from {', '.join(actuators)}")
             if kind == "sensors":
-                yield from _sensor_problems(place, key, table, bodies)
+                yield from _sensor_problems(place, key, table, chain)
             known = (*LEVELS, "body", "deflection", "measures") if kind == "sensors" else LEVELS
             for name, value in table.items():
                 if name not in known:
@@ -130,16 +149,20 @@ def _problems(where: str, given: Mapping[str, Any], chain: ChainSpec) -> Iterato
                     yield Problem(f"{place}.{name}", f"is {value!r}", REMEDY)
 
 
-def _sensor_problems(place: str, key: str, table: Mapping[str, Any], bodies: list[str]) -> Iterator[Problem]:
-    if not (key.isascii() and key.isidentifier()):
-        yield Problem(place, "is no name", "use letters, digits and _, beginning with a letter")
-    if table.get("measures") not in MEASURES:
-        yield Problem(
-            f"{place}.measures", f"is {table.get('measures')!r}", f"choose from {', '.join(MEASURES)}"
-        )
-    pair = table.get("deflection")
-    named = [table.get("body")] if pair is None else pair
+def _sensor_problems(place: str, key: str, table: Mapping[str, Any], chain: ChainSpec) -> Iterator[Problem]:
+    from modelgen.spec.chain import Sensor
+    from modelgen.spec.references import check_one_sensor
+
+    measures: Any = table.get("measures")
+    pair, body = table.get("deflection"), table.get("body")
+    if measures not in MEASURES:
+        yield Problem(f"{place}.measures", f"is {measures!r}", f"choose from {', '.join(MEASURES)}")
+    named = [body] if pair is None else pair
     fits = isinstance(named, list) and len(named) == (1 if pair is None else 2)
+    bodies = [other.name for other in chain.bodies]
     if not fits or any(name not in bodies for name in named):
-        remedy = f"give body = or deflection = [.., ..] out of {', '.join(bodies)}"
+        remedy = f"give body = or deflection = [.., ..] out of {listed(bodies)}"
         yield Problem(place, "does not say what it is on", remedy)
+        return
+    sensor = Sensor(key, body, _pair(table), measures)
+    yield from check_one_sensor(place, sensor, {name: None for name in table if name not in LEVELS}, chain)

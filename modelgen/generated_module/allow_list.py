@@ -20,6 +20,7 @@ from modelgen.generated_module.skeleton import BODY, HEAD, LITERAL, SLOTS
 REMEDY = "generate the module again (modelgen generate)"
 SMALLER = "describe the machine with fewer bodies"
 LARGEST_ARRAY = 10_000_000  # numbers a sample; a thousand bodies, all of them sensed, have six millions
+MOST_LINES = 50_000  # of code, five kilobytes each to compile; a thousand bodies have 27,000
 LONGEST_SUM = 2000  # terms; the compiler of Python 3.11 goes to 3000
 
 _SLOT = re.compile(r"<([A-Za-z0-9_ ]+)>")
@@ -82,6 +83,8 @@ def first_deviation(text: str) -> Problem | None:
     """Return the first thing in a text that the generator would not have written; `where` is its line."""
     try:
         at, literals = _follow(_places(HEAD), text, 0, Declared({}, {}))
+        if text.count("\n", at) > MOST_LINES:
+            raise Deviation(at, f"begins more than {MOST_LINES} lines of code", SMALLER)
         declared = declared_by(literals)
         for variants in BODY:
             at = _follow_one(variants, text, at, declared)

@@ -20,7 +20,6 @@ SEAL = re.compile(
     r"^(# SHA-256 of this file, with zeros in place of this digest: )([0-9a-f]{64})$", re.MULTILINE
 )
 ZEROS = "0" * 64
-MAX_BYTES = MODULE.largest
 
 
 def seal(text: str) -> str:
@@ -45,8 +44,8 @@ def module_problems(text: str) -> list[Problem]:
 
     `where` of a problem is a line, or "header".
     """
-    if len(text) > MAX_BYTES:
-        return [Problem("file", f"is larger than {MAX_BYTES // 1_000_000} MB", SMALLER)]
+    if len(text) > MODULE.largest:
+        return [Problem("file", f"is larger than {MODULE.largest / 1e6:.6g} MB", SMALLER)]
     if not has_header(text):
         return [Problem("header", "does not say that modelgen generated this file", "check the path")]
     if len(SEAL.findall(text)) != 1:

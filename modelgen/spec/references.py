@@ -6,11 +6,11 @@ import re
 from collections.abc import Iterator, Mapping
 
 from modelgen.documents import Document
-from modelgen.errors import Problem
+from modelgen.errors import Problem, listed
 from modelgen.spec.chain import GROUND, LINK_ROLES, ChainSpec, Parameter, Sensor, elements
 from modelgen.spec.tables import BodyTable, FileTable, LinkTable
 from modelgen.spec.units import Motion, Role
-from modelgen.spec.words import identifier_problem, listed, path, shown, suggest
+from modelgen.spec.words import identifier_problem, path, shown, suggest
 
 _DERIVED = re.compile(r"d\d+_.*|sign_.*|1")  # names of signals made from sensors and actuators
 
@@ -137,10 +137,7 @@ def _check_shared_names(document: Document, spec: ChainSpec) -> Iterator[Problem
 def _check_sensors(
     document: Document, spec: ChainSpec, bodies: Mapping[str, Motion] | None
 ) -> Iterator[Problem]:
-    taken = {parameter.name: where for where, parameter in elements(spec)}
-    taken.update(
-        {body.actuator: f"bodies[{i}].actuator" for i, body in enumerate(spec.bodies) if body.actuator}
-    )
+    taken = _taken(spec)
     for name, sensors in spec.sensor_sets.items():
         tables = document["sensors"][name]
         yield from _check_name(path("sensors", name), name)
@@ -152,14 +149,29 @@ def _check_sensors(
             )
         for sensor in sensors:
             where = path("sensors", name, sensor.key)
-            yield from _check_name(where, sensor.key)
-            yield from _check_derived(where, sensor.key)
-            if sensor.key in taken:
-                yield Problem(
-                    where, f'"{sensor.key}" is the name in {taken[sensor.key]} too', "rename one of them"
-                )
+            yield from _check_key(where, sensor.key, taken)
             if tables[sensor.key] is not None:
                 yield from _check_sensor(where, sensor, tables[sensor.key], spec, bodies)
+
+
+def check_one_sensor(where: str, sensor: Sensor, table: Document, spec: ChainSpec) -> Iterator[Problem]:
+    """Report what is wrong with a sensor from elsewhere than a spec, as if it stood there."""
+    yield from _check_key(where, sensor.key, _taken(spec))
+    yield from _check_sensor(where, sensor, table, spec, {body.name: body.motion for body in spec.bodies})
+
+
+def _taken(spec: ChainSpec) -> dict[str, str]:
+    """Return the names that no sensor may have, and where they stand."""
+    actuators = {body.actuator: f"bodies[{i}].actuator" for i, body in enumerate(spec.bodies)}
+    named = {parameter.name: where for where, parameter in elements(spec)}
+    return named | {name: where for name, where in actuators.items() if name}
+
+
+def _check_key(where: str, key: str, taken: Mapping[str, str]) -> Iterator[Problem]:
+    yield from _check_name(where, key)
+    yield from _check_derived(where, key)
+    if key in taken:
+        yield Problem(where, f'"{key}" is the name in {taken[key]} too', "rename one of them")
 
 
 def _check_sensor(

@@ -9,12 +9,12 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from modelgen.documents import Document
-from modelgen.errors import Problem
+from modelgen.errors import Problem, nearest
 from modelgen.generated_module.literals import hidden_character
 from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.spec.chain import Friction
 from modelgen.spec.units import Measures, Motion
-from modelgen.spec.words import identifier_problem, nearest, path, shown, suggest
+from modelgen.spec.words import identifier_problem, path, shown, suggest
 
 
 def _name(text: str) -> str:

@@ -7,12 +7,12 @@ import keyword
 import math
 import re
 from collections.abc import Iterable
-from difflib import get_close_matches
+
+from modelgen.errors import listed, nearest
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 # "type" is a keyword since Python 3.12 only: refused everywhere, so that a spec means the same everywhere
 _KEYWORDS = frozenset({*keyword.kwlist, *keyword.softkwlist, "type"})
-_NAMES_LISTED, _NAMES_COMPARED = 12, 200  # in a remedy; comparing more takes longer than it helps
 
 
 def identifier_problem(text: str) -> tuple[str, str] | None:
@@ -53,14 +53,3 @@ def suggest(name: str, names: Iterable[str], kind: str) -> str:
     if close is not None:
         return f"did you mean {shown(close)}?"
     return f"the {kind} are {listed(known)}" if known else f"there are no {kind} here"
-
-
-def listed(names: list[str], between: str = ", ") -> str:
-    """Join names for a message, the first dozen of them."""
-    seen = [name if name.isprintable() and len(name) <= 64 else shown(name) for name in names[:_NAMES_LISTED]]
-    return between.join(seen + ["..."] * (len(names) > _NAMES_LISTED))
-
-
-def nearest(name: str, names: Iterable[str]) -> str | None:
-    """Return the right name that a misspelt one is nearest to; None if none is near."""
-    return next(iter(get_close_matches(name[:64], list(names)[:_NAMES_COMPARED], n=1)), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import ssl
 import tempfile
@@ -19,8 +20,11 @@ from modelgen.errors import DataError
 from modelgen.runtime.fleet.dask_cluster import Certificates, check_cluster, fleet_client
 
 distributed: Any = pytest.importorskip("distributed")
+dask: Any = pytest.importorskip("dask")
 psutil: Any = pytest.importorskip("psutil")
 pytest.importorskip("cryptography")
+
+from cryptography.hazmat.primitives import serialization  # noqa: E402
 
 from tests.security.certificates import authority  # noqa: E402 (needs cryptography)
 
@@ -179,13 +183,42 @@ def test_what_is_no_address_is_refused_before_anything_is_read(address: str) -> 
     assert len(result.stderr) < 500
 
 
+def test_a_key_with_a_pass_phrase_is_refused_for_nobody_is_asked_for_it(tmp_path: Path) -> None:
+    ca, cert, key = authority(tmp_path, "good")
+    loaded = serialization.load_pem_private_key(key.read_bytes(), None)
+    phrase = serialization.BestAvailableEncryption(b"phrase")
+    for form in (serialization.PrivateFormat.PKCS8, serialization.PrivateFormat.TraditionalOpenSSL):
+        key.write_bytes(loaded.private_bytes(serialization.Encoding.PEM, form, phrase))
+        with pytest.raises(DataError, match=r"key.pem: is protected by a pass phrase"):
+            check_cluster("tls://127.0.0.1:9", None, Certificates(*map(str, (ca, cert, key))))
+        own = {"ca-file": ca, "client.cert": cert, "client.key": key}
+        with (
+            dask.config.set({f"distributed.comm.tls.{name}": str(path) for name, path in own.items()}),
+            pytest.raises(DataError, match=r"key.pem: is protected by a pass phrase"),
+            fleet_client("tls://127.0.0.1:9"),
+        ):
+            pass
+
+
+@pytest.mark.parametrize("place", range(3))
+def test_certificates_are_regular_files_of_a_bounded_size(tmp_path: Path, place: int) -> None:
+    large, pipe = tmp_path / "large.pem", tmp_path / "pipe.pem"
+    large.write_bytes(b"x" * 1_000_001)
+    os.mkfifo(pipe)
+    for path, reason in ((large, "is larger than 1 MB"), (pipe, "it is a pipe"), (tmp_path, "a folder")):
+        paths = [str(path) for path in authority(tmp_path, "good")]
+        paths[place] = str(path)
+        with pytest.raises(DataError, match=reason):
+            check_cluster("tls://127.0.0.1:9", None, Certificates(*paths))
+
+
 def test_certificates_are_given_together_for_tls_and_must_exist(tmp_path: Path) -> None:
     asked = ["fleet", "absent.csv", "--model", MODULE, "--cutoff-hz", "1"]
     tls = ["--scheduler", "tls://127.0.0.1:9"]
     whole = ["--tls-ca-file", "a", "--tls-cert", "b", "--tls-key", "c"]
     expected = {
         (*tls, "--tls-cert", "b"): "--tls-ca-file, --tls-key: is missing",
-        (*tls, *whole): "--tls-ca-file a: is not a file that exists",
+        (*tls, *whole): "a: cannot be read (No such file or directory); give a PEM file",
         ("--scheduler", "tcp://127.0.0.1:9", *whole): "write tls:// before the host",
         tuple(whole): "a local cluster makes its own",
         (*tls, "--workers", "2"): "leave it out, or leave out --scheduler",

@@ -19,7 +19,6 @@ from modelgen.generated_module.allow_list import (
 )
 from modelgen.generated_module.literals import LONGEST_LITERAL, declared_by, hidden_character, literal_value
 from modelgen.generated_module.module_check import (
-    MAX_BYTES,
     ZEROS,
     has_header,
     module_problems,
@@ -27,6 +26,7 @@ from modelgen.generated_module.module_check import (
     seal,
 )
 from modelgen.generated_module.skeleton import BODY, HEAD, IDENTIFY, IDENTIFY_BY_FILES
+from modelgen.read_file import MODULE
 from modelgen.render.writer import generate
 from modelgen.spec.load import catalog_path, load_spec
 from tests.security.module_mutants import LITERALS, TEXTS, sized
@@ -275,6 +275,16 @@ def test_literals_are_read_not_executed() -> None:
         literal_value(r"'\x00'")
 
 
+def test_lines_of_code_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    code = TEXT[TEXT.index("def features") :].count("\n")
+    monkeypatch.setattr("modelgen.generated_module.allow_list.MOST_LINES", code)
+    assert module_problems(TEXT) == []
+    monkeypatch.setattr("modelgen.generated_module.allow_list.MOST_LINES", code - 1)
+    (problem,) = module_problems(TEXT)
+    where = TEXT[: TEXT.index("def features")].count("\n") + 1
+    assert problem == Problem(f"line {where}", f"begins more than {code - 1} lines of code", SMALLER)
+
+
 def test_what_is_wrong_with_a_header() -> None:
     assert module_problems("x") == [
         Problem("header", "does not say that modelgen generated this file", "check the path")
@@ -285,8 +295,8 @@ def test_what_is_wrong_with_a_header() -> None:
     assert module_problems(TEXT + "\n") == [
         Problem("header", "states another digest: the file was changed after it was generated", REMEDY)
     ]
-    assert module_problems("x" * (MAX_BYTES + 1)) == [Problem("file", "is larger than 5 MB", SMALLER)]
-    assert module_problems("x" * MAX_BYTES)[0].where == "header"
+    assert module_problems("x" * (MODULE.largest + 1)) == [Problem("file", "is larger than 5 MB", SMALLER)]
+    assert module_problems("x" * MODULE.largest)[0].where == "header"
     assert module_problems("\ud800" + TEXT)[0].where == "header"
     assert module_problems(seal("\ud800" + TEXT))[0].where == "line 1"
 

@@ -102,3 +102,23 @@ def walk(module: ModuleType, truth: dict[str, float], name: str, text: str) -> d
             if abs(point[column] / truth[name] - 1) > 1e-3:
                 return dict(zip(names, back(point, 20).tolist(), strict=True))
     raise AssertionError((name, text))
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(st.integers(0, 10**9))
+def test_cubic_springs_are_read_or_refused_in_words(seed: int) -> None:
+    rng = random.Random(seed)
+    lines = []
+    for line in random_spec(rng, most_bodies=4).splitlines():
+        lines.append(line)
+        if line.startswith("stiffness"):
+            lines += [f'stiffness3 = "C{len(lines)}"'] if rng.random() < 0.4 else []
+    try:
+        model = build(parse_spec("\n".join(lines), "chain.toml"), "set")
+    except ModelError as error:
+        assert error.problems[0].where == "chain.toml: sensors.set"
+        return
+    # what is cubed is read as it is, in rows that are not differentiated
+    cubes = {feature.key for feature in model.rows.features if feature.function == "cube"}
+    for row in model.rows.rows:
+        assert not row.differentiated or not cubes & {term.key for term in row.terms}

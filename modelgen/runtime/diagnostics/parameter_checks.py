@@ -35,6 +35,7 @@ LEAST_SNR_DB = 20.0
 REMEDIES = {
     "inertia": "accelerate harder",
     "stiffness": "excite up to the mode of vibration",
+    "stiffness3": "stretch the spring further: its cube needs large deflections",
     "damping": "excite near the mode of vibration",
     "viscous": "add stretches of different constant speeds",
     "coulomb": "add slow motion in both directions",

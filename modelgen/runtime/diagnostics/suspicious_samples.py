@@ -142,7 +142,9 @@ def _leaps(samples: FloatArray, runs: Runs, faulty: Sequence[int]) -> list[int]:
         return []
     odd = np.abs(steps[1:-1] - 0.5 * (steps[2:] + steps[:-2]))
     speed = float(np.sqrt(np.mean(steps**2)))
-    least = max(LEAP * float(np.quantile(excerpt(odd), 0.999)), LEAP_RESOLUTIONS * runs.resolution, LEAP_SPEED * speed)
+    least = max(
+        LEAP * float(np.quantile(excerpt(odd), 0.999)), LEAP_RESOLUTIONS * runs.resolution, LEAP_SPEED * speed
+    )
     ends = np.concatenate([runs.first[faulty], runs.last[faulty] + 1])
     found = np.flatnonzero(odd > least) + 2
     return [int(place) for place in found if not np.any(np.abs(ends - place) <= 1)]

@@ -9,12 +9,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing import active_children
-from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from modelgen.errors import DataError, ModelgenError
 from modelgen.progress import counted
+from modelgen.runtime.fleet.certificates import Certificates as Certificates
+from modelgen.runtime.fleet.certificates import check_certificates, security_of
 from modelgen.runtime.numerics.threads import usable_threads
 
 # A fleet without any worker for so long is given up, after so many looks. On a busy machine a worker that was
@@ -37,23 +38,6 @@ WORKERS_A_CORE = 8
 
 class GivenUpError(DataError):
     """Nobody is left to do the work, or nobody does it."""
-
-
-@dataclass(frozen=True)
-class Certificates:
-    """Files (PEM) with which a scheduler and this client know each other; named as dask names them.
-
-    Attributes
-    ----------
-    ca_file : str
-        Certificate of the authority that signed those of the scheduler and of its workers.
-    cert, key : str
-        Own certificate, signed by the same authority, and its private key.
-    """
-
-    ca_file: str
-    cert: str
-    key: str
 
 
 @contextmanager
@@ -134,11 +118,7 @@ def check_cluster(
         if address[1] != "tls":
             what = "is asked without encryption, so certificates are of no use"
             raise DataError.at(f"--scheduler {scheduler}", what, "write tls:// before the host")
-        options = {"--tls-ca-file": "ca_file", "--tls-cert": "cert", "--tls-key": "key"}
-        for option, name in options.items():
-            if not Path(getattr(certificates, name)).is_file():
-                where = f"{option} {getattr(certificates, name)}"
-                raise DataError.at(where, "is not a file that exists", "check the path")
+        check_certificates(certificates)
 
 
 @contextmanager
@@ -148,7 +128,7 @@ def _connected(
     """Yield a client of a scheduler that runs."""
     where, security = f"--scheduler {scheduler}", None
     if scheduler.startswith("tls://"):
-        security = _security(distributed, certificates, where)
+        security = security_of(distributed, certificates, where)
     remedy = "start one with: dask scheduler"
     if security is not None:
         remedy = "check that it runs with --protocol tls, and that one authority signed all certificates"
@@ -160,30 +140,6 @@ def _connected(
         raise DataError.at(where, f"does not answer within {timeout_s:g} s ({said})", remedy) from error
     with client:
         yield client
-
-
-def _security(distributed: Any, certificates: Certificates | None, where: str) -> Any:
-    """Return how to show and check certificates; without files, as dask's configuration says."""
-    if certificates is None:
-        security = distributed.Security(require_encryption=True)
-        if not (security.tls_ca_file and security.tls_client_cert):
-            remedy = "give --tls-ca-file, --tls-cert and --tls-key"
-            raise DataError.at(where, "needs certificates", remedy)
-    else:
-        security = distributed.Security(
-            require_encryption=True,
-            tls_ca_file=certificates.ca_file,
-            tls_client_cert=certificates.cert,
-            tls_client_key=certificates.key,
-        )
-    try:
-        security.get_connection_args("client")
-    except (OSError, ValueError) as error:  # of ssl: no certificate, or a key that does not fit it
-        remedy = "give files in PEM format, and the key that the certificate was made for"
-        raise DataError.at(
-            "--tls-ca-file, --tls-cert, --tls-key", f"cannot be used ({error})", remedy
-        ) from error
-    return security
 
 
 @contextmanager
@@ -201,11 +157,16 @@ def _quiet_logs() -> Iterator[None]:
 @contextmanager
 def _local_cluster(workers: int) -> Iterator[Any]:
     """Yield a cluster on this machine; none of its processes and files outlives it."""
+    dask: Any = import_module("dask")
+    servers: Any = import_module("modelgen.runtime.fleet.servers")
     others = active_children()
     cluster = None
-    with TemporaryDirectory(prefix="modelgen-fleet-", ignore_cleanup_errors=True) as folder:
+    with (
+        TemporaryDirectory(prefix="modelgen-fleet-", ignore_cleanup_errors=True) as folder,
+        dask.config.set(servers.KEPT),  # asked for whenever a worker is lost
+    ):
         try:
-            cluster = _started(workers, folder)
+            cluster = _started(dask, servers, workers, folder)
             yield cluster
         finally:
             with suppress(TimeoutError):  # on a busy machine a worker may never say that it is gone
@@ -220,10 +181,8 @@ def _local_cluster(workers: int) -> Iterator[Any]:
                     process.join(CLOSING_S)
 
 
-def _started(workers: int, folder: str) -> Any:
+def _started(dask: Any, servers: Any, workers: int, folder: str) -> Any:
     """Return a cluster on this machine; one BLAS thread a worker, because the workers are the threads."""
-    dask: Any = import_module("dask")
-    servers: Any = import_module("modelgen.runtime.fleet.servers")
     threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     memory = {f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in KEPT_MEMORY.items()}
     try:

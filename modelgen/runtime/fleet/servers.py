@@ -11,6 +11,9 @@ from typing import Any
 
 distributed: Any = import_module("distributed")
 
+#: A cluster of dask gives up a worker that is not back after 15 s, and starts no other. On a busy machine
+#: it may take longer, and die again in between. Whether to wait is decided by who waits for the results.
+KEPT = {"distributed.deploy.lost-worker-timeout": "24h"}
 #: what the cluster's processes log: warnings (logging.WARNING), as those of a cluster of dask's own
 LOGGED = 30
 

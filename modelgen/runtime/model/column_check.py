@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.magnitudes import is_usable
+
 FloatArray = npt.NDArray[np.float64]
 SAMPLES = 3
 TOLERANCE = 1e-9  # relative to the largest entry; the two differ by rounding only
@@ -19,12 +21,12 @@ PROBED = "random signals and parameters"
 
 
 def is_number(value: Any) -> bool:
-    """Tell whether a value is a finite real number."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < float("inf")
+    """Tell whether a value is a real number that can be calculated with."""
+    return isinstance(value, (int, float)) and is_usable(value)
 
 
 def is_terms(value: Any) -> bool:
-    """Tell whether a value is a tuple of (finite coefficient, key) pairs."""
+    """Tell whether a value is a tuple of (coefficient, key) pairs."""
     return isinstance(value, tuple) and all(
         isinstance(pair, tuple) and len(pair) == 2 and is_number(pair[0]) and isinstance(pair[1], str)
         for pair in value

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from modelgen.errors import Problem
+from modelgen.magnitudes import LARGEST, SMALLEST
 from modelgen.runtime.model.column_check import column_problems, is_number, is_terms
 
 VERSION = 1
 REMEDY = "generate the module again with this version of modelgen"
+NUMBERS = f"numbers that are zero or from {SMALLEST:g} to {LARGEST:g}"
 MEASURES = ("position", "velocity", "acceleration")
 FUNCTIONS = ("sign", "forward", "backward", "cube")
 ROLE_NAMES = ("inertia", "viscous", "coulomb", "offset", "stiffness", "damping", "stiffness3")
@@ -70,7 +72,7 @@ COUNT = Kind("an integer, zero or more", _is_count)
 # elimination and differentiation of the rows that modelgen derives stay below 20
 ORDER = Kind("an integer from 0 to 99", lambda value: _is_count(value) and value < 100)
 PAIR_OR_NONE = Kind("a pair of strings or None", _or_none(lambda value: _is_names(value) and len(value) == 2))
-LEVER = Kind("a positive number", lambda value: is_number(value) and value > 0.0)
+LEVER = Kind(f"a number from {SMALLEST:g} to {LARGEST:g}", lambda value: is_number(value) and value > 0.0)
 NAMES = Kind("a tuple of different strings", _is_names)
 
 VALUES: dict[str, Kind] = {
@@ -83,12 +85,12 @@ VALUES: dict[str, Kind] = {
         "a non-empty tuple of different strings", lambda value: _is_names(value) and value != ()
     ),
     "IDENTIFIABLE": NAMES,
-    "KNOWN": Kind("a mapping of names to finite numbers", _maps_texts(is_number)),
+    "KNOWN": Kind(f"a mapping of names to {NUMBERS}", _maps_texts(is_number)),
     "ABSENT": Kind("a mapping of names to strings", _maps_texts(_is_text)),
     "COMPOSITES": Kind("a mapping of names to strings", _maps_texts(_is_text)),
     "UNITS": Kind("a mapping of names to strings", _maps_texts(_is_text)),
     "PARAMETER_SETS": Kind(
-        "a mapping of names to mappings of names to finite numbers", _maps_texts(_maps_texts(is_number))
+        f"a mapping of names to mappings of names to {NUMBERS}", _maps_texts(_maps_texts(is_number))
     ),
     "ROLES": Kind("a mapping of names to dicts", _maps_texts(lambda value: isinstance(value, Mapping))),
 }

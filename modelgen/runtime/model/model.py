@@ -156,8 +156,8 @@ class Model:
     @property
     def direction_keys(self) -> tuple[str, ...]:
         """Signals whose sign matters: under a sign, forward or backward feature, or a row's reversals."""
-        used = [feature.of for feature in self.features if feature.function != "cube"]
-        used += [key for row in self.rows for key in row.reversals]
+        used = {feature.of for feature in self.features if feature.function != "cube"}
+        used |= {key for row in self.rows for key in row.reversals}
         return tuple(signal.key for signal in self.signals if signal.key in used)
 
     def column_terms(self, row: int, column: int) -> Terms:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.errors import DataError, Problem, listed, shortened
+from modelgen.errors import DataError, Problem, listed, nearest, shortened
 from modelgen.magnitudes import FAINTEST, FREQUENCY_REMEDY, LARGEST, is_frequency, shown_number
 from modelgen.runtime.records.channels import Channels, ChannelSignals, Edit, EditedChannels
 from modelgen.runtime.records.record_facts import RecordFacts
@@ -190,9 +189,8 @@ class Record:
 def missing_name(where: str, kind: str, name: str, available: Iterable[str]) -> Problem:
     """Return the problem "has no <kind> <name>", with the closest name and those that there are."""
     names = list(available)
-    # the time of a comparison grows with the product of both lengths
-    close = difflib.get_close_matches(name[:64], [n for n in names[:200] if len(n) <= 64], n=1)
-    hint = f"did you mean {close[0]}? " if close else ""
+    close = nearest(name, names)
+    hint = f"did you mean {close}? " if close is not None else ""
     return Problem(where, f"has no {kind} {shortened(name)}", f"{hint}available: {listed(names) or 'none'}")
 
 

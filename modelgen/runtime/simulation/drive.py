@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf
 
 from modelgen.errors import DataError, Problem
-from modelgen.magnitudes import REMEDY, is_usable
+from modelgen.magnitudes import LARGEST_COUNT, REMEDY, is_usable
 
 # how a sampled controller gets the velocity; the numbers are those of step_kernel
 VELOCITIES = {"true": 0, "backward": 1, "central": 2}
@@ -84,18 +84,20 @@ class Drive:
         return self.bandwidth_hz < inf
 
 
-def whole_steps(what: str, seconds: float, rate_hz: float) -> int:
+def whole_steps(what: str, seconds: float, rate_hz: float, least: int = 0) -> int:
     """Return a time in internal steps.
 
     Raises
     ------
     DataError
-        When it is no whole number of them.
+        When it is no whole number of them, fewer than `least`, or more than can be counted.
     """
     steps = seconds * rate_hz
+    stated = f"is {steps:.6g} internal steps of {1.0 / rate_hz:.6g} s"
+    if not least - 0.5 < steps <= LARGEST_COUNT:
+        remedy = f"choose from {least} to {LARGEST_COUNT} of them"
+        raise DataError.at(f"drive: {what}", stated, remedy)
     if abs(steps - round(steps)) > 1e-6 * max(1.0, steps):
         remedy = "choose an oversampling that divides it, or another time"
-        raise DataError.at(
-            f"drive: {what}", f"is {steps:.6g} internal steps of {1.0 / rate_hz:.6g} s", remedy
-        )
+        raise DataError.at(f"drive: {what}", stated, remedy)
     return round(steps)

@@ -94,7 +94,7 @@ def _sampled(
     internal_hz = excitation.rate_hz
     tick_hz = drive.rate_hz or internal_hz / oversample
     refine = refinement(system, 1.0 / internal_hz)
-    per_tick = whole_steps("rate_hz", 1.0 / tick_hz, internal_hz)
+    per_tick = whole_steps("rate_hz", 1.0 / tick_hz, internal_hz, least=1)
     delay = refine * whole_steps("delay_s", drive.delay_s, internal_hz)
     flow = Flow(system, 1.0 / (internal_hz * refine))
     n, k = len(plant.bodies), np.arange(0, excitation.reference.size, oversample) * refine

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from modelgen.errors import ModelError
+from modelgen.errors import ModelError, listed
 from modelgen.symbolic.elimination.multipliers import MOST_TERMS
 from modelgen.symbolic.elimination.polynomials import Coordinates, Functional, unit
 from modelgen.symbolic.elimination.term_count import TermCount, TermCounter
@@ -31,8 +31,6 @@ MOST_ADDITIONS = 300_000
 MOST_COUNTED = 200_000
 #: So many ways to make a row may fail where others were left out, or for every row; each takes half a second.
 MOST_FAILED = 3
-#: A list of more bodies than this is cut.
-LISTED = 20
 
 #: equations, and the coordinates in them that the row eliminates
 Choice = tuple[tuple[str, ...], tuple[str, ...]]
@@ -60,7 +58,7 @@ class LengthLimit:
             power = self._counter.decimal_power(inside)
             raise ModelError.at(
                 self.where,
-                f"{len(inside)} bodies that hang together have no sensor ({_listed(inside)}); at most "
+                f"{len(inside)} bodies that hang together have no sensor ({listed(inside)}); at most "
                 f"{LARGEST_ELIMINATION} can be eliminated: the determinant of these has more than 10^{power} "
                 "terms",
                 self._remedy(),
@@ -89,7 +87,7 @@ class LengthLimit:
         if len(kept) < len(choices):
             count = _together(counts.values())
             more = "" if len(counts) == len(choices) else "more than "
-            unseen = _listed(self._coordinates.unseen)
+            unseen = listed(self._coordinates.unseen)
             self._too_long = ModelError.at(
                 self.where,
                 f"the rows without a sensor on {unseen} would have {more}{count.total:,} terms, "
@@ -123,7 +121,7 @@ class LengthLimit:
         """
         if self._too_long is not None:
             raise self._too_long
-        unseen = _listed(self._coordinates.unseen)
+        unseen = listed(self._coordinates.unseen)
         raise ModelError.at(
             self.where,
             f"without a sensor on {unseen} the coefficients of the rows cannot be told apart"
@@ -143,7 +141,7 @@ class LengthLimit:
         ModelError
         """
         if additions > MOST_ADDITIONS:
-            unseen = _listed(self._coordinates.unseen)
+            unseen = listed(self._coordinates.unseen)
             raise ModelError.at(
                 self.where,
                 f"the rows without a sensor on {unseen} take {additions:,} additions to know whether they "
@@ -175,7 +173,7 @@ class LengthLimit:
     def _remedy(self) -> str:
         """Return position sensors with which all is short: on the unseen, less those that may stay so."""
         if any(len(table) > 1 for table in self._coordinates.table.values()):
-            return f"add a position sensor on {_listed(self._coordinates.unseen)}"
+            return f"add a position sensor on {listed(self._coordinates.unseen)}"
         left_out: set[str] = set()
         done: dict[frozenset[str], TermCount] = {}
         enough = self._counter.counted + MOST_COUNTED
@@ -190,9 +188,7 @@ class LengthLimit:
                 done = {**others, group: count}
                 left_out.add(body)
         wanted = [body for body in self._coordinates.unseen if body not in left_out]
-        return f"add a position sensor on {_listed(wanted)}" + (
-            f" ({len(wanted)} bodies)" if len(wanted) > LISTED else ""
-        )
+        return f"add a position sensor on {listed(wanted)}"
 
     def _group(self, body: str, unseen: Collection[str]) -> frozenset[str] | None:
         """Return the unseen bodies that equations would tie to a body; None if they are too many."""
@@ -246,7 +242,3 @@ def _cancelling(
         else:
             pivots[lead] = vector
     return found[0] if len(found) == 1 else {}
-
-
-def _listed(bodies: Sequence[str]) -> str:
-    return ", ".join(bodies[:LISTED]) + (", ..." if len(bodies) > LISTED else "")

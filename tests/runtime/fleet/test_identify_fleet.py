@@ -256,6 +256,14 @@ def test_a_worker_that_dies_costs_nothing_where_another_can_do_its_work(
     assert found.machines["a"] == alone([once, sources[1]], **SETTINGS)
 
 
+def test_a_worker_that_takes_long_to_start_again_is_kept(tmp_path: Path) -> None:
+    dask = pytest.importorskip("dask")
+    pytest.importorskip("distributed")
+    # dask's patience with a worker that was lost: far less than a start takes
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "1ms"}), fleet_client(workers=1) as only:
+        assert only.submit(_dies_once, tmp_path / "dead", pure=False).result(timeout=100.0) == "survived"
+
+
 def test_a_fleet_without_workers_gives_up(
     sources: list[NpyChannels], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -329,6 +337,13 @@ def test_workers_that_do_not_start_are_told(monkeypatch: pytest.MonkeyPatch) -> 
 
 def _environment() -> dict[str, str]:
     return dict(os.environ)
+
+
+def _dies_once(marker: Path) -> str:
+    if not marker.exists():
+        marker.touch()
+        os._exit(1)
+    return "survived"
 
 
 def test_names_must_differ_and_a_scheduler_must_answer(sources: list[NpyChannels]) -> None:
