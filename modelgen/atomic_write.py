@@ -68,7 +68,7 @@ def _exists(target: Path) -> ModelgenError:
 
 
 def _new_draft(folder: Path) -> tuple[Path, int]:
-    """Create an empty file under a name that nobody has; what others left there is not touched.
+    """Create an empty file under a new name; existing files are not touched.
 
     Not by tempfile, whose files are readable by their owner only. The name does not grow with the target's.
     """
@@ -83,7 +83,7 @@ def _new_draft(folder: Path) -> tuple[Path, int]:
 
 
 def _put_in_place(draft: Path, target: Path) -> None:
-    """Give the draft the target's name, which nobody may have by then.
+    """Give the draft the target's name, which must not exist by then.
 
     Raises
     ------

@@ -49,10 +49,10 @@ class CheckedCommand(TyperCommand):
 
 
 class ExplainedGroup(TyperGroup):
-    """Tells every mistake of a command in a line of its own, and ends with its exit code."""
+    """Prints every mistake of a command on a line of its own, and ends with its exit code."""
 
     def main(self, *arguments: Any, **options: Any) -> Any:
-        """Run the command line; whatever cannot be written to the standard output is told, too."""
+        """Run the command line; a failure to write to the standard output is reported, too."""
         try:
             return super().main(*arguments, **options)
         except OSError as error:  # outside of any command: the help, on a full disk
@@ -60,7 +60,7 @@ class ExplainedGroup(TyperGroup):
             sys.exit(2)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a command and explain what stops it."""
+        """Run a command and explain the errors that end it."""
         try:
             with shown(), warnings.catch_warnings():
                 warnings.simplefilter("error", RuntimeWarning)
@@ -119,7 +119,7 @@ def _number_problems(parameter: Any, value: Any) -> list[Problem]:
 
 
 def _number_of(text: str) -> float:
-    """Return the number that a text is, zero where it is none: whoever reads it says so."""
+    """Return the number that a text is, zero where it is none: the command reports that."""
     try:
         return float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""identify --report: one HTML page from an estimate, with the chain's sensor sets beside the one used."""
+"""identify --report: one HTML page from an estimate, with all sensor sets of the chain."""
 
 from __future__ import annotations
 

@@ -136,7 +136,7 @@ def correlation_plot(estimate: Estimate) -> Markup | None:
 
 
 def singular_value_plot(values: FloatArray) -> Markup | None:
-    """Return the singular values of the weighted W, columns of unit length."""
+    """Return the plot of the singular values of the weighted W (columns of unit length), shape (columns,)."""
     kept = values[values > 0.0]
     if not kept.size:
         return None

@@ -69,7 +69,7 @@ def compare(
 
 
 def _models(sources: Sequence[str], sensors: str | None, trust: bool, fewest: int) -> dict[str, Model]:
-    """Return the models by a title that tells them apart; a spec gives one per sensor set."""
+    """Return the models by a title that distinguishes them; a spec gives one per sensor set."""
     from modelgen.cli.arguments import load_chain, sensor_sets
     from modelgen.render.writer import generate, module_name
     from modelgen.runtime.model.model import load_model, model_from_text

@@ -107,7 +107,10 @@ def noise_gains(model: Model, order: int, cutoff_hz: float, fs: float) -> tuple[
 
 
 def impulse_response(order: int, cutoff_hz: float, fs: float, derivative: int) -> FloatArray:
-    """Return the two-sided response of filter and differences to an impulse, its middle in the middle."""
+    """Return the two-sided impulse response of filter and differences, shape (odd length,), centred.
+
+    Its unit is s^-d for the derivative d; `cutoff_hz` and `fs` are in Hz.
+    """
     half = int(np.ceil(PERIODS * fs / cutoff_hz)) + 8 * (derivative + 1)
     impulse = np.zeros(2 * half + 1)
     impulse[half] = 1.0

@@ -1,4 +1,4 @@
-"""Text files whose columns cannot be told from the lines alone: layouts of certain instruments.
+"""Text files whose columns cannot be recognised from the lines alone: layouts of certain instruments.
 
 Each function takes the first lines of a file and returns its layout, or None where it is of another kind.
 """

@@ -1,4 +1,4 @@
-"""What a reading library says beside its results, kept from the screen: a user is told once, in our words."""
+"""Messages of a reading library, kept off the screen: the user gets one message, from modelgen."""
 
 from __future__ import annotations
 

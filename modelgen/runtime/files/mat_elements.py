@@ -177,7 +177,7 @@ class Values:
 
 
 def complex_of(real: npt.NDArray[Any], imaginary: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return complex numbers of two parts; a sum with 1j would make NaN of what is infinite."""
+    """Return complex numbers of two parts of one shape; a sum with 1j would make NaN of infinite parts."""
     values = np.empty(real.shape, np.result_type(real, np.complex64))
     values.real, values.imag = real, imaginary
     return values

@@ -2,7 +2,7 @@
 
 Plain tables (names in the first line, samples from the second on) and what instruments put above them: lines
 of metadata, a line of units, a column of times for every channel. `text_dialects` knows the layouts that
-cannot be told from the lines alone.
+cannot be recognised from the lines alone.
 """
 
 from __future__ import annotations

@@ -65,7 +65,9 @@ def time_since(first: str) -> Callable[[str], float]:
 
 
 def elapsed_s(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return NumPy's times or time differences as s (times since the first); other values as they are."""
+    """Return NumPy's times (since the first) or time differences in s, of the same shape; other values as
+    they are.
+    """
     if values.dtype.kind == "M":
         values = values - values[:1]
     if values.dtype.kind != "m":

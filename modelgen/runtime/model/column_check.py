@@ -33,7 +33,7 @@ def is_terms(value: Any) -> bool:
 
 def column_problems(module: Any) -> list[tuple[str, str]]:
     """Return (place, what is wrong) for the functions of a module whose tables are in order."""
-    with np.errstate(all="ignore"):  # what overflows differs, and is told as that
+    with np.errstate(all="ignore"):  # an overflow counts as a difference
         return _function_problems(module)
 
 

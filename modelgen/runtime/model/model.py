@@ -1,4 +1,4 @@
-"""Model: the validated view of a generated module, and the doors through which one comes in.
+"""Model: the validated view of a generated module, and the functions that load one.
 
 The module speaks of itself in plain tuples and dicts (so that it needs NumPy alone); here the same entries
 become small frozen records. `contract_check` says what a module must offer, `module_file` executes a file.
@@ -191,7 +191,7 @@ class Model:
             return dict.fromkeys(self.parameters, np.nan), np.inf
 
     def physical_from_base(self, base: npt.ArrayLike) -> dict[str, float]:
-        """Return the identifiable physical parameters (name to value, SI) from the base ones.
+        """Return the identifiable physical parameters (name to value, SI) from the base ones, shape (c,), SI.
 
         NaN where composites are so far from those of any chain that the iteration breaks down.
         """

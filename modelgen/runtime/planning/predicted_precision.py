@@ -168,7 +168,7 @@ def _own_and_averaged(
     """Return every parameter as estimated, by each one's own weights, and by the average ones instead.
 
     An estimate is weighted by its own drift with the settings, which goes along with its own error. What that
-    changes shows beside the same estimates weighted as on average: the two are nearly alike.
+    changes follows from the same estimates with average weights: the two are nearly equal.
     """
     alike = _alike(estimates)
     if len(alike) < 2:

@@ -61,7 +61,7 @@ class Vibration:
 
     @property
     def elastic_hz(self) -> FloatArray:
-        """Frequencies of the elastic modes."""
+        """Frequencies of the elastic modes in Hz, ascending, shape (modes,)."""
         return self.frequencies_hz[self.frequencies_hz > 0.0]
 
     @property

@@ -158,7 +158,7 @@ def _forces(
 
 
 def true_signals(plant: Plant, motion: Motion) -> dict[str, FloatArray]:
-    """Return the exact signals at the sample instants, channels of the record first."""
+    """Return the exact signals at the sample instants, shape (N,) each, in SI; channels come first."""
     model, n = plant.model, len(plant.bodies)
     x, modes, forces = motion.states, motion.modes, motion.forces
     acceleration, friction, sensed = _outputs(plant, x, modes, forces)

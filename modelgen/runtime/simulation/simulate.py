@@ -209,10 +209,10 @@ def _settings(plant: Plant, given: SimulationOptions) -> Settings:
 
 
 def record_with_reference(simulation: Simulation) -> Record:
-    """Return the record with what the loop was told: ``reference``, ``reference_rate``, ``feedforward``."""
-    record, told, step = simulation.record, simulation.reference, simulation.settings.oversample
+    """Return the record with the inputs of the loop: ``reference``, ``reference_rate``, ``feedforward``."""
+    record, inputs, step = simulation.record, simulation.reference, simulation.settings.oversample
     names = ("reference", "reference_rate", "feedforward")
-    signals = {name: getattr(told, name)[::step][: record.n] for name in names}
+    signals = {name: getattr(inputs, name)[::step][: record.n] for name in names}
     return replace(record, signals={**record.signals, **signals})
 
 

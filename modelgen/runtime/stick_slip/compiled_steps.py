@@ -119,7 +119,10 @@ def follow_input(flow: Flow, initial: FloatArray, w: FloatArray, stride: int) ->
 def follow_controller(
     flow: Flow, initial: FloatArray, sampling: Sampling, stride: int, steps: int
 ) -> tuple[Trajectory, FloatArray]:
-    """Return the motion under a sampled controller, and its commands at the ticks."""
+    """Return the motion under a sampled controller, and its commands at the ticks, shape (ticks,).
+
+    `initial` is the state in SI, shape (2n + lags,).
+    """
     return _run(flow, initial, np.empty(0), sampling, stride, steps)
 
 
@@ -231,7 +234,7 @@ def _index(mode: tuple[int, ...]) -> int:
 
 @lru_cache(maxsize=1)
 def _kernel() -> Callable[..., tuple[int, int, int]]:
-    """Return the kernel, compiled where numba is installed; the machine code is kept beside the module."""
+    """Return the kernel, compiled where numba is installed; the machine code is cached next to the module."""
     if not has_numba():
         return run
     import numba

@@ -233,7 +233,7 @@ def run(
             m, count = release(z, m, tables, events, count, k)
             if count < 0:
                 return EVENTS_FULL, count, k
-        # beside springs, what the tables foresee does not hold
+        # with cubic springs the predictions of the tables do not hold
         calm = 0 if springs > 0 else calm_steps(z, path, foreseen, ahead[m], guard_count[m], w, number)
         if calm > 0:
             bad = first_unbounded(path, calm, nx)

@@ -1,4 +1,4 @@
-"""A sampled controller beside forces of further actuators: from one change of its command to the next.
+"""A sampled controller together with forces of further actuators: steps between changes of its command.
 
 The compiled steps of `stepping` take one input; here the command is one, constant while it is held, and the
 other forces are more, linear from step to step. Between two changes the motion is that of `stick_slip`.

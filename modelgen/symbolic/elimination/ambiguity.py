@@ -2,7 +2,7 @@
 
 Along a motion every combination of the equations of motion with polynomials in s is zero. If another
 combination lives on the signals of a row, any multiple of it can be added without changing what the row
-measures: its coefficients cannot be told apart. The combinations that live on given signals are the null
+measures: its coefficients cannot be distinguished. The combinations that live on given signals are the null
 space of a matrix; its reduced echelon form gives the ones that are unique on the signals they need. All this
 is decided at a random point of an exact field (a prime field, or the rationals), so no tolerance is involved.
 """

@@ -126,7 +126,7 @@ class LengthLimit:
         unseen = _listed(self._coordinates.unseen)
         raise ModelError.at(
             self.where,
-            f"without a sensor on {unseen} the coefficients of the rows cannot be told apart"
+            f"without a sensor on {unseen} the coefficients of the rows cannot be distinguished"
             + (
                 f" ({failed} sums of rows have more than {MOST_TERMS} terms in a multiplier)"
                 if failed

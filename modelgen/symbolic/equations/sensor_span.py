@@ -48,8 +48,8 @@ class Sensing:
     def read(self, combination: Combination, order: int) -> tuple[Reading, ...] | None:
         """Return how to read a combination of coordinates at an order of differentiation.
 
-        The way with the fewest differentiations wins (an accelerometer beside an encoder saves two), then the
-        one with the fewest readings. None if the set cannot give it without integration.
+        The fewest differentiations come first (an accelerometer in addition to an encoder saves two), then the
+        fewest readings. None if the set cannot give it without integration.
         """
         if not self.has_relative_sensors:
             return self._body_by_body(combination, order)
