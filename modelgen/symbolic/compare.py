@@ -20,7 +20,8 @@ MOST_DERIVATIVES = 6
 class FormalSignal:
     """A signal, independent of the sensor that reads it.
 
-    `kind` is "q" (coordinate), "force", "one", or a feature with everything it depends on; `name` is the body, or a feature's text; `order` counts the derivatives.
+    `kind` is "q" (coordinate), "force", "one", or a feature with everything it depends on; `name` is the
+    body, or a feature's text; `order` counts the derivatives.
     """
 
     kind: str

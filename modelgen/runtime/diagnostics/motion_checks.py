@@ -100,7 +100,7 @@ def friction_and_offset(model: Model, one_way: Mapping[str, str], columns: Seque
             role = model.roles.get(other)
             if role is not None and role.role == "offset" and role.bodies == body:
                 for one in (name, other):
-                    reasons[one] = f"{what}, so {name} and {other} cannot be distinguished"
+                    reasons[one] = f"{what}, so {name} and {other} cannot be told apart"
     return reasons
 
 

@@ -1,7 +1,7 @@
 """Instrumental variables in the physical parameters, for rows whose columns are composites of them.
 
 An elimination leaves more composites than physical parameters, and at the noise of usual sensors some of them
-cannot be distinguished; the fewer physical parameters can. Rows are linearised at the present estimate p,
+cannot be told apart; the fewer physical parameters can. Rows are linearised at the present estimate p,
 
     Y - W b(p) = W J (p' - p),    J = db/dp,
 

@@ -64,7 +64,7 @@ class Dependence:
         """What is seen of the columns, in words and numbers."""
         listed = joined(self.columns)
         if not self.combinations:
-            return f"{listed} cannot be distinguished"
+            return f"{listed} cannot be told apart"
         verb = "is" if len(self.combinations) == 1 else "are"
         seen = joined(
             [f"{c.text} = {c.value:.4g} (standard deviation {c.std:.2g})" for c in self.combinations]

@@ -80,8 +80,8 @@ class TermCounter:
                 counts = [min(pair) for pair in zip(counts, own, strict=False)]
             coefficients += counts
         for body in bodies:
-            others = sum(_is_other(term) for term in self._equations[body].terms)
-            coefficients += others * weights[body]
+            constant = sum(_is_between_reversals(term) for term in self._equations[body].terms)
+            coefficients += constant * weights[body]
         self.counted += len(coefficients)
         names = self._names(bodies)
         most = comb(len(bodies) + names, names)  # shared names make few different products
@@ -170,7 +170,7 @@ def _determinant(matrix: list[list[int]]) -> int:
     return rows[-1][-1] if rows else 1
 
 
-def _is_other(term: Term) -> bool:
+def _is_between_reversals(term: Term) -> bool:
     """Tell whether a term is a force or constant between reversals."""
     return term.signal.kind != "coordinate" and (term.signal.kind == "force" or not term.signal.order)
 

@@ -48,7 +48,7 @@ class Sensing:
     def read(self, combination: Combination, order: int) -> tuple[Reading, ...] | None:
         """Return how to read a combination of coordinates at an order of differentiation.
 
-        The fewest differentiations come first (an accelerometer in addition to an encoder saves two), then the
+        The fewest differentiations come first (an accelerometer added to an encoder saves two), then the
         fewest readings. None if the set cannot give it without integration.
         """
         if not self.has_relative_sensors:
