@@ -15,7 +15,7 @@ CLOSED_ON_EXEC = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
 
 def write_whole(path: str | Path, data: bytes, *, overwrite: bool) -> None:
-    """Write `data` to `path` so that no reader ever sees half a file.
+    """Write `data` to `path` so that no reader gets a part of the file.
 
     The bytes go to a draft in the same folder, which then takes the place of `path` in one step. Of several
     processes that write one file without `overwrite`, one succeeds.

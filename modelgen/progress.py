@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 def is_terminal(stream: TextIO | None) -> bool:
-    """Tell whether somebody watches a stream; one that was closed is None, or fails."""
+    """Return whether a stream is a terminal; one that was closed is None, or fails."""
     try:
         return stream is not None and stream.isatty()
     except ValueError:

@@ -144,7 +144,7 @@ def other_encoding(content: bytes) -> str | None:
 
 
 def mostly_high(content: bytes) -> bool:
-    """Tell whether digits (as in EBCDIC), or most bytes (as in what is no text), lie beyond ASCII."""
+    """Return whether digits (as in EBCDIC), or most bytes (as in what is no text), lie beyond ASCII."""
     piece = content[:100_000]
     digits, those_of_ebcdic = (
         len(piece) - len(piece.translate(None, bytes(range(zero, zero + 10)))) for zero in (0x30, 0xF0)

@@ -20,9 +20,9 @@ from modelgen.progress import shown
 
 # typer brings its own copy of click, whose errors it does not export; they share this base
 UsageError: Any = typer.BadParameter.__mro__[1]
-# what the help calls a text that numbers stand in
+# metavariables of texts that hold numbers
 NUMBER_WORDS = {"STD", "STEP", "ERROR", "PEAK", "AMOUNT", "FACTOR", "SECONDS", "SHARE", "HZ", "VALUE"}
-# what a library says where its arithmetic fails; the answer would hold numbers that mean nothing
+# errors of a library whose arithmetic fails; its result would be meaningless
 ARITHMETIC = (RuntimeWarning, FloatingPointError, OverflowError, ZeroDivisionError)
 
 
@@ -91,7 +91,7 @@ class ExplainedGroup(TyperGroup):
 
 
 def _explain_os_error(error: OSError) -> None:
-    # files that are written or read say themselves what is wrong with them
+    # errors of files that are read or written are reported where they occur
     where = str(error.filename or "standard output")
     explain(Problem(where, str(error.strerror or error), "check where it leads to, and its permissions"))
 

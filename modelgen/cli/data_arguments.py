@@ -22,7 +22,7 @@ BESIDE_REFERENCE = ("reference_rate", "feedforward")
 
 @dataclass(frozen=True)
 class DataOptions:
-    """The options that say how data files are read; None and () stand for what was not given."""
+    """Options for reading data files; None and () for those that were not given."""
 
     mapping: Sequence[str] = ()
     scales: Sequence[str] = ()

@@ -84,7 +84,7 @@ def _render(folder: Path, names: Mapping[str, str], fields: Mapping[str, Any]) -
                 pieces.append(piece)
             files[name] = "".join(pieces)
             files[name].encode()
-        except Exception as error:  # a template can raise whatever Python can
+        except Exception as error:  # a template can raise any exception
             line = getattr(error, "lineno", None)
             where = f"{folder / template}" + (f": line {line}" if line else "")
             raise RenderError.at(where, f"fails ({_reason(error)})", REMEDY) from error

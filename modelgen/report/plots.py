@@ -152,6 +152,6 @@ def whiteness(found: Autocorrelation) -> float:
 
 
 def filter_reach_ms(estimate: Estimate, fs: float) -> float:
-    """Return the reach of the low-pass in ms: residuals nearer than that are correlated by it alone."""
+    """Return the reach of the low-pass in ms: it correlates residuals closer to each other than that."""
     filtering = estimate.filtering
     return 1e3 * support_samples(filtering.filter_order, filtering.cutoff_hz, fs, 0, 0.01) / fs

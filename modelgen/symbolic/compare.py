@@ -44,7 +44,7 @@ class FormalRegressor:
 
 @dataclass(frozen=True)
 class Relation:
-    """How `second` stands to `first`; `lines` says of each row where it is found in the other."""
+    """How `second` stands to `first`; `lines` holds for each row where it is found in the other."""
 
     first: str
     second: str

@@ -47,7 +47,7 @@ def compare(
     trust: Trust = False,
     as_json: Json = False,
 ) -> None:
-    """Compare sensor sets: their regressors by exact algebra, what they ask for, and their estimates.
+    """Compare sensor sets: their regressors by exact algebra, what they need, and their estimates.
 
     Condition numbers and noise gains come from a simulated, noise-free chirp and trapezoid.
     """

@@ -92,7 +92,7 @@ def conditioning(
 
 
 def noise_gains(model: Model, order: int, cutoff_hz: float, fs: float) -> tuple[NoiseGain, ...]:
-    """Return the noise gain of every derivative of a channel that the model asks for.
+    """Return the noise gain of every derivative of a channel that the model needs.
 
     White noise of standard deviation 1 at every sample becomes sqrt(sum of h_k^2), h the response to an
     impulse of the zero-phase filter and the differences.

@@ -40,7 +40,7 @@ class DamagedFile(ValueError):
 
 @dataclass(frozen=True)
 class Head:
-    """What an array says before its values: its name, class and shape."""
+    """The head of an array: its name, class and shape."""
 
     name: str
     kind: int
@@ -66,7 +66,7 @@ class Elements:
             raise DamagedFile("it ends within an array")
         kind, size = unpack_from(f"{self.order}II", self.data, self.place)
         start = self.place + 8
-        if kind >> 16:  # up to four bytes stand in the tag itself
+        if kind >> 16:  # the tag itself holds up to four bytes
             kind, size, start = kind & 0xFFFF, kind >> 16, self.place + 4
         if size > len(self.data) - start or (start == self.place + 4 and size > 4):
             raise DamagedFile(f"an element states {size} bytes, {len(self.data) - start} are there")

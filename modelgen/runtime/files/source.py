@@ -14,7 +14,7 @@ Columns = dict[str, npt.NDArray[Any]]
 
 # a scalar of this name is the sampling frequency in Hz
 FS_NAMES = ("fs", "Fs")
-# a column of this name holds times, whatever else the file says
+# a column of this name holds times
 TIME_NAMES = ("t", "time", "zeit", "timestamp", "zeitstempel", "temps", "tiempo", "x-axis", "x_value")
 
 
@@ -86,7 +86,7 @@ def source_of_shapes(
     units: Mapping[str, str] | None = None,
     took: tuple[str, ...] = (),
 ) -> Source:
-    """Return the source of arrays of these shapes, which `load` returns flat; `single` are numbers alone."""
+    """Return the source of arrays of these shapes, which `load` returns flat; `single` are single numbers."""
     scalars = {key: float(array.item()) for key, array in single.items()}
     names = tuple(key for key, shape in shapes.items() if _is_vector(shape))
     fs = next((scalars[key] for key in FS_NAMES if key in scalars), None)

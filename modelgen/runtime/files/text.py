@@ -38,7 +38,7 @@ Table = npt.NDArray[np.float64]
 
 
 def open_text(path: Path) -> Source:
-    """Return the source of a delimited text file; its numbers are read when columns are asked for.
+    """Return the source of a delimited text file; its numbers are read when columns are loaded.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def _sniffed(head: Head) -> Layout | None:
 
 
 def _plain(path: Path, encoding: str) -> Layout:
-    """Return the layout of a plain table, whatever its lines hold: they are blamed when they are read."""
+    """Return the layout of a plain table; its lines are checked when they are read."""
     for number, line in lines_of(path, encoding):
         if line.strip() and not line.startswith("#"):
             separator = max(SEPARATORS, key=lambda candidate: len(cells_of(line, candidate)))

@@ -40,12 +40,12 @@ def nanoseconds(cell: str) -> int | None:
 
 
 def is_date(cell: str) -> bool:
-    """Tell whether a cell holds a day without a time."""
+    """Return whether a cell holds a day without a time."""
     return _DAY_ALONE.fullmatch(cell) is not None
 
 
 def is_long_count(cell: str) -> bool:
-    """Tell whether a cell holds a whole number of more digits than a double can tell apart."""
+    """Return whether a cell holds a whole number of more digits than a double can hold."""
     return MOST_DIGITS < len(cell) <= LONGEST_COUNT and cell.isdecimal()
 
 

@@ -1,4 +1,4 @@
-"""BlockProduct: blocks of a signal through their tables with NumPy alone: one matrix product a panel."""
+"""BlockProduct: blocks of a signal times their tables with NumPy only, one matrix product a panel."""
 
 from __future__ import annotations
 
@@ -127,5 +127,5 @@ def scan_all(forward: FloatArray, backward: FloatArray, powers: FloatArray) -> N
 
 
 def _overlapping(body: FloatArray, block: int, wide: int) -> FloatArray:
-    """Return windows copied side by side, because a matrix product wants lines that do not overlap."""
+    """Return windows copied side by side, because a matrix product needs lines that do not overlap."""
     return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(body, wide)[::block])

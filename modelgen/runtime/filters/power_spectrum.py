@@ -64,7 +64,7 @@ def power_spectrum(
 
 
 def quick_length(n: int) -> int:
-    """Return the least length from n on whose Fourier transform is quick: a product of small primes.
+    """Return the least length from n on whose Fourier transform is fast: a product of small primes.
 
     A transform of prime length takes several times as long; padding with so few zeros changes no density.
     """

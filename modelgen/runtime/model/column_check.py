@@ -1,4 +1,4 @@
-"""Whether a generated module's functions have their shapes and agree with what the module says of them.
+"""Whether a generated module's functions have their shapes and agree with its tables.
 
 The estimation builds its rows from FEATURES and columns(), a user may call regressor(): the two must be the
 same model. They are compared at a few random samples (seeded) of every signal.
@@ -19,12 +19,12 @@ PROBED = "random signals and parameters"
 
 
 def is_number(value: Any) -> bool:
-    """Tell whether a value is a finite real number."""
+    """Return whether a value is a finite real number."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < float("inf")
 
 
 def is_terms(value: Any) -> bool:
-    """Tell whether a value is a tuple of (finite coefficient, key) pairs."""
+    """Return whether a value is a tuple of (finite coefficient, key) pairs."""
     return isinstance(value, tuple) and all(
         isinstance(pair, tuple) and len(pair) == 2 and is_number(pair[0]) and isinstance(pair[1], str)
         for pair in value
@@ -52,7 +52,7 @@ def _function_problems(module: Any) -> list[tuple[str, str]]:
         searched = hasattr(module, "fit_physical")
         recovered = dict.fromkeys(module.IDENTIFIABLE) if searched else module.physical_from_base(base)
         space = tuple(module.state_space({**module.KNOWN, **physical}))
-    except Exception as error:  # whatever a broken module raises
+    except Exception as error:  # a broken module can raise any exception
         return [("functions", f"raise {type(error).__name__} ({error}) at {PROBED}")]
     expected = {entry["key"]: _feature(entry, signals) for entry in module.FEATURES}
     found = _features_problems(features, expected) + _space_problems(module, space)

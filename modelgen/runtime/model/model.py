@@ -51,7 +51,7 @@ class Actuator:
 
 @dataclass(frozen=True)
 class Signal:
-    """An array the model asks for: a derivative of one sensor's or actuator's own reading.
+    """An array the model needs: a derivative of one sensor's or actuator's own reading.
 
     Without sensor and actuator the record must bring the signal itself (a direction of motion, ``sign_c``).
     """

@@ -30,8 +30,8 @@ from modelgen.runtime.results.estimate import Estimate
 
 FloatArray = npt.NDArray[np.float64]
 
-# Noisy copies of the experiment whose estimates say how composites are weighted: some at first, then twice as
-# many until the factor that they give is known well enough, or as many at most ...
+# Noisy copies of the experiment, from whose estimates the weights of composites follow: some at first, then
+# twice as many until the factor that they give is known well enough, or as many at most ...
 FIRST_COPIES = 16
 WEIGHING = 64
 FACTOR_ERROR = 0.05
@@ -97,7 +97,7 @@ def _copies(planned: Experiment) -> list[Estimate]:
     copies = FIRST_COPIES
     while copies < WEIGHING and _factor_error(planned.model, estimates) > FACTOR_ERROR:
         for seed in range(copies, 2 * copies):
-            # one that gives nothing at all says nothing about weights
+            # a copy without an estimate gives no weights
             with suppress(IdentifiabilityError):
                 estimates.append(estimate_once(planned, seed))
         copies *= 2

@@ -20,7 +20,7 @@ ACCELERATIONS = ("rad/s^2", "m/s^2")
 
 @dataclass(frozen=True)
 class Finding:
-    """Something a record should not have: `kind` is what --mend calls it, `what` says where and how much."""
+    """A fault of a record: `kind` is its name for --mend, `what` states where and how much."""
 
     kind: str
     what: str

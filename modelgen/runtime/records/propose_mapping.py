@@ -119,7 +119,7 @@ def _score(want: _Wanted, column: _Column) -> float:
     is_set_point = any(word in SET_POINT_WORDS or word.startswith(("soll", "setpoint")) for word in words)
     if want.measures == REFERENCE:
         return 3.0 if is_set_point and (unit is None or unit.si == want.unit) else 0.0
-    # a force is often logged as what was asked for
+    # of a force often the set point is logged
     score = -1.0 * is_set_point if want.measures == "force" else -4.0 * is_set_point
     score += 2.0 * any(word in QUANTITIES.get(want.measures, ()) for word in words)
     others = [name for name in QUANTITIES if name != want.measures]

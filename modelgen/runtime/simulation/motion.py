@@ -24,7 +24,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """States, shape (N, 2 bodies), modes, shape (N, sticking), and what drove them.
+    """States, shape (N, 2 bodies), modes, shape (N, sticking), and the forces that drove them.
 
     `forces` holds those of all actuators, shape (N, columns of B); `command` is what the controller asks for,
     shape (N,).

@@ -63,7 +63,7 @@ class Simulation:
     ----------
     record : Record
         What sensors and actuators read, with noise and resolution; and the signals ``sign_BODY`` that the
-        model asks for.
+        model needs.
     true : mapping of str to ndarray, shape (N,)
         The same channels without noise; ``command_ACTUATOR``, what the controller asks for; of every body
         ``q_BODY``, ``v_BODY``, ``a_BODY``, ``sign_BODY``; of bodies with friction or offset

@@ -47,7 +47,7 @@ from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, ModeMotion
 
 FloatArray = npt.NDArray[np.float64]
 
-# All modes are tabulated in advance, three a body: beyond so many bodies with friction that would be a waste.
+# All modes are tabulated in advance, three a body; with more bodies with friction the table is too large.
 MOST_BODIES = 5
 # Where there is no other way they are tabulated up to here: 3^8 modes.
 LARGEST_TABLE = 8
@@ -136,7 +136,7 @@ def _run(
         raise DataError.at("simulation", what, remedy)
     x = initial * flow.scale
     q = x[int(sampling.law[5])]
-    # what the controller saw before the start: the axis coming along at its speed
+    # positions before the start, which the controller needs: at the constant initial speed
     before = q - np.array([1.0, 2.0]) * sampling.law[7] * initial[int(sampling.law[6])]
     first = np.array([w[0] if w.size else 0.0])
     index = _index(flow.start(x, first))

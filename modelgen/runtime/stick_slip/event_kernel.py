@@ -166,7 +166,7 @@ def cross(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple
 
 
 def release(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple[int, int]:
-    """Let go of sticking bodies that a jump of the command at step k overcomes; return as `cross` does."""
+    """Release sticking bodies whose friction a jump of the command at step k exceeds; returns as `cross`."""
     for j in range(len(tables[6])):
         if m // 3**j % 3 == 1:
             follow = mode_at_rest(z, m, j, tables)

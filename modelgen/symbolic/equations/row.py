@@ -22,7 +22,7 @@ class KeyTerm(NamedTuple):
 
 @dataclass(frozen=True)
 class NeededSignal:
-    """A signal the module asks for: a sensor's or an actuator's reading, differentiated."""
+    """A signal the module needs: a sensor's or an actuator's reading, differentiated."""
 
     key: str
     sensor: str | None

@@ -132,7 +132,7 @@ class Sensing:
         return tuple(readings)
 
     def _solve(self, combination: Combination, order: int) -> tuple[Reading, ...] | None:
-        """Combine whatever sensors can be used, preferring those that need fewer differentiations."""
+        """Combine the sensors that can be used, preferring those that need fewer differentiations."""
         usable = [i for i, sensor in enumerate(self.sensors) if ORDER[sensor.measures] <= order]
         usable.sort(key=lambda i: -ORDER[self.sensors[i].measures])
         weights = express(combination, [self.combinations[i] for i in usable])
