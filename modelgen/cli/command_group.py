@@ -1,6 +1,6 @@
 """The group of all commands: what is wrong and what to do, a line a mistake, and an exit code.
 
-Exit codes: 0 done, 1 the data cannot answer (or a check failed), 2 wrong input.
+Exit codes: 0 done, 1 the data do not determine the result (or a check failed), 2 wrong input.
 """
 
 from __future__ import annotations
