@@ -1,4 +1,4 @@
-"""The group of all commands: what is wrong and what to do, a line a mistake, and an exit code.
+"""The group of all commands: each mistake with its remedy on one line, and an exit code.
 
 Exit codes: 0 done, 1 the data do not determine the result (or a check failed), 2 wrong input.
 """

@@ -1,4 +1,4 @@
-"""What `modelgen compare` found, as tables."""
+"""Results of `modelgen compare` as tables."""
 
 from __future__ import annotations
 

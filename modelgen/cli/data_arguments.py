@@ -1,4 +1,4 @@
-"""Data files as the command line names them -> readings: --map, --scale, --map-file, --mend and the rest."""
+"""Data files and their options (--map, --scale, --map-file, --mend, ...) -> readings."""
 
 from __future__ import annotations
 

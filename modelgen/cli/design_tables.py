@@ -1,4 +1,4 @@
-"""What `modelgen design` predicted, confirmed and optimised, as plain values and as tables."""
+"""Predictions, their confirmation and optimised excitations of `modelgen design`, as values and as tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""modelgen import: what a data file holds, what is wrong with it, and which column may be which channel."""
+"""modelgen import: contents and faults of a data file, and a proposed column for every channel."""
 
 from __future__ import annotations
 

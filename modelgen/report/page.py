@@ -1,7 +1,7 @@
 """Model, readings and estimate -> the text of one HTML page.
 
 The page carries everything it shows. Its policy allows the one script that is this program's own, by its
-hash, and no connection at all: a name in the data that tries to be a script stays a name.
+hash, and no connection at all: a name in the data that looks like a script remains text.
 """
 
 from __future__ import annotations

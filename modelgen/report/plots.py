@@ -1,4 +1,4 @@
-"""The plots of a report: what is drawn small as SVG, and what the page's script draws at any zoom."""
+"""The plots of a report: small ones as SVG, and those that the script of the page draws at any zoom."""
 
 from __future__ import annotations
 

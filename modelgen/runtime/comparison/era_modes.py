@@ -1,7 +1,7 @@
 """Elastic modes by a realization of the impulse response (ERA, from the library `control`); a yardstick.
 
 Juang and Pappa 1985: Markov parameters by least squares, a balanced realization of their Hankel matrix, its
-eigenvalues. It knows nothing of the chain, and gives modes only: frequencies and damping ratios.
+eigenvalues. It does not use the model of the chain and gives modes only: frequencies and damping ratios.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A chain from sample to sample, and its slopes by motion and parameters: what the Kalman filter works on."""
+"""A chain discretised from sample to sample, and its derivatives by motion and parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sensor sets side by side: what their rows make of noise and motion, and whether their estimates agree."""
+"""Comparison of sensor sets: conditioning and noise gain of their rows, and whether estimates agree."""
 
 from __future__ import annotations
 

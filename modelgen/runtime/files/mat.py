@@ -1,7 +1,7 @@
 """MATLAB files of level 4 and 5 (versions 4 to 7): which variables they hold, and the values of one.
 
-A reader of our own: SciPy's is compiled, and a few changed bytes end the process that calls it. Here the
-listing reads the head of every variable only; version 7.3 is HDF5 (`source_hdf5`).
+modelgen has its own reader: SciPy's is compiled, and a few changed bytes can crash the process. Here the
+listing reads the head of every variable only; version 7.3 is HDF5 (`child_process.hdf5`).
 """
 
 from __future__ import annotations

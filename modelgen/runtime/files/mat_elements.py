@@ -1,7 +1,7 @@
 """Elements of a MATLAB file of level 5 (versions 5 to 7) -> arrays, texts, structures and cells.
 
 Whatever an element states (its length, its dimensions, how many fields follow) is compared with the bytes
-that are there before anything is made of it, so that a damaged file ends in `DamagedFile` and nothing else.
+that are there before anything is made of it, so that a damaged file raises `DamagedFile` and nothing else.
 The format: MathWorks, MAT-File Format, chapter 1.
 """
 

@@ -1,8 +1,8 @@
 """What a text file is: encoding, separator, decimal mark, and which lines are names, units and samples.
 
 Plain tables (names in the first line, samples from the second on) and what instruments put above them: lines
-of metadata, a line of units, a column of times for every channel. `text_dialects` knows the layouts that
-cannot be recognised from the lines alone.
+of metadata, a line of units, a column of times for every channel. `instrument_dialects` holds the layouts
+that cannot be recognised from the lines alone.
 """
 
 from __future__ import annotations

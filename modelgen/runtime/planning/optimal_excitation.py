@@ -98,7 +98,7 @@ def optimise(
     Parameters
     ----------
     model, parameters, instruments
-        As in `modelgen.runtime.planning.sensor_set_ranking.experiment`.
+        As in `modelgen.runtime.planning.planned_experiment.experiment`.
     method : str, optional
         The estimator, by default "wls".
     criterion : str

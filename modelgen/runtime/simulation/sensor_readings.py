@@ -1,4 +1,4 @@
-"""What an instrument makes of the truth: a bias, white noise, then rounding to its resolution."""
+"""Readings of instruments: the true signal with a bias, white noise, then rounded to the resolution."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Closed-loop validation: one reference into the real and the simulated loop, then signal against signal.
+"""Closed-loop validation: one reference for the real and the simulated loop, then signals compared.
 
 Section IV.C of Pham 2002, figures 3 and 4. Sensors and force are compared as they are; a position's velocity
-and acceleration come from the same filter and differences on both sides, so that the filter is no error.
+and acceleration come from the same filter and differences on both sides, so that the filter causes no error.
 """
 
 from __future__ import annotations

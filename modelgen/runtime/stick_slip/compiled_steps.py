@@ -1,4 +1,4 @@
-"""From a Flow to the arrays that `step_kernel` works on, and back; compiled where numba is installed."""
+"""From a Flow to the arrays that `event_kernel` works on, and back; compiled where numba is installed."""
 
 from __future__ import annotations
 

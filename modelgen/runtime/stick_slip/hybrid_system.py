@@ -1,6 +1,6 @@
-"""Flow: a system with Coulomb friction in time units of steps, and how it goes through a step with events.
+"""Flow: a system with Coulomb friction in time units of steps, and the integration of a step with events.
 
-What follows an event is decided by the net force, so that a body does not chatter around rest.
+The net force decides on the mode after an event, so that a body does not chatter around rest.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A sampled controller together with forces of further actuators: steps between changes of its command.
 
-The compiled steps of `stepping` take one input; here the command is one, constant while it is held, and the
-other forces are more, linear from step to step. Between two changes the motion is that of `stick_slip`.
+The steps of `compiled_steps` take one input; here there are several: the command, constant while it is held,
+and the other forces, linear from step to step. Between two changes the motion is that of `exact_steps`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Eliminations that are too long are refused before they are begun, with the number of their terms."""
+"""Eliminations that are too long are refused in advance, with the number of their terms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long an elimination gets, before it is done: terms of its rows, counted with integers.
+"""The length of an elimination in advance: terms of its rows, counted with integers.
 
 The coefficients of a row are minors of the matrix A(s) of the equations. Each term of a principal minor is a
 spanning forest of the links, rooted in inertias, friction and the ground (the matrix-tree theorem): with the

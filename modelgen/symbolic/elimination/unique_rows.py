@@ -1,7 +1,7 @@
-"""Rows of an elimination whose coefficients are unique: nothing can be added to them unnoticed.
+"""Rows of an elimination whose coefficients are unique: no other combination can be added to them.
 
-A row from the minors is kept where no other combination of the equations lives on its signals. Otherwise it
-gives up as many of its signals as there are other combinations, and becomes unique on what is left.
+A row from the minors is kept where no other combination of the equations has only its signals. Otherwise as
+many of its signals as there are other combinations are eliminated, and the remaining row is unique.
 """
 
 from __future__ import annotations

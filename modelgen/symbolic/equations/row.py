@@ -1,4 +1,4 @@
-"""What a row is: parameter times coefficient times signal, with signals that a sensor set can give."""
+"""Rows: sums of parameter times coefficient times signal, with signals that a sensor set can give."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a sensor set can read: combinations of coordinates at a given order of differentiation.
+"""The combinations of coordinates that a sensor set can read at a given order of differentiation.
 
 A sensor of order k (0 position, 1 velocity, 2 acceleration) gives every derivative of order j >= k of what it
 measures, by differentiating its reading j - k times. Nothing is ever integrated.
