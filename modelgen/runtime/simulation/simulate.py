@@ -136,7 +136,7 @@ def simulate(
     noise : mapping of str to float, optional
         Standard deviation (SI) of white noise on a sensor's or actuator's channel, unseen by the controller.
     resolution : mapping of str to float, optional
-        Step (SI) to which a channel is rounded after the noise, see `readings.encoder_step`.
+        Step (SI) to which a channel is rounded after the noise.
     bias : mapping of str to float, optional
         Constant error (SI) of a channel, such as an accelerometer's.
     seed : int

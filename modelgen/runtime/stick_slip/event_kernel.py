@@ -1,8 +1,8 @@
 """Exact steps through stick and slip one by one: the arithmetic of `hybrid_system`, written for a compiler.
 
 The same mathematics as `linear_mode`, `root_finding` and `hybrid_system`, in plain loops over arrays, so that
-numba can compile it; without numba it runs uncompiled, only slowly. Between steps a sampled controller may form the
-input from the state. Matrices come from `compiled_steps`, everything in time units of steps.
+numba can compile it; without numba it runs uncompiled, only slowly. Between steps a sampled controller may
+form the input from the state. Matrices come from `compiled_steps`, everything in time units of steps.
 """
 
 from __future__ import annotations
