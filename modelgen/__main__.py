@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 from modelgen.cli.standard_streams import usable_streams
+
+BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 
 
 def run() -> None:
     """Run the command line; Ctrl-C while it is still being imported ends it as it does later."""
     with usable_streams():
         try:
+            use_one_blas_thread()
             from modelgen.cli.main import main
 
             main()
         except KeyboardInterrupt:
             print("interrupted", file=sys.stderr)
             sys.exit(130)
+
+
+def use_one_blas_thread() -> None:
+    """Let BLAS use one thread, unless the environment states a number.
+
+    Chunks of records and simulations are spread over the cores already. The matrices are tall and narrow:
+    more threads of BLAS only wait for each other.
+    """
+    if not any(name in os.environ for name in BLAS_THREADS):
+        os.environ.update(dict.fromkeys(BLAS_THREADS[:2], "1"))
 
 
 if __name__ == "__main__":

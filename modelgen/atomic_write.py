@@ -15,7 +15,7 @@ CLOSED_ON_EXEC = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
 
 def write_whole(path: str | Path, data: bytes, *, overwrite: bool) -> None:
-    """Write `data` to `path` so that no reader ever sees half a file.
+    """Write `data` to `path` so that no reader gets a part of the file.
 
     The bytes go to a draft in the same folder, which then takes the place of `path` in one step. Of several
     processes that write one file without `overwrite`, one succeeds.
@@ -68,7 +68,7 @@ def _exists(target: Path) -> ModelgenError:
 
 
 def _new_draft(folder: Path) -> tuple[Path, int]:
-    """Create an empty file under a name that nobody has; what others left there is not touched.
+    """Create an empty file under a new name; existing files are not touched.
 
     Not by tempfile, whose files are readable by their owner only. The name does not grow with the target's.
     """
@@ -83,7 +83,7 @@ def _new_draft(folder: Path) -> tuple[Path, int]:
 
 
 def _put_in_place(draft: Path, target: Path) -> None:
-    """Give the draft the target's name, which nobody may have by then.
+    """Give the draft the target's name, which must not exist by then.
 
     Raises
     ------

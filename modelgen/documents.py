@@ -1,7 +1,7 @@
-"""TOML and JSON -> plain values: of bounded depth and size, every mistake in words of one kind.
+"""TOML and JSON -> plain values: of bounded depth and size, all mistakes in one form of message.
 
 Both parsers call themselves for every list in a list, and Python refuses integers of thousands of digits; a
-key of ten thousand parts takes TOML's parser minutes. A glance over the text comes before them.
+key of ten thousand parts takes TOML's parser minutes. The text is scanned before it is parsed.
 """
 
 from __future__ import annotations

@@ -21,13 +21,13 @@ FREQUENCY_REMEDY = f"give a frequency from {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz, f
 
 
 def is_usable(value: object) -> bool:
-    """Tell whether a number is zero, or finite and within the limits."""
+    """Return whether a number is zero, or finite and within the limits."""
     size = _size(value)
     return size == 0.0 or SMALLEST <= size <= LARGEST
 
 
 def is_frequency(value: object) -> bool:
-    """Tell whether a number can be a frequency in Hz."""
+    """Return whether a number can be a frequency in Hz."""
     return isinstance(value, Real) and not value < 0 and LOWEST_HZ <= _size(value) <= HIGHEST_HZ
 
 

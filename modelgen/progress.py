@@ -1,6 +1,6 @@
 """Progress of long work over many things: how many are done, how fast, and the time left; terminals only.
 
-Whoever works through a list says so (`counted`); it is shown only where somebody asked for it (`shown`), so
+Loops over long lists report their progress (`counted`); it is shown only where it was enabled (`shown`), so
 that a library stays silent.
 """
 
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 def is_terminal(stream: TextIO | None) -> bool:
-    """Tell whether somebody watches a stream; one that was closed is None, or fails."""
+    """Return whether a stream is a terminal; one that was closed is None, or fails."""
     try:
         return stream is not None and stream.isatty()
     except ValueError:
@@ -74,7 +74,7 @@ def shown(console: Console | None = None) -> Iterator[None]:
 
 
 def counted(items: Sequence[T], what: str) -> Iterator[T]:
-    """Yield the items, and count them for whoever watches (`shown`); a single item is not worth a line."""
+    """Yield the items and count them where progress is shown (`shown`); a single item is not reported."""
     display = _display.get()
     if display is None or len(items) < 2:
         yield from items

@@ -1,7 +1,7 @@
 """The one place that opens files for reading: regular ones of a bounded size, or one message.
 
 A pipe or a device would be waited for without end or fill the memory, a sparse file states gigabytes that
-nobody wrote. What is opened is asked by its handle, so that nothing can be exchanged in between.
+nobody wrote. An open file is examined by its handle, so that it cannot be exchanged in between.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def utf8_text(content: bytes, where: str, error: type[ModelgenError] = DataError
     Raises
     ------
     ModelgenError
-        Of the given sort, with the line, and what the text is instead where that can be told.
+        Of the given sort, with the line, and what the text is instead where that can be recognised.
     """
     what = other_encoding(content)
     if what is None:
@@ -146,7 +146,7 @@ def other_encoding(content: bytes) -> str | None:
 
 
 def mostly_high(content: bytes) -> bool:
-    """Tell whether digits (as in EBCDIC), or most bytes (as in what is no text), lie beyond ASCII."""
+    """Return whether digits (as in EBCDIC), or most bytes (as in what is no text), lie beyond ASCII."""
     piece = content[:100_000]
     digits, those_of_ebcdic = (
         len(piece) - len(piece.translate(None, bytes(range(zero, zero + 10)))) for zero in (0x30, 0xF0)

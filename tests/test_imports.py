@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
 
@@ -97,6 +98,30 @@ print()
     loaded = set(json.loads(printed.splitlines()[-1]))
     assert "typer" in loaded
     assert not loaded & {"sympy", "numpy", "scipy", "pydantic", "jinja2", "rich", "matplotlib"}
+
+
+def test_identify_loads_neither_the_derivation_nor_a_simulation(repo_root: Path, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    q = np.cumsum(np.sin(0.02 * np.arange(4000))) * 1e-4
+    force = 2.0 * np.gradient(np.gradient(q)) * 1e6 + 0.01 * rng.standard_normal(q.size)
+    np.savez(tmp_path / "run.npz", q_m=q, F=force, fs=1000.0)
+    identify = f"""
+from modelgen.cli.main import main
+try:
+    main(["identify", {str(tmp_path / "run.npz")!r}, "--model", "generated/emps_rigid_qm.py", "--json"])
+except SystemExit as done:
+    assert not done.code
+print()
+import sys
+print([n for n in sys.modules if n.startswith(("modelgen.report", "modelgen.render", "modelgen.symbolic"))])
+print([n for n in sys.modules if n.startswith(("modelgen.spec", "modelgen.runtime.iv"))])
+"""
+    printed = run_python(identify + LOADED, repo_root)
+    *_, derivation, pipeline, packages = printed.splitlines()
+    loaded = set(json.loads(packages))
+    assert "scipy" in loaded
+    assert not loaded & {"sympy", "rich", "jinja2", "matplotlib", "pandas", "h5py"}
+    assert (derivation, pipeline) == ("[]", "[]")
 
 
 def test_runtime_and_generated_modules_live_without_the_derivation(repo_root: Path) -> None:

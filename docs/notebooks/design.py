@@ -74,11 +74,11 @@ simulations = [
 
 
 def with_reference(found):
-    """Return a simulation's record with what the loop was told beside what the sensors read."""
-    record, told = found.record, found.reference
-    step = round(told.rate_hz / record.fs)
+    """Return a simulation's record with the inputs of the loop in addition to the readings."""
+    record, inputs = found.record, found.reference
+    step = round(inputs.rate_hz / record.fs)
     channels = ("reference", "reference_rate", "feedforward")
-    signals = {name: getattr(told, name)[::step][: record.n] for name in channels}
+    signals = {name: getattr(inputs, name)[::step][: record.n] for name in channels}
     return replace(record, signals={**record.signals, **signals})
 
 

@@ -44,7 +44,7 @@ assert all(lost[large] <= lost[small] for small, large in pairs)
 print(f"{len(lost)} sensor sets, {len(pairs)} pairs of which one holds the other")
 
 # %% [markdown]
-# With one encoder on the motor alone, the coordinates nobody measures are eliminated. The rows that are
+# With one encoder on the motor alone, the coordinates without a sensor are eliminated. The rows that are
 # left are linear in composites of the parameters, and the physical ones follow from these:
 
 # %%

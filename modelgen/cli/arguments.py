@@ -1,4 +1,4 @@
-"""What a user typed on the command line -> the values the commands work with; every mistake is explained."""
+"""Texts of the command line -> values for the commands; every mistake is explained."""
 
 from __future__ import annotations
 

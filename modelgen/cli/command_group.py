@@ -1,6 +1,6 @@
-"""The group of all commands: what is wrong and what to do, a line a mistake, and an exit code.
+"""The group of all commands: each mistake with its remedy on one line, and an exit code.
 
-Exit codes: 0 done, 1 the data cannot answer (or a check failed), 2 wrong input.
+Exit codes: 0 done, 1 the data do not determine the result (or a check failed), 2 wrong input.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from modelgen.progress import shown
 
 # typer brings its own copy of click, whose errors it does not export; they share this base
 UsageError: Any = typer.BadParameter.__mro__[1]
-# what the help calls a text that numbers stand in
+# metavariables of texts that hold numbers
 NUMBER_WORDS = {"STD", "STEP", "ERROR", "PEAK", "AMOUNT", "FACTOR", "SECONDS", "SHARE", "HZ", "VALUE"}
-# what a library says where its arithmetic fails; the answer would hold numbers that mean nothing
+# errors of a library whose arithmetic fails; its result would be meaningless
 ARITHMETIC = (RuntimeWarning, FloatingPointError, OverflowError, ZeroDivisionError)
 
 
@@ -49,10 +49,10 @@ class CheckedCommand(TyperCommand):
 
 
 class ExplainedGroup(TyperGroup):
-    """Tells every mistake of a command in a line of its own, and ends with its exit code."""
+    """Prints every mistake of a command on a line of its own, and ends with its exit code."""
 
     def main(self, *arguments: Any, **options: Any) -> Any:
-        """Run the command line; whatever cannot be written to the standard output is told, too."""
+        """Run the command line; a failure to write to the standard output is reported, too."""
         try:
             return super().main(*arguments, **options)
         except OSError as error:  # outside of any command: the help, on a full disk
@@ -60,7 +60,7 @@ class ExplainedGroup(TyperGroup):
             sys.exit(2)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a command and explain what stops it."""
+        """Run a command and explain the errors that end it."""
         try:
             with shown(), warnings.catch_warnings():
                 warnings.simplefilter("error", RuntimeWarning)
@@ -91,7 +91,7 @@ class ExplainedGroup(TyperGroup):
 
 
 def _explain_os_error(error: OSError) -> None:
-    # files that are written or read say themselves what is wrong with them
+    # errors of files that are read or written are reported where they occur
     where = str(error.filename or "standard output")
     explain(Problem(where, str(error.strerror or error), "check where it leads to, and its permissions"))
 
@@ -119,7 +119,7 @@ def _number_problems(parameter: Any, value: Any) -> list[Problem]:
 
 
 def _number_of(text: str) -> float:
-    """Return the number that a text is, zero where it is none: whoever reads it says so."""
+    """Return the number that a text is, zero where it is none: the command reports that."""
     try:
         return float(text)
     except ValueError:

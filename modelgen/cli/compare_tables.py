@@ -1,4 +1,4 @@
-"""What `modelgen compare` found, as tables."""
+"""Results of `modelgen compare` as tables."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def comparison_tables(described: dict[str, Any]) -> Group:
 
 
 def interval_text(low: float, high: float) -> str:
-    """Return an interval with as many digits as its two ends need to be told apart."""
+    """Return an interval with as many digits as distinguish its two ends."""
     width, size = high - low, max(abs(low), abs(high))
     digits = 4
     if 0.0 < width < size and isfinite(width):

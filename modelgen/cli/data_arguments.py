@@ -1,4 +1,4 @@
-"""Data files as the command line names them -> readings: --map, --scale, --map-file, --mend and the rest."""
+"""Data files and their options (--map, --scale, --map-file, --mend, ...) -> readings."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from modelgen.runtime.records.mapping_file import MappingFile
     from modelgen.runtime.records.read_record import Reading
 
-# what a closed loop was told: the first is needed wherever it is simulated, the others are used where mapped
+# inputs of a closed loop: the first is needed for every simulation, the others are used where they are mapped
 REFERENCE = ("reference",)
 BESIDE_REFERENCE = ("reference_rate", "feedforward")
 
 
 @dataclass(frozen=True)
 class DataOptions:
-    """The options that say how data files are read; None and () stand for what was not given."""
+    """Options for reading data files; None and () for those that were not given."""
 
     mapping: Sequence[str] = ()
     scales: Sequence[str] = ()
@@ -46,7 +46,7 @@ def read_files(
 
     Options given on the command line go before those of the mapping file; `extra` names channels that the
     records must bring besides the model's, `optional` those they may bring where they are mapped. A mapping
-    file may map the reference of the loop even where nobody needs it.
+    file may map the reference of the loop even where it is not needed.
     """
     from modelgen.runtime.records.mapping_options import parse_names
     from modelgen.runtime.records.read_record import read
@@ -127,7 +127,7 @@ def channel_units(model: Model) -> dict[str, str]:
 
 
 def reading_lines(paths: Sequence[Path], readings: Sequence[Reading]) -> list[str]:
-    """Return what the files were taken for, what was found wrong with them, and what was mended."""
+    """Return how the files were interpreted, their faults, and what was repaired."""
     lines = []
     for path, reading in zip(paths, readings, strict=True):
         lines += [f"{path}: took: {text}" for text in reading.took]

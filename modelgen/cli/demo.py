@@ -1,7 +1,7 @@
-"""The paper, end to end: derive emps300, simulate its bench, identify it, and compare with what is true.
+"""The paper, end to end: derive emps300, simulate its bench, identify it, and compare with the true values.
 
-M.T. Pham, Ph. Poignet, M. Gautier, ICRA 2002: the sets `table_1` and `table_2` of the spec stand for the
-benches of its Tables 1 and 2. Everything is seeded; the same numbers come out every time.
+M.T. Pham, Ph. Poignet, M. Gautier, ICRA 2002: the sets `table_1` and `table_2` of the spec are the
+benches of its Tables 1 and 2. Everything is seeded: the numbers are the same every time.
 """
 
 from __future__ import annotations

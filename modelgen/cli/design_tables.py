@@ -1,4 +1,4 @@
-"""What `modelgen design` predicted, confirmed and optimised, as plain values and as tables."""
+"""Predictions, their confirmation and optimised excitations of `modelgen design`, as values and as tables."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ def describe_monte_carlo(
     """Return the spreads of every set, and what they make of the predicted order, as plain values."""
     from modelgen.runtime.planning.monte_carlo import misorders, worst_spread
 
-    judged = misorders(order, {name: worst_spread(spreads) for name, spreads in found.items()})
+    found_order = misorders(order, {name: worst_spread(spreads) for name, spreads in found.items()})
     return {
         "experiments": experiments,
         "sets": {
             name: [{**asdict(s), "error": s.error, "uncertainty": s.uncertainty} for s in spreads]
             for name, spreads in found.items()
         },
-        "wrong_order": [list(pair) for pair in judged.wrong],
-        "ties": [list(pair) for pair in judged.ties],
+        "wrong_order": [list(pair) for pair in found_order.wrong],
+        "ties": [list(pair) for pair in found_order.ties],
     }
 
 
@@ -103,7 +103,9 @@ def _confirmed(found: Mapping[str, Any]) -> list[Any]:
         wrong, ties = (
             ", ".join(" and ".join(pair) for pair in found[key]) for key in ("wrong_order", "ties")
         )
-        parts.append(Text(f"in the wrong order: {wrong or 'none'}; cannot be told apart: {ties or 'none'}"))
+        parts.append(
+            Text(f"in the wrong order: {wrong or 'none'}; cannot be distinguished: {ties or 'none'}")
+        )
     return parts
 
 

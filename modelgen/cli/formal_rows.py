@@ -103,7 +103,7 @@ class _Translation:
         if signal.actuator is not None:
             return {FormalSignal("force", self._actuators[signal.actuator], signal.derivative): Fraction(1)}
         if signal.sensor is None:
-            # the record brings a direction of motion itself: it stands for the body's velocity
+            # the record holds a direction of motion itself, in place of the body's velocity
             return {FormalSignal("q", key.removeprefix("sign_"), 1): Fraction(1)}
         sensor = self._sensors[signal.sensor]
         order = ORDER_OF[sensor.measures] + signal.derivative
@@ -120,7 +120,7 @@ class _Translation:
         return {FormalSignal(feature.function, text + times, 0): Fraction(1)}
 
     def _combination(self, sensor: Sensor) -> dict[str, Fraction]:
-        """Return the coordinates that a sensor reads; the direct model knows the ratio of a deflection."""
+        """Return the coordinates that a sensor reads; the direct model holds the ratio of a deflection."""
         if sensor.body is not None:
             return {sensor.body: Fraction(1)}
         from modelgen.runtime.simulation.plant import body_order

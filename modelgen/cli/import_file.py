@@ -1,4 +1,4 @@
-"""modelgen import: what a data file holds, what is wrong with it, and which column may be which channel."""
+"""modelgen import: contents and faults of a data file, and a proposed column for every channel."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def _would_fail(source: Source, proposed: tuple[Proposed, ...], findings: tuple[
 
 
 def import_lines(described: Description, written: Path | None, module: Path | None) -> list[str]:
-    """Lay out what `describe_file` says as lines of text."""
+    """Format the result of `describe_file` as lines of text."""
     lines = [described["file"], *_some([f"  took: {text}" for text in described["took"]]), ""]
     rows = [["column", "unit", "to SI", "samples", "from", "to", "first"]]
     chosen = {entry["column"] for entry in described["channels"][:MOST_LINES]} | {described["time"]}

@@ -1,7 +1,7 @@
 """The command line: the only place where the derivation and the estimation meet.
 
 Every command imports what it needs when it runs, so that `modelgen --help` needs no NumPy.
-Exit codes: 0 done, 1 the data cannot answer (or a check failed), 2 wrong input.
+Exit codes: 0 done, 1 the data do not determine the result (or a check failed), 2 wrong input.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How commands answer: progress on stderr, then lines for the eye or strict JSON for programs."""
+"""Output of commands: progress on stderr, results as lines of text or as strict JSON."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def say(step: str) -> None:
 
 
 def note(lines: Sequence[str]) -> None:
-    """Tell on stderr what the user should know beside the answer."""
+    """Print notes for the user on stderr, apart from the result."""
     with suppress(OSError):  # a full disk, a closed pipe: the answer itself goes elsewhere
         for line in lines:
             typer.echo(visible(line), err=True)
 
 
 def explain(problem: Problem) -> None:
-    """Tell a mistake on stderr: what is wrong and what to do, on a terminal in two lines and in colour."""
+    """Print a mistake on stderr: what is wrong and what to do, on a terminal in two lines and in colour."""
     if not is_terminal(sys.stderr):
         note([f"error: {problem}"])
         return
@@ -44,7 +44,7 @@ def explain(problem: Problem) -> None:
 
 
 def explain_all(problems: Sequence[Problem]) -> None:
-    """Tell every mistake, the first hundred of them."""
+    """Print the first hundred mistakes and the number of the others."""
     for problem in problems[:LISTED]:
         explain(problem)
     if len(problems) > LISTED:
@@ -52,12 +52,12 @@ def explain_all(problems: Sequence[Problem]) -> None:
 
 
 def _wants_colour() -> bool:
-    """Tell whether a terminal is to be coloured: https://no-color.org, and terminals that cannot."""
+    """Return whether a terminal shows colours: see https://no-color.org; some terminals cannot."""
     return not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
 def report(facts: dict[str, Any], lines: Sequence[str], as_json: bool) -> None:
-    """Print what was done, for a program or for the eye."""
+    """Print what was done, as JSON or as lines of text."""
     if as_json:
         print_json(facts)
     else:

@@ -18,7 +18,7 @@ def usable_streams() -> Iterator[None]:
     try:
         yield
     finally:
-        # the interpreter would complain of what is left in the buffers, where nobody can catch it
+        # the interpreter would report what is left in the buffers where it cannot be caught
         for stream, number in ((sys.stdout, 1), (sys.stderr, 2)):
             if stream is not None and not _flushed(stream):
                 _divert(number)
@@ -26,7 +26,7 @@ def usable_streams() -> Iterator[None]:
 
 
 def _flushed(stream: object) -> bool:
-    """Tell whether everything that a stream was given could be written."""
+    """Return whether everything in the buffer of a stream could be written."""
     try:
         stream.flush()  # type: ignore[attr-defined]
     except (OSError, ValueError):
@@ -48,7 +48,7 @@ def _fill_closed() -> None:
 
 
 def _divert(number: int) -> None:
-    """Let a descriptor lead nowhere."""
+    """Redirect a descriptor to the null device."""
     null = os.open(os.devnull, os.O_RDWR)
     if null != number:
         os.dup2(null, number)

@@ -1,4 +1,4 @@
-"""What the commands show, as plain values for --json and as rich tables for the eye.
+"""The output of commands, as plain values for --json and as rich tables.
 
 Each pair of functions belongs together: `describe_...` turns a result into dicts and lists, and `..._tables`
 lays those out. Nothing is computed here.

@@ -1,4 +1,4 @@
-"""identify --report: one HTML page from an estimate, with the chain's sensor sets beside the one used."""
+"""identify --report: one HTML page from an estimate, with all sensor sets of the chain."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modelgen.cli.arguments import compared_sensor_sets, load_chain
-from modelgen.cli.output_files import FIGURES, check_output
 from modelgen.errors import DataError, ModelgenError
 from modelgen.report.page import report_page
 from modelgen.spec.chain import ChainSpec
@@ -49,10 +48,12 @@ def report_text(
 def write_figure(
     path: Path, model: Model, readings: Sequence[Reading], estimate: Estimate, overwrite: bool
 ) -> None:
-    """Write measured and rebuilt rows that hold a force as PNG, SVG or PDF, one panel a record and row."""
+    """Write measured and rebuilt rows that hold a force as PNG, SVG or PDF, one panel a record and row.
+
+    The place and its suffix have been checked, see `modelgen.cli.output_files.OutputFiles.check`.
+    """
     from modelgen.cli.figure import draw_forces
 
-    check_output(path, FIGURES, overwrite)
     panels = force_panels(model, [reading.record for reading in readings], estimate)
     try:
         draw_forces(panels, path, columns=min(len(panels), 2), overwrite=overwrite)

@@ -36,7 +36,7 @@ class Deviation(Exception):
 
 
 class Match(NamedTuple):
-    """A line of a text in one of the skeleton's forms: its place, and (slot, what stands in it) pairs."""
+    """A line of a text in one of the skeleton's forms: its place, and (slot, text) pairs."""
 
     start: int
     end: int

@@ -30,7 +30,7 @@ def seal(text: str) -> str:
 
 
 def has_header(text: str) -> bool:
-    """Tell whether modelgen wrote this text, whatever happened to it since."""
+    """Return whether modelgen wrote this text, even if it was changed since."""
     return HEADER.search(text) is not None
 
 

@@ -9,7 +9,7 @@ import jinja2
 
 
 def template_folder() -> Path:
-    """Return the folder of templates: packaged with the wheel, or beside the package in a checkout."""
+    """Return the folder of templates: packaged with the wheel, or next to the package in a checkout."""
     packaged = Path(str(resources.files("modelgen"))) / "_templates"
     return packaged if packaged.is_dir() else packaged.parent.parent / "templates"
 

@@ -1,4 +1,4 @@
-"""Files of another target -> a folder; files that modelgen did not write are spared."""
+"""Files of another target -> a folder; files that modelgen did not write are kept."""
 
 from __future__ import annotations
 

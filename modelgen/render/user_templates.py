@@ -1,7 +1,7 @@
-"""Templates of the user -> texts, in a process of their own that may take so long and so much memory.
+"""Templates of the user -> texts, in a process of their own with limits of time and memory.
 
-The sandbox keeps a template from reaching out; it cannot keep it from calling itself, from counting to 10**12
-or from writing gigabytes. Where the system has no processes that split (Windows), it is the sandbox alone.
+The sandbox isolates a template; it does not stop recursion, a loop of 10**12 rounds or gigabytes of output.
+Where the system cannot fork processes (Windows), there is the sandbox only.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _render(folder: Path, names: Mapping[str, str], fields: Mapping[str, Any]) -
                 pieces.append(piece)
             files[name] = "".join(pieces)
             files[name].encode()
-        except Exception as error:  # a template can raise whatever Python can
+        except Exception as error:  # a template can raise any exception
             line = getattr(error, "lineno", None)
             where = f"{folder / template}" + (f": line {line}" if line else "")
             raise RenderError.at(where, f"fails ({_reason(error)})", REMEDY) from error

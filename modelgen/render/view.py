@@ -1,4 +1,4 @@
-"""What the template sees: plain strings and tuples, nothing symbolic."""
+"""The variables of the template: plain strings and tuples, nothing symbolic."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Long series -> what a zoomable plot needs: at most so many lowest and highest values, two bytes each.
+"""Long series -> the data of a zoomable plot: a limited number of lowest and highest values, two bytes each.
 
-A bucket's lowest and highest value keep every peak in sight at any zoom; 65 534 levels between the
+The lowest and highest value of every interval keep all peaks visible at any zoom; 65 534 levels between the
 extremes are finer than a screen at a zoom of a hundred.
 """
 

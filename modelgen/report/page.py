@@ -1,7 +1,7 @@
 """Model, readings and estimate -> the text of one HTML page.
 
 The page carries everything it shows. Its policy allows the one script that is this program's own, by its
-hash, and no connection at all: a name in the data that tries to be a script stays a name.
+hash, and no connection at all: a name in the data that looks like a script remains text.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def _policy(script: str) -> str:
 
 
 def _json(value: Any) -> Markup:
-    """Return JSON that cannot end the element it stands in."""
+    """Return JSON that cannot end the element that contains it."""
     text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
 

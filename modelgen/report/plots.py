@@ -1,4 +1,4 @@
-"""The plots of a report: what is drawn small as SVG, and what the page's script draws at any zoom."""
+"""The plots of a report: small ones as SVG, and those that the script of the page draws at any zoom."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def correlation_plot(estimate: Estimate) -> Markup | None:
 
 
 def singular_value_plot(values: FloatArray) -> Markup | None:
-    """Return the singular values of the weighted W, columns of unit length."""
+    """Return the plot of the singular values of the weighted W (columns of unit length), shape (columns,)."""
     kept = values[values > 0.0]
     if not kept.size:
         return None
@@ -152,6 +152,6 @@ def whiteness(found: Autocorrelation) -> float:
 
 
 def filter_reach_ms(estimate: Estimate, fs: float) -> float:
-    """Return the reach of the low-pass in ms: residuals nearer than that are correlated by it alone."""
+    """Return the reach of the low-pass in ms: it correlates residuals closer to each other than that."""
     filtering = estimate.filtering
     return 1e3 * support_samples(filtering.filter_order, filtering.cutoff_hz, fs, 0, 0.01) / fs

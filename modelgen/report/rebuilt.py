@@ -52,7 +52,8 @@ class Autocorrelation:
 def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tuple[list[Rebuilt], FloatArray]:
     """Return every row on every record used, and the singular values of W with columns of unit length.
 
-    W is weighted as in the fit, and holds the columns that were in it; records held out are left out.
+    The singular values have shape (columns,) and no unit. W is weighted as in the fit and holds the columns
+    of the fit; records held out are left out.
     """
     records = [record for record in records if record.name in estimate.records]
     x = _solution(model, estimate)
@@ -74,7 +75,15 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
 
 
 def autocorrelation(residual: FloatArray, step_s: float) -> Autocorrelation | None:
-    """Return the autocorrelation of a residual, masked samples left out; None where there is none."""
+    """Return the autocorrelation of a residual without its masked samples; None where there is none.
+
+    Parameters
+    ----------
+    residual : array, shape (n,)
+        In the unit of the row; NaN where a sample is masked.
+    step_s : float
+        Time between two samples in s.
+    """
     kept = np.isfinite(residual)
     count = int(kept.sum())
     if count < 20:

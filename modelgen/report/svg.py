@@ -40,7 +40,7 @@ class Axis:
     logarithmic: bool = False
 
     def place(self, value: FloatArray) -> FloatArray:
-        """Return where values lie, 0 at the low end and 1 at the high one."""
+        """Return where values lie, of the same shape: 0 at the low end of the axis, 1 at the high end."""
         if not self.logarithmic:
             return np.asarray((value - self.low) / (self.high - self.low))
         low, high = math.log10(self.low), math.log10(self.high)
@@ -64,7 +64,7 @@ class Axis:
 
 
 def axis_for(label: str, values: Sequence[FloatArray], logarithmic: bool = False) -> Axis:
-    """Return an axis that holds all finite values; a logarithmic one only what is positive."""
+    """Return an axis for all finite values of arrays of any shape; a logarithmic one for positive values."""
     pooled = np.concatenate([np.ravel(v) for v in values]) if values else np.empty(0)
     pooled = pooled[np.isfinite(pooled) & ((pooled > 0.0) | (not logarithmic))]
     low, high = (float(pooled.min()), float(pooled.max())) if pooled.size else (0.1, 1.0)
@@ -101,7 +101,7 @@ def line_plot(
 
 
 def stem_plot(x_axis: Axis, y_axis: Axis, x: FloatArray, y: FloatArray, band: float, title: str) -> Markup:
-    """Return an upright line from zero a value, with a band of what chance alone would do."""
+    """Return a vertical line from zero for each value, x and y of shape (n,), and a band of +-`band`."""
     zero = float(_y(y_axis, np.array([0.0]), HEIGHT)[0])
     top, bottom = (float(_y(y_axis, np.array([v]), HEIGHT)[0]) for v in (band, -band))
     stems = "".join(
@@ -116,7 +116,7 @@ def stem_plot(x_axis: Axis, y_axis: Axis, x: FloatArray, y: FloatArray, band: fl
 
 
 def bar_plot(y_axis: Axis, values: FloatArray, names: Sequence[str], title: str) -> Markup:
-    """Return one bar a value on a logarithmic axis."""
+    """Return one bar for each value, shape (n,), on a logarithmic axis."""
     x_axis = Axis("", 0.0, float(len(values)))
     parts = [_frame(x_axis, y_axis, HEIGHT, x_ticks=False)]
     base = HEIGHT - BOTTOM
@@ -129,7 +129,7 @@ def bar_plot(y_axis: Axis, values: FloatArray, names: Sequence[str], title: str)
 
 
 def heat_map(names: Sequence[str], matrix: FloatArray, title: str) -> Markup:
-    """Return a square of colours for a matrix of values from -1 to 1, with the numbers in it."""
+    """Return a matrix of values from -1 to 1, shape (n, n), as coloured squares with their numbers."""
     count = len(names)
     cell = max(26, min(58, 520 // max(count, 1)))
     left, top = 110, 30

@@ -1,4 +1,4 @@
-"""A chain as its user described it: frozen values that need no pydantic, and the order of the parameters."""
+"""The description of a chain: frozen values that need no pydantic, and the order of the parameters."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""A chain's TOML file -> ChainSpec: all checks of what a user writes, every mistake reported at once.
+"""A chain's TOML file -> ChainSpec: all checks of the file, every mistake reported at once.
 
-Two passes, so that no mistake hides another. First every table is checked by itself (spec_tables, the only
+Two passes, so that no mistake hides another. First every table is checked by itself (`tables`, the only
 place that knows pydantic): what cannot be read is reported and becomes None. Then the references between
-tables are checked on what could be read (spec_references). If neither pass found a mistake, the draft of the
+tables are checked on what could be read (`references`). If neither pass found a mistake, the draft of the
 second one is the ChainSpec.
 """
 

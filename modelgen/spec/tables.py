@@ -1,4 +1,4 @@
-"""First pass over a spec: every table by itself, with pydantic, in words that an engineer understands."""
+"""First pass over a spec: every table by itself, with pydantic, with messages in the terms of mechanics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Base parameters: the smallest set of combinations that the rows can tell apart.
+"""Base parameters: the smallest set of combinations that the rows can distinguish.
 
 As Gautier (1991): draw a random regressor, decompose it by QR, and regroup the dependent columns on the
 independent ones, beta = x_1 + R_1^-1 R_2 x_2. Exact elimination on the rows themselves gives the same
@@ -107,7 +107,7 @@ def _reasons(
     base: Sequence[BaseParameter],
     identifiable: Sequence[str],
 ) -> dict[str, str]:
-    """Say for every parameter that is not identifiable why, and which combination is."""
+    """Return the reason for every parameter that is not identifiable, with the combinations that hold it."""
     inside: dict[str, list[str]] = {name: [] for name in wanted}
     for parameter in base:
         own = _shown(parameter)
@@ -222,7 +222,7 @@ def _numerical_dependencies(rows: IdentificationRows, names: Sequence[str]) -> d
 
 
 def _agree(numerical: Mapping[int, Mapping[int, float]], exact: Mapping[int, Mapping[int, Exact]]) -> bool:
-    """Tell whether rounding the numerical regrouping to the exact rationals changes nothing but rounding."""
+    """Return whether the numerical regrouping equals the exact rationals but for rounding."""
     if numerical.keys() != exact.keys():
         return False
     for column, recipe in exact.items():

@@ -3,7 +3,7 @@
 A row 0 = y - D x is a vector over the pairs (parameter, signal), with rational coefficients; "signal" is a
 derivative of a body's coordinate or of a force, however a sensor reads it. Two regressors are equal if their
 rows are, equal up to a combination if their rows span the same space, and different otherwise; then it may
-still be that a row of one is a derivative of a row of the other, which is said beside.
+still be that a row of one is a derivative of a row of the other, which is reported separately.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ MOST_DERIVATIVES = 6
 
 @dataclass(frozen=True, order=True)
 class FormalSignal:
-    """A signal whoever reads it: `kind` "q" (coordinate), "force", "one", or a feature with all it holds.
+    """A signal, independent of the sensor that reads it.
 
-    `name` is the body, or a feature's text; `order` counts the derivatives.
+    `kind` is "q" (coordinate), "force", "one", or a feature with everything it depends on; `name` is the
+    body, or a feature's text; `order` counts the derivatives.
     """
 
     kind: str
@@ -43,7 +44,7 @@ class FormalRegressor:
 
 @dataclass(frozen=True)
 class Relation:
-    """How `second` stands to `first`; `lines` says of each row where it is found in the other."""
+    """How `second` stands to `first`; `lines` holds for each row where it is found in the other."""
 
     first: str
     second: str

@@ -1,4 +1,4 @@
-"""Dependent columns by sparse elimination in exact rationals."""
+"""Columns that depend on earlier ones, by sparse elimination in exact rationals."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 A row is differentiated the smallest number of times r for which every coordinate appears at or above the
 order its sensor gives. Differentiation drops what is constant between reversals (Coulomb friction, offsets),
-so the sums of lower r (see sums.py) stand beside the rows of the bodies and carry those.
+so the sums of lower r (see `equation_sums`) are added to the rows of the bodies and hold those.
 """
 
 from __future__ import annotations

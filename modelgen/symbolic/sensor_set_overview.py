@@ -1,4 +1,4 @@
-"""Sensor sets side by side: what each needs, what it gives, and what it loses against sensing everything."""
+"""Comparison of sensor sets: derivatives needed, parameters identified, parameters lost."""
 
 from __future__ import annotations
 

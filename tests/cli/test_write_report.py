@@ -126,8 +126,10 @@ def test_figures_are_written_in_every_format(
     path = tmp_path / f"f{suffix}"
     write_figure(path, MODEL, readings, estimate, overwrite=False)
     assert path.stat().st_size > 1000
-    with pytest.raises(DataError, match="exists already"):
+    with pytest.raises(ModelgenError, match="exists already"):
         write_figure(path, MODEL, readings, estimate, overwrite=False)
+    with pytest.raises(DataError, match="exists already"):
+        OutputFiles(None, None, path, overwrite=False).check()
 
 
 def test_without_matplotlib_a_figure_says_what_to_install(

@@ -47,7 +47,7 @@ def compare(
     trust: Trust = False,
     as_json: Json = False,
 ) -> None:
-    """Compare sensor sets: their regressors by exact algebra, what they ask for, and their estimates.
+    """Compare sensor sets: their regressors by exact algebra, what they need, and their estimates.
 
     Condition numbers and noise gains come from a simulated, noise-free chirp and trapezoid.
     """
@@ -69,7 +69,7 @@ def compare(
 
 
 def _models(sources: Sequence[str], sensors: str | None, trust: bool, fewest: int) -> dict[str, Model]:
-    """Return the models by a title that tells them apart; a spec gives one per sensor set."""
+    """Return the models by a title that distinguishes them; a spec gives one per sensor set."""
     from modelgen.cli.arguments import load_chain, sensor_sets
     from modelgen.render.writer import generate, module_name
     from modelgen.runtime.model.model import load_model, model_from_text

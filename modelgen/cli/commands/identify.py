@@ -124,9 +124,9 @@ def identify(
         mapping or (), scale or (), fs, time, time_unit, map_file, mend or (), direction or (), tag or ()
     )
     outputs = OutputFiles(output, report_file, figure, overwrite)
-    outputs.check()  # what would go wrong at the end is said at the beginning
-    told = (REFERENCE, BESIDE_REFERENCE) if controller and report_file else ()
-    readings = read_files(data, model, options, *told)
+    outputs.check()  # before the work, not after it
+    inputs = (REFERENCE, BESIDE_REFERENCE) if controller and report_file else ()
+    readings = read_files(data, model, options, *inputs)
     settings = estimation_settings(context.params) | {"directions": direction_sources(options)}
     estimate = run(model, [reading.record for reading in readings], progress=say, **settings)
     outputs.write(model, module, readings, estimate, given_options(context), spec, controller)

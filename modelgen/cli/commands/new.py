@@ -22,7 +22,7 @@ def new(
     from modelgen.spec.load import parse_spec
 
     text = environment().get_template("starter.toml.j2").render(name=name)
-    # the spec's own checks say what a name may be; the comparison keeps a name from being read as more TOML
+    # the checks of the spec apply to the name; the comparison detects a name that is parsed as more TOML
     if parse_spec(text, f"{name}.toml").name != name:
         raise SpecError.at("NAME", f"{name!r} is not a name", "use a letter, then letters, digits or _")
     path = Path(f"{name}.toml")

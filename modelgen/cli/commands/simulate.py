@@ -31,7 +31,7 @@ Controller = Annotated[
     Path | None, typer.Option(metavar="FILE.toml", help="The loop; one slow against the lowest mode.")
 ]
 WithReference = Annotated[
-    bool, typer.Option("--with-reference", help="Also write what the loop was told, for validate.")
+    bool, typer.Option("--with-reference", help="Also write the inputs of the loop, for validate.")
 ]
 
 

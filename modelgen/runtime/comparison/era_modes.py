@@ -1,7 +1,7 @@
 """Elastic modes by a realization of the impulse response (ERA, from the library `control`); a yardstick.
 
 Juang and Pappa 1985: Markov parameters by least squares, a balanced realization of their Hankel matrix, its
-eigenvalues. It knows nothing of the chain, and gives modes only: frequencies and damping ratios.
+eigenvalues. It does not use the model of the chain and gives modes only: frequencies and damping ratios.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def modes_of_record(model: Model, record: Record, highest_hz: float) -> tuple[Mo
     for sensor in model.sensors:
         order = ORDER_OF[sensor.measures]
         smooth = zero_phase(record.signals[sensor.key], FILTER_ORDER, cutoff, record.fs)
-        # accelerations: the impulse response then dies out, whatever the rigid motion does
+        # accelerations: their impulse response decays even with a rigid mode
         outputs.append(differentiate(smooth, record.dt, 2 - order)[::factor])
     u = zero_phase(record.signals[model.actuators[0].key], FILTER_ORDER, cutoff, record.fs)[::factor]
     scaled = [y / max(float(np.std(y)), 1e-300) for y in outputs]

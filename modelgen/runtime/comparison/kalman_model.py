@@ -1,4 +1,4 @@
-"""A chain from sample to sample, and its slopes by motion and parameters: what the Kalman filter works on."""
+"""A chain discretised from sample to sample, and its derivatives by motion and parameters."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Sample:
         return found, slope, each.sum(axis=1), self.matrices.motion[:, n + count :]
 
     def reading(self, s: FloatArray, u: FloatArray) -> Linearised:
-        """Return what the sensors read."""
+        """Return the readings, shape (sensors,), in SI, from states `s` and forces `u`, shape (forces,)."""
         n, m = len(self.matrices.motion), u.size
         found, slope = self._linearise(self.matrices.reading, self.matrices.reading_slopes, s, u)
         return found, slope, self.matrices.reading[:, n : n + m], self.matrices.reading[:, n + m :]

@@ -1,4 +1,4 @@
-"""The same records through other estimators: what weighted least squares and iv are measured against."""
+"""Other estimators on the same records, for comparison with weighted least squares and iv."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sensor sets side by side: what their rows make of noise and motion, and whether their estimates agree."""
+"""Comparison of sensor sets: conditioning and noise gain of their rows, and whether estimates agree."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def conditioning(
 
 
 def noise_gains(model: Model, order: int, cutoff_hz: float, fs: float) -> tuple[NoiseGain, ...]:
-    """Return the noise gain of every derivative of a channel that the model asks for.
+    """Return the noise gain of every derivative of a channel that the model needs.
 
     White noise of standard deviation 1 at every sample becomes sqrt(sum of h_k^2), h the response to an
     impulse of the zero-phase filter and the differences.
@@ -107,7 +107,10 @@ def noise_gains(model: Model, order: int, cutoff_hz: float, fs: float) -> tuple[
 
 
 def impulse_response(order: int, cutoff_hz: float, fs: float, derivative: int) -> FloatArray:
-    """Return the two-sided response of filter and differences to an impulse, its middle in the middle."""
+    """Return the two-sided impulse response of filter and differences, shape (odd length,), centred.
+
+    Its unit is s^-d for the derivative d; `cutoff_hz` and `fs` are in Hz.
+    """
     half = int(np.ceil(PERIODS * fs / cutoff_hz)) + 8 * (derivative + 1)
     impulse = np.zeros(2 * half + 1)
     impulse[half] = 1.0

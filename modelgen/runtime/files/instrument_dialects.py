@@ -1,4 +1,4 @@
-"""Text files whose columns cannot be told from the lines alone: layouts of certain instruments.
+"""Text files whose columns cannot be recognised from the lines alone: layouts of certain instruments.
 
 Each function takes the first lines of a file and returns its layout, or None where it is of another kind.
 """
@@ -62,7 +62,7 @@ def twincat_scope(head: Head) -> Layout | None:
 
 
 def dspace_recorder(head: Head) -> Layout | None:
-    """Return the layout of a dSPACE ControlDesk export: the first column says what a line holds."""
+    """Return the layout of a dSPACE ControlDesk export: the first column names the contents of a line."""
     rows = {cells[0]: (number, cells) for number, cells in head.lines}
     if DSPACE_NAMES not in rows or DSPACE_VALUES not in rows:
         return None

@@ -1,4 +1,4 @@
-"""What a reading library says beside its results, kept from the screen: a user is told once, in our words."""
+"""Messages of a reading library, kept off the screen: the user gets one message, from modelgen."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class _Kept(logging.Handler):
 
 
 def _ignored(_: object) -> None:
-    """Say nothing of an exception in a destructor."""
+    """Ignore an exception in a destructor."""
 
 
 @contextmanager
 def kept_log(library: str) -> Iterator[dict[str, None]]:
-    """Collect what a library's loggers say while the block runs: the keys of what is yielded.
+    """Collect the messages of a library's loggers while the block runs: the keys of what is yielded.
 
     What its objects raise as they are deleted is not printed either.
     """

@@ -1,7 +1,7 @@
 """MATLAB files of level 4 and 5 (versions 4 to 7): which variables they hold, and the values of one.
 
-A reader of our own: SciPy's is compiled, and a few changed bytes end the process that calls it. Here the
-listing reads the head of every variable only; version 7.3 is HDF5 (`source_hdf5`).
+modelgen has its own reader: SciPy's is compiled, and a few changed bytes can crash the process. Here the
+listing reads the head of every variable only; version 7.3 is HDF5 (`child_process.hdf5`).
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class MatFile:
-    """A file and its variables; `order` is "<" or ">", `repeated` names what stands there more than once."""
+    """A file and its variables; `order` is "<" or ">", `repeated` names variables stored several times."""
 
     path: Path
     level: int
@@ -100,7 +100,7 @@ def open_variables(path: Path) -> MatFile:
     with open_file(path, DATA) as file:
         start = file.read(HEADER)
         mark = start[126:128]
-        if 0 in start[:4]:  # a text stands there in level 5, the type of the first variable in level 4
+        if 0 in start[:4]:  # level 5 begins with a text, level 4 with the type of the first variable
             level, order, found = 4, "<", _level4(file)
         elif mark in (b"IM", b"MI"):
             level, order = 5, "<" if mark == b"IM" else ">"

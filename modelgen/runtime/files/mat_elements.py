@@ -1,7 +1,7 @@
 """Elements of a MATLAB file of level 5 (versions 5 to 7) -> arrays, texts, structures and cells.
 
 Whatever an element states (its length, its dimensions, how many fields follow) is compared with the bytes
-that are there before anything is made of it, so that a damaged file ends in `DamagedFile` and nothing else.
+that are there before anything is made of it, so that a damaged file raises `DamagedFile` and nothing else.
 The format: MathWorks, MAT-File Format, chapter 1.
 """
 
@@ -40,7 +40,7 @@ class DamagedFile(ValueError):
 
 @dataclass(frozen=True)
 class Head:
-    """What an array says before its values: its name, class and shape."""
+    """The head of an array: its name, class and shape."""
 
     name: str
     kind: int
@@ -66,7 +66,7 @@ class Elements:
             raise DamagedFile("it ends within an array")
         kind, size = unpack_from(f"{self.order}II", self.data, self.place)
         start = self.place + 8
-        if kind >> 16:  # up to four bytes stand in the tag itself
+        if kind >> 16:  # the tag itself holds up to four bytes
             kind, size, start = kind & 0xFFFF, kind >> 16, self.place + 4
         if size > len(self.data) - start or (start == self.place + 4 and size > 4):
             raise DamagedFile(f"an element states {size} bytes, {len(self.data) - start} are there")
@@ -177,7 +177,7 @@ class Values:
 
 
 def complex_of(real: npt.NDArray[Any], imaginary: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return complex numbers of two parts; a sum with 1j would make NaN of what is infinite."""
+    """Return complex numbers of two parts of one shape; a sum with 1j would make NaN of infinite parts."""
     values = np.empty(real.shape, np.result_type(real, np.complex64))
     values.real, values.imag = real, imaginary
     return values

@@ -27,7 +27,7 @@ class NpyColumn:
     n: int
 
     def read(self, start: int, stop: int) -> FloatArray:
-        """Return samples start to stop as float.
+        """Return samples start to stop as float, shape (stop - start,), in SI.
 
         The file is mapped anew each time: pages of an open map would stay in memory until the whole file is
         there.
@@ -67,7 +67,7 @@ class NpyChannels:
         return tuple(self.columns)
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
-        """Return samples start to stop of a channel."""
+        """Return samples start to stop of a channel, shape (stop - start,), in SI."""
         samples = self.columns[channel].read(start, stop)
         if channel in self.factors:
             with np.errstate(over="ignore"):  # who uses it asks how large it is

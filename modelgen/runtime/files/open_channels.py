@@ -40,7 +40,7 @@ class FileChannels:
         return tuple(self.columns)
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
-        """Return samples start to stop of a channel in SI."""
+        """Return samples start to stop of a channel, shape (stop - start,), in SI."""
         column, factor = self.columns[channel]
         try:
             samples = self.reader(self.path, column, start, stop)

@@ -1,4 +1,4 @@
-"""A file format whose library is not installed: one error that says how to get it."""
+"""A file format whose library is not installed: one error with the command that installs it."""
 
 from __future__ import annotations
 

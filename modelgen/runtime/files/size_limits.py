@@ -12,7 +12,7 @@ from modelgen.read_file import ALWAYS_FINE, LARGEST_RATIO
 ZIP_MEMBER = b"PK\x01\x02"  # in front of every member in the table of an archive
 BLOCK = 1_000_000  # bytes
 LONGEST_NAME = 1000  # characters of a column's name
-MOST_COLUMNS = 10_000  # of a file, whatever it calls them (variables, members, data sets, channels)
+MOST_COLUMNS = 10_000  # of a file (variables, members, data sets, channels)
 
 
 def check_expansion(path: Path, unpacked: int) -> None:

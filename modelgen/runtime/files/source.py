@@ -1,4 +1,4 @@
-"""Source: an opened data file, before anybody has said which of its columns are the model's channels."""
+"""Source: an opened data file, before its columns are assigned to the channels of a model."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ Columns = dict[str, npt.NDArray[Any]]
 
 # a scalar of this name is the sampling frequency in Hz
 FS_NAMES = ("fs", "Fs")
-# a column of this name holds times, whatever else the file says
+# a column of this name holds times
 TIME_NAMES = ("t", "time", "zeit", "timestamp", "zeitstempel", "temps", "tiempo", "x-axis", "x_value")
 
 
 @dataclass(frozen=True)
 class Source:
-    """What a data file offers.
+    """The contents of a data file.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Source:
     load : callable
         Returns the named columns, each of shape (n,); raises DataError for one that is not numeric.
     scalars : mapping of str to float
-        Single numbers stored beside the columns (a gain, a sampling frequency).
+        Single numbers stored with the columns (a gain, a sampling frequency).
     fs : float, optional
         Sampling frequency in Hz that the file states.
     name, tag : str, optional
@@ -41,7 +41,7 @@ class Source:
     clocks : mapping of str to str
         Column to the column of its times, where the file has several.
     took : tuple of str
-        What the file was taken for: sentences for its owner to check.
+        How the file was interpreted: sentences for its owner to check.
     load_numeric : callable, optional
         Returns those of the named columns that are numeric, where `load` would read the file once for each.
     """
@@ -60,18 +60,18 @@ class Source:
 
     @cached_property
     def known(self) -> frozenset[str]:
-        """The names, to ask whether one is among them."""
+        """The names, for fast look-up."""
         return frozenset(self.names)
 
     @cached_property
     def clock(self) -> str | None:
-        """The first column that is named as times are."""
+        """The first column whose name is one of times."""
         known = (name for name in self.names if is_time_name(name))
         return next(iter(self.clocks.values()), next(known, None))
 
 
 def is_time_name(name: str) -> bool:
-    """Tell whether a column of this name holds times; "time (2)" is the second one of a file."""
+    """Return whether a column of this name holds times; "time (2)" is the second one of a file."""
     base = name.partition(" (")[0].strip().strip('"').lower()
     return base in TIME_NAMES
 
@@ -86,7 +86,7 @@ def source_of_shapes(
     units: Mapping[str, str] | None = None,
     took: tuple[str, ...] = (),
 ) -> Source:
-    """Return the source of arrays of these shapes, which `load` returns flat; `single` are numbers alone."""
+    """Return the source of arrays of these shapes, which `load` returns flat; `single` are single numbers."""
     scalars = {key: float(array.item()) for key, array in single.items()}
     names = tuple(key for key, shape in shapes.items() if _is_vector(shape))
     fs = next((scalars[key] for key in FS_NAMES if key in scalars), None)
@@ -101,7 +101,9 @@ def source_of_arrays(
     units: Mapping[str, str] | None = None,
     took: tuple[str, ...] = (),
 ) -> Source:
-    """Return the source of named arrays: vectors are columns, single numbers are scalars."""
+    """Return the source of named arrays: those of shape (n,), (n, 1) or (1, n) are columns, single numbers
+    are scalars; units as the file states them.
+    """
     single = {key: array for key, array in arrays.items() if array.size == 1 and array.dtype.kind in "iuf"}
     shapes = {key: array.shape for key, array in arrays.items()}
 
@@ -112,5 +114,5 @@ def source_of_arrays(
 
 
 def _is_vector(shape: tuple[int, ...]) -> bool:
-    """Tell whether an array of this shape is one row or one column of at least two samples."""
+    """Return whether an array of this shape is one row or one column of at least two samples."""
     return 0 not in shape and sum(length > 1 for length in shape) == 1

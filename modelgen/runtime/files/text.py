@@ -1,7 +1,7 @@
 """Delimited text (.csv, .txt, .tsv) -> Source.
 
 In a plain table the first line that is neither empty nor a comment (#) names the columns; the separator is
-comma, semicolon or tab. What instruments write above or beside that is found by `text_layout`.
+comma, semicolon or tab. What instruments write above or next to the table is found by `text_layout`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Table = npt.NDArray[np.float64]
 
 
 def open_text(path: Path) -> Source:
-    """Return the source of a delimited text file; its numbers are read when columns are asked for.
+    """Return the source of a delimited text file; its numbers are read when columns are loaded.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def _sniffed(head: Head) -> Layout | None:
 
 
 def _plain(path: Path, encoding: str) -> Layout:
-    """Return the layout of a plain table, whatever its lines hold: they are blamed when they are read."""
+    """Return the layout of a plain table; its lines are checked when they are read."""
     for number, line in lines_of(path, encoding):
         if line.strip() and not line.startswith("#"):
             separator = max(SEPARATORS, key=lambda candidate: len(cells_of(line, candidate)))
@@ -198,7 +198,7 @@ def _slow_columns(layout: Layout, places: tuple[int, ...]) -> list[Table]:
     readers = [_reader(layout, place) for place in places]
     for number, cells in _sample_lines(layout):
         where = f"{layout.path}: line {number}"
-        # metadata beside or below the samples may make lines shorter; cells too many are a mistake anywhere
+        # metadata next to or below the samples may make lines shorter; too many cells are a mistake
         wrong = len(cells) != len(layout.names) if not layout.took else any(cells[len(layout.names) :])
         if wrong and not layout.ragged:
             what = f"has {len(cells)} cells, the header has {len(layout.names)}"

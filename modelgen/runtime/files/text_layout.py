@@ -1,8 +1,8 @@
 """What a text file is: encoding, separator, decimal mark, and which lines are names, units and samples.
 
 Plain tables (names in the first line, samples from the second on) and what instruments put above them: lines
-of metadata, a line of units, a column of times for every channel. `text_dialects` knows the layouts that
-cannot be told from the lines alone.
+of metadata, a line of units, a column of times for every channel. `instrument_dialects` holds the layouts
+that cannot be recognised from the lines alone.
 """
 
 from __future__ import annotations
@@ -206,7 +206,7 @@ def _first_samples(lines: Sequence[tuple[int, tuple[str, ...]]], comma: bool) ->
 
 
 def _is_samples(cells: Sequence[str], comma: bool) -> bool:
-    """Tell whether there are numbers in a line, and nothing else but days and times."""
+    """Return whether a line holds numbers, days and times only."""
     filled = [cell for cell in cells if cell]
     text = [cell for cell in filled if number_from(cell, comma) is None]
     return len(text) < len(filled) and all(is_date(cell) or nanoseconds(cell) is not None for cell in text)
@@ -245,7 +245,7 @@ def _samples(head: Head) -> list[tuple[str, ...]]:
 
 
 def _is_units(cells: Sequence[str]) -> bool:
-    """Tell whether a line holds units: every cell that is filled is one, or says that there is none."""
+    """Return whether a line holds units: every filled cell is a unit, or states that there is none."""
     filled = [cell for cell in cells if cell]
     known = [cell for cell in filled if unit_from_text(cell) or cell.startswith("[") or states_no_unit(cell)]
     return bool(filled) and len(known) == len(filled)

@@ -62,7 +62,7 @@ def _no_text(block: bytes, marked: bool) -> str | None:
 
 
 def _decodes(decoder: IncrementalDecoder, block: bytes) -> bool:
-    """Tell whether a further part of a text, none at its end, is in the encoding."""
+    """Return whether a further part of a text, none at its end, is in the encoding."""
     try:
         decoder.decode(block, final=not block)
     except UnicodeDecodeError:

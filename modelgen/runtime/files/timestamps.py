@@ -40,12 +40,12 @@ def nanoseconds(cell: str) -> int | None:
 
 
 def is_date(cell: str) -> bool:
-    """Tell whether a cell holds a day without a time."""
+    """Return whether a cell holds a day without a time."""
     return _DAY_ALONE.fullmatch(cell) is not None
 
 
 def is_long_count(cell: str) -> bool:
-    """Tell whether a cell holds a whole number of more digits than a double can tell apart."""
+    """Return whether a cell holds a whole number of more digits than a double can hold."""
     return MOST_DIGITS < len(cell) <= LONGEST_COUNT and cell.isdecimal()
 
 
@@ -65,7 +65,9 @@ def time_since(first: str) -> Callable[[str], float]:
 
 
 def elapsed_s(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return NumPy's times or time differences as s (times since the first); other values as they are."""
+    """Return NumPy's times (since the first) or time differences in s, of the same shape; other values as
+    they are.
+    """
     if values.dtype.kind == "M":
         values = values - values[:1]
     if values.dtype.kind != "m":

@@ -122,7 +122,7 @@ def _unit(text: str) -> Unit | None:
 
 
 def states_no_unit(text: str) -> bool:
-    """Tell whether a cell says that there is no unit."""
+    """Return whether a cell states that there is no unit."""
     return _cleaned(text).lower() in _NONE or text.strip().lower() in _NONE
 
 

@@ -55,7 +55,10 @@ class LoopBlocks:
     def apply(
         self, samples: FloatArray, origin: int, blocks: int, signs: bool = False
     ) -> tuple[FloatArray, float]:
-        """Return the derivatives at the samples kept; see `BlockProduct` in `block_numpy`."""
+        """Return the derivatives, shape (samples kept, derivatives), and the largest absolute sample.
+
+        See `BlockProduct` in `block_numpy`.
+        """
         tables = self.tables
         block, halo = tables.block, tables.halo
         low = origin - tables.before - halo * block

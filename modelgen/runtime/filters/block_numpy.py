@@ -1,4 +1,4 @@
-"""BlockProduct: blocks of a signal through their tables with NumPy alone: one matrix product a panel."""
+"""BlockProduct: blocks of a signal times their tables with NumPy only, one matrix product a panel."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class BlockProduct:
         out = np.empty((blocks, tables.kept * tables.derivatives))
         panels = max(1, round(blocks * tables.block / max(PANEL, HALOS * 2 * tables.halo * tables.block)))
         step = -(-blocks // panels)
-        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is told by the peak
+        with np.errstate(invalid="ignore", over="ignore"):  # the peak shows what is not finite
             found = [
                 self._panel(samples, origin + first * tables.block, out[first : first + step])
                 for first in range(0, blocks, step)
@@ -57,13 +57,13 @@ class BlockProduct:
         """Fill in consecutive blocks, the first of which begins at sample `origin`; return the peak."""
         tables = self.tables
         block, states, wide, halo = tables.block, tables.powers.shape[1], tables.window, tables.halo
-        beside, inside = halo * block, len(out) * block
-        whole = window(samples, origin - tables.before - beside, origin + inside + tables.after + beside)
-        forward = product(whole[: beside + inside - block].reshape(-1, block), tables.gather)
-        behind = whole[len(whole) - beside - inside + block :]
+        margin, inside = halo * block, len(out) * block
+        whole = window(samples, origin - tables.before - margin, origin + inside + tables.after + margin)
+        forward = product(whole[: margin + inside - block].reshape(-1, block), tables.gather)
+        behind = whole[len(whole) - margin - inside + block :]
         backward = product(behind.reshape(-1, block), tables.gather_back)
         scan_all(forward, backward, tables.powers)
-        body = whole[beside : len(whole) - beside]
+        body = whole[margin : len(whole) - margin]
         near = body.reshape(-1, block) if wide == block else _overlapping(body, block, wide)
         spread = tables.spread.reshape(len(tables.spread), -1)
         product(near, spread[:wide], out)
@@ -73,7 +73,10 @@ class BlockProduct:
 
 
 def product(lines: FloatArray, table: FloatArray, out: FloatArray | None = None) -> FloatArray:
-    """Return lines @ table, by small products of a few lines; see `block_loops.SMALL_PRODUCT`."""
+    """Return lines @ table, shapes (n, k) and (k, m), by small products of a few lines each.
+
+    See `block_kernels.SMALL_PRODUCT`.
+    """
     few, (length, columns) = max(1, SMALL_PRODUCT // table.size), table.shape
     if len(lines) <= few:
         return np.matmul(lines, table, out=out)
@@ -86,12 +89,12 @@ def product(lines: FloatArray, table: FloatArray, out: FloatArray | None = None)
 
 
 def largest(samples: FloatArray) -> float:
-    """Return the largest absolute value; not finite where one sample is not."""
+    """Return the largest absolute value of samples, shape (n,); not finite if a sample is not."""
     return max(float(samples.max()), -float(samples.min()))
 
 
 def window(samples: FloatArray, start: int, stop: int) -> FloatArray:
-    """Return samples[start:stop] with zeros where it lies outside; a view where it does not."""
+    """Return samples[start:stop], shape (stop - start,), zero outside of the array; a view where possible."""
     if start >= 0 and stop <= len(samples):
         return samples[start:stop]
     padded = np.zeros(stop - start)
@@ -124,5 +127,5 @@ def scan_all(forward: FloatArray, backward: FloatArray, powers: FloatArray) -> N
 
 
 def _overlapping(body: FloatArray, block: int, wide: int) -> FloatArray:
-    """Return windows copied side by side, because a matrix product wants lines that do not overlap."""
+    """Return windows copied side by side, because a matrix product needs lines that do not overlap."""
     return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(body, wide)[::block])

@@ -26,7 +26,7 @@ class BlockTables:
     factor, block, lead : int
         Every factor-th sample is kept; samples in a block; place of the first one kept.
     before, after : int
-        Samples beside a block that its window reaches.
+        Samples before and after a block that its window covers.
     halo : int
         Blocks on each side whose samples are felt.
     derivatives : int

@@ -47,7 +47,10 @@ def differentiate(samples: FloatArray, dt: float, times: int = 1) -> FloatArray:
 
 
 def paper_difference(samples: FloatArray, dt: float, times: int = 1) -> FloatArray:
-    """Differentiate with 3-point central differences (order 2), one-sided at the ends, `times` times."""
+    """Differentiate samples, shape (n,), `times` times with 3-point central differences of order 2.
+
+    The differences are one-sided at the ends; `dt` is in s, the result in unit/s^times.
+    """
     derivative = samples
     for _ in range(times):
         derivative = np.asarray(np.gradient(derivative, dt), dtype=float)

@@ -70,8 +70,8 @@ class FusedOperator:
     def margins(self) -> tuple[int, int]:
         """Samples before the first and behind the last one kept that `apply` looks at: whole blocks."""
         tables = self.blocks.tables
-        beside = tables.halo * tables.block
-        return tables.lead + tables.before + beside, tables.block + tables.after + beside
+        halo = tables.halo * tables.block
+        return tables.lead + tables.before + halo, tables.block + tables.after + halo
 
     def apply(self, samples: FloatArray, start: int, count: int, signs: bool = False) -> FloatArray:
         """Return the derivatives at the samples start, start + factor, ..., shape (count, derivatives).
@@ -79,7 +79,7 @@ class FusedOperator:
         Parameters
         ----------
         samples : array, shape (n,)
-            Zero outside, which is felt within `reach` of an end; no copy is made with `margins` beside
+            Zero outside, which is felt within `reach` of an end; no copy is made with `margins` around
             those kept.
         start, count : int
             First sample kept, and how many; they may lie outside.
@@ -91,7 +91,10 @@ class FusedOperator:
     def checked(
         self, samples: FloatArray, start: int, count: int, signs: bool = False
     ) -> tuple[FloatArray, float]:
-        """Return the same, and the largest absolute sample used: not finite if one of them is not."""
+        """Return what `apply` returns, shape (count, derivatives), and the largest absolute sample used.
+
+        The latter is not finite if a sample is not.
+        """
         tables = self.blocks.tables
         found, largest = self.blocks.apply(samples, start - tables.lead, -(-count // tables.kept), signs)
         return found[:count], largest

@@ -1,4 +1,4 @@
-"""The spectrum of one reading beside its own noise: which lines stand out, and up to where a derivative does.
+"""The spectrum of one reading and its own noise: which lines exceed it, and up to which frequency.
 
 The noise of a reading is taken as white, at the level of the uppermost fifth of its band.
 """
@@ -24,15 +24,16 @@ FEWEST_LINES = 3
 LEAST_POWER = 1e-3
 # A reading that travels by so many standard deviations of its noise moves, however steadily.
 LEAST_TREND = 20.0
-# A tone stands out of all lines within a tenth of its frequency, but for so many of its own beside it.
+# A tone exceeds all lines within a tenth of its frequency, except for so many next to it that are its own.
 NEAR, LOBE = 0.1, 4
 
 
 @dataclass(frozen=True, eq=False)
 class ReadingSpectrum:
-    """One-sided density of a reading in unit^2/Hz, without mean and trend; `noise` is that of white noise.
+    """One-sided density of a reading in unit^2/Hz, shape (n,), without mean and trend.
 
-    `trend` is by how much the reading drifts over the record, in standard deviations of that noise.
+    `noise` is the density of its white noise, `trend` the drift of the reading over the record in standard
+    deviations of that noise.
     """
 
     frequency_hz: FloatArray
@@ -42,7 +43,7 @@ class ReadingSpectrum:
 
     @cached_property
     def clear(self) -> npt.NDArray[np.bool_]:
-        """Which lines stand out of the noise."""
+        """Which lines stand out of the noise, shape (n,)."""
         # of white noise the median is ln 2 times the mean
         return np.asarray(self.density > NOISE_FACTOR * log(2.0) * self.noise)
 
@@ -62,11 +63,11 @@ class ReadingSpectrum:
         return sqrt(0.5 * self.noise * fs)
 
     def signal(self, derivative: int) -> FloatArray:
-        """Return the density of a derivative where it stands out of the noise, in unit^2/s^(2 d)/Hz."""
+        """Return the density of a derivative where it exceeds the noise, shape (n,), in unit^2/s^(2 d)/Hz."""
         return self.differentiated(np.where(self.clear, self.density, 0.0), derivative)
 
     def differentiated(self, density: FloatArray | float, derivative: int) -> FloatArray:
-        """Return a density of the reading, or a white one, as that of a derivative."""
+        """Return the density of a derivative, shape (n,), from that of the reading or from a constant one."""
         return np.asarray(density * (2.0 * np.pi * self.frequency_hz) ** (2 * derivative))
 
     def visible_to_hz(self, derivative: int) -> float | None:
@@ -79,9 +80,10 @@ class ReadingSpectrum:
 
 
 def tones(density: FloatArray, lines: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    """Return those of some lines of a density that are tones: nothing near them comes close.
+    """Return which lines of a density, shape (n,), are tones: far above all other lines near them.
 
-    Neither friction, whose spectrum is broad, nor a periodic motion, which has many lines, passes.
+    `lines` and the result are indices, shape (m,). Friction has a broad spectrum and a periodic motion has
+    many lines: neither counts as a tone.
     """
     found = []
     for line in lines:
@@ -94,9 +96,9 @@ def tones(density: FloatArray, lines: npt.NDArray[np.intp]) -> npt.NDArray[np.in
 
 
 def reading_spectrum(samples: FloatArray, fs: float) -> ReadingSpectrum:
-    """Return the spectrum of a reading; Hann window.
+    """Return the spectrum of a reading, shape (n,) in its SI unit, with a Hann window; `fs` in Hz.
 
-    A trend would hide everything behind the window's own spectrum: the reading is differenced first.
+    The reading is differenced first, because the spectrum of a windowed trend would cover everything else.
     """
     differenced = np.diff(samples)
     steady = float(differenced.mean())
@@ -123,6 +125,6 @@ def mean_spectrum(spectra: Sequence[ReadingSpectrum]) -> ReadingSpectrum:
 
 
 def low_pass(frequency_hz: FloatArray, cutoff_hz: float, order: int) -> FloatArray:
-    """Return the amplitude of a Butterworth, forward and backward."""
+    """Return the gain of a Butterworth run forward and backward, of the shape of `frequency_hz`."""
     ratio = np.minimum(frequency_hz / cutoff_hz, 1e6)
     return np.asarray(1.0 / (1.0 + ratio ** (2 * order)))

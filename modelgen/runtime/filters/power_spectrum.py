@@ -1,4 +1,4 @@
-"""Where the power of a reading lies: spectra of its derivatives or integrals, cleared of white noise."""
+"""Power spectra of the derivatives or integrals of a reading, without its white noise."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def power_spectrum(
     reading = power / slope ** (2 * times)
     noise = float(np.median(reading[frequency_hz >= NOISE_FROM * 0.5 * fs]))
     clear = reading > NOISE_FACTOR * noise
-    if np.any(clear):  # a flat spectrum cannot be told from noise and is taken as it is
+    if np.any(clear):  # a flat spectrum looks like noise and is kept as it is
         power = np.where(clear, power, 0.0)
     omega = np.ones(len(frequency_hz))
     omega[1:] = 2.0 * np.pi * frequency_hz[1:] / fs
@@ -64,7 +64,7 @@ def power_spectrum(
 
 
 def quick_length(n: int) -> int:
-    """Return the least length from n on whose Fourier transform is quick: a product of small primes.
+    """Return the least length from n on whose Fourier transform is fast: a product of small primes.
 
     A transform of prime length takes several times as long; padding with so few zeros changes no density.
     """
@@ -74,7 +74,10 @@ def quick_length(n: int) -> int:
 
 
 def band_limit_hz(frequency_hz: FloatArray, power: FloatArray, share: float, up_to_hz: float) -> float | None:
-    """Return the frequency below which `share` of the power up to `up_to_hz` lies; None without any power."""
+    """Return the frequency in Hz below which `share` of the power up to `up_to_hz` lies; None without power.
+
+    `frequency_hz` (ascending) and `power` have shape (n,).
+    """
     inside = frequency_hz <= up_to_hz
     cumulated = np.cumsum(power[inside])
     if cumulated.size == 0 or cumulated[-1] <= 0.0:
@@ -83,6 +86,9 @@ def band_limit_hz(frequency_hz: FloatArray, power: FloatArray, share: float, up_
 
 
 def share_below(frequency_hz: FloatArray, power: FloatArray, limit_hz: float) -> float:
-    """Return which share of the power lies below a frequency, 0 to 1; 0 without any power."""
+    """Return which share of the power lies below a frequency, 0 to 1; 0 without any power.
+
+    `frequency_hz` and `power` have shape (n,).
+    """
     total = float(power.sum())
     return float(power[frequency_hz < limit_hz].sum()) / total if total > 0.0 else 0.0

@@ -18,7 +18,10 @@ STANDSTILL_SHARE = 0.005
 
 
 def standstill_threshold(velocity: FloatArray) -> float:
-    """Return the speed below which a mass stands still: 0.5 % of the 99th percentile of |velocity|."""
+    """Return the speed below which a mass stands still: 0.5 % of the 99th percentile of |velocity|.
+
+    `velocity`, shape (n,), and the result have the same unit.
+    """
     return STANDSTILL_SHARE * float(np.percentile(np.abs(velocity), 99.0))
 
 
@@ -36,12 +39,12 @@ def standstills(velocity: FloatArray, min_samples: int, threshold: float | None 
 
 
 def reversals(velocity: FloatArray, threshold: float | None = None) -> BoolArray:
-    """Mark both samples beside every change of sign, and every sample of standing still, shape (n,)."""
+    """Mark both samples next to every change of sign, and every sample of standing still, shape (n,)."""
     return standstills(velocity, 1, threshold) | _sign_changes(velocity)
 
 
 def turns(velocity: FloatArray, threshold: float | None = None) -> BoolArray:
-    """Mark both samples beside every change of sign, with the standstill around it, shape (n,).
+    """Mark both samples next to every change of sign, with the standstill around it, shape (n,).
 
     What slows down to nothing and goes on the same way has not turned: its sign is known throughout.
     """

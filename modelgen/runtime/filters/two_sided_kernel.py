@@ -27,6 +27,8 @@ LONGEST_KERNEL = 1 << 20
 def squared_gain(sos: FloatArray, half_sine: FloatArray) -> FloatArray:
     """Return |H|^2 of a cascade of second-order sections at the frequencies w, given sin(w / 2)^2.
 
+    `sos` has shape (sections, 6); `half_sine` and the result have shape (frequencies,) and no unit.
+
     Written in sin(w / 2)^2, |b0 + b1 z^-1 + b2 z^-2|^2 keeps its digits near w = 0, where numerator and
     denominator of a low cut-off nearly vanish.
     """
@@ -66,7 +68,7 @@ def kernels(sos: FloatArray, derivatives: Sequence[int], stencil: Sequence[float
 
 
 def longest_radius(sos: FloatArray) -> float:
-    """Return the largest absolute value of the poles."""
+    """Return the largest absolute value of the poles of second-order sections, shape (sections, 6)."""
     return max(float(np.max(np.abs(np.roots(section[3:])), initial=0.0)) for section in sos)
 
 

@@ -1,4 +1,4 @@
-"""Whether a generated module's functions have their shapes and agree with what the module says of them.
+"""Whether a generated module's functions have their shapes and agree with its tables.
 
 The estimation builds its rows from FEATURES and columns(), a user may call regressor(): the two must be the
 same model. They are compared at a few random samples (seeded) of every signal.
@@ -21,12 +21,12 @@ PROBED = "random signals and parameters"
 
 
 def is_number(value: Any) -> bool:
-    """Tell whether a value is a real number that can be calculated with."""
+    """Return whether a value is a real number that can be calculated with."""
     return isinstance(value, (int, float)) and is_usable(value)
 
 
 def is_terms(value: Any) -> bool:
-    """Tell whether a value is a tuple of (coefficient, key) pairs."""
+    """Return whether a value is a tuple of (coefficient, key) pairs."""
     return isinstance(value, tuple) and all(
         isinstance(pair, tuple) and len(pair) == 2 and is_number(pair[0]) and isinstance(pair[1], str)
         for pair in value
@@ -35,7 +35,7 @@ def is_terms(value: Any) -> bool:
 
 def column_problems(module: Any) -> list[tuple[str, str]]:
     """Return (place, what is wrong) for the functions of a module whose tables are in order."""
-    with np.errstate(all="ignore"):  # what overflows differs, and is told as that
+    with np.errstate(all="ignore"):  # an overflow counts as a difference
         return _function_problems(module)
 
 
@@ -54,7 +54,7 @@ def _function_problems(module: Any) -> list[tuple[str, str]]:
         searched = hasattr(module, "fit_physical")
         recovered = dict.fromkeys(module.IDENTIFIABLE) if searched else module.physical_from_base(base)
         space = tuple(module.state_space({**module.KNOWN, **physical}))
-    except Exception as error:  # whatever a broken module raises
+    except Exception as error:  # a broken module can raise any exception
         return [("functions", f"raise {type(error).__name__} ({error}) at {PROBED}")]
     expected = {entry["key"]: _feature(entry, signals) for entry in module.FEATURES}
     found = _features_problems(features, expected) + _space_problems(module, space)

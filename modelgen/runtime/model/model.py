@@ -1,4 +1,4 @@
-"""Model: the validated view of a generated module, and the doors through which one comes in.
+"""Model: the validated view of a generated module, and the functions that load one.
 
 The module speaks of itself in plain tuples and dicts (so that it needs NumPy alone); here the same entries
 become small frozen records. `contract_check` says what a module must offer, `module_file` executes a file.
@@ -51,7 +51,7 @@ class Actuator:
 
 @dataclass(frozen=True)
 class Signal:
-    """An array the model asks for: a derivative of one sensor's or actuator's own reading.
+    """An array the model needs: a derivative of one sensor's or actuator's own reading.
 
     Without sensor and actuator the record must bring the signal itself (a direction of motion, ``sign_c``).
     """
@@ -191,7 +191,7 @@ class Model:
             return dict.fromkeys(self.parameters, np.nan), np.inf
 
     def physical_from_base(self, base: npt.ArrayLike) -> dict[str, float]:
-        """Return the identifiable physical parameters (name to value, SI) from the base ones.
+        """Return the identifiable physical parameters (name to value, SI) from the base ones, shape (c,), SI.
 
         NaN where composites are so far from those of any chain that the iteration breaks down.
         """

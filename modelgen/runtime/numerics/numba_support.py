@@ -16,12 +16,12 @@ ORDER_FREE = {"contract": True, "reassoc": True}
 def compiled(function: Callable[..., Any], parts: tuple[Callable[..., Any], ...] = ()) -> Any:
     """Return a function compiled, with the functions that it calls; None where numba does not work.
 
-    The machine code is kept beside the module, where that can be written.
+    The machine code is cached next to the module where that folder can be written.
     """
     try:
         from numba import njit
         from numba.extending import register_jitable
-    except Exception:  # absent, or broken by a package it finds beside itself
+    except Exception:  # absent, or incompatible with another installed package
         return None
     for part in parts:
         register_jitable(fastmath=ORDER_FREE)(part)

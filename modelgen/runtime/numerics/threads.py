@@ -7,7 +7,7 @@ from multiprocessing import parent_process
 
 
 def usable_threads() -> int:
-    """Return how many cores this process may use; 1 in a worker process, which has others beside it."""
+    """Return how many cores this process may use; 1 in a worker process, one of several."""
     if parent_process() is not None:
         return 1
     if hasattr(os, "sched_getaffinity"):  # not on Windows and macOS

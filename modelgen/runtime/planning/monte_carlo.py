@@ -23,7 +23,7 @@ FIRST_SEED = WEIGHING
 
 @dataclass(frozen=True)
 class Spread:
-    """What `draws` estimates of a physical parameter found, beside the prediction; in % of its magnitude.
+    """The spread of `draws` estimates of a physical parameter and the predicted one, in % of its magnitude.
 
     `given` is the share of experiments whose estimate holds the parameter at all.
     """

@@ -98,7 +98,7 @@ def optimise(
     Parameters
     ----------
     model, parameters, instruments
-        As in `modelgen.runtime.planning.sensor_set_ranking.experiment`.
+        As in `modelgen.runtime.planning.planned_experiment.experiment`.
     method : str, optional
         The estimator, by default "wls".
     criterion : str
@@ -192,7 +192,7 @@ class _Trial:
         return tuple(self._scaled(shape) for shape in self.shapes(variables))
 
     def _scaled(self, shape: Shape) -> Excitation:
-        """Scale the rate up to a limit, and the multisine to the share of a limit that its shape asks for."""
+        """Scale the rate up to a limit, and the multisine to the share of a limit that its shape wants."""
         wanted = min(1.0, max(shape.forces))
         rate, force = 1.0, 1.0
         for _ in range(SCALINGS):

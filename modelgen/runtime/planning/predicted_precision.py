@@ -30,8 +30,8 @@ from modelgen.runtime.results.estimate import Estimate
 
 FloatArray = npt.NDArray[np.float64]
 
-# Noisy copies of the experiment whose estimates say how composites are weighted: some at first, then twice as
-# many until the factor that they give is known well enough, or as many at most ...
+# Noisy copies of the experiment, from whose estimates the weights of composites follow: some at first, then
+# twice as many until the factor that they give is known well enough, or as many at most ...
 FIRST_COPIES = 16
 WEIGHING = 64
 FACTOR_ERROR = 0.05
@@ -97,7 +97,7 @@ def _copies(planned: Experiment) -> list[Estimate]:
     copies = FIRST_COPIES
     while copies < WEIGHING and _factor_error(planned.model, estimates) > FACTOR_ERROR:
         for seed in range(copies, 2 * copies):
-            # one that gives nothing at all says nothing about weights
+            # a copy without an estimate gives no weights
             with suppress(IdentifiabilityError):
                 estimates.append(estimate_once(planned, seed))
         copies *= 2
@@ -168,7 +168,7 @@ def _own_and_averaged(
     """Return every parameter as estimated, by each one's own weights, and by the average ones instead.
 
     An estimate is weighted by its own drift with the settings, which goes along with its own error. What that
-    changes shows beside the same estimates weighted as on average: the two are nearly alike.
+    changes follows from the same estimates with average weights: the two are nearly equal.
     """
     alike = _alike(estimates)
     if len(alike) < 2:

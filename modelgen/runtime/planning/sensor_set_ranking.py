@@ -58,7 +58,7 @@ def judge_set(
     duration_s: float = 2.0,
     method: str | None = None,
 ) -> Prediction:
-    """Return what a sensor set promises; one that cannot identify the chain says why."""
+    """Return the predicted precision of a sensor set, or why it cannot identify the chain."""
     channels = instrument_keys(model)
     price = sum(instruments[key].price for key in channels if key in instruments)
     own = {key: instruments[key] for key in channels if key in instruments}

@@ -20,7 +20,7 @@ ACCELERATIONS = ("rad/s^2", "m/s^2")
 
 @dataclass(frozen=True)
 class Finding:
-    """Something a record should not have: `kind` is what --mend calls it, `what` says where and how much."""
+    """A fault of a record: `kind` is its name for --mend, `what` states where and how much."""
 
     kind: str
     what: str
@@ -30,7 +30,10 @@ class Finding:
 
 
 def time_faults(clock: str, times: FloatArray) -> tuple[Finding, ...]:
-    """Return duplicate and backward time stamps, gaps, and uneven steps of a column of times in s."""
+    """Return duplicate and backward time stamps, gaps, and uneven steps of a column of times.
+
+    `times` has shape (n,), in s.
+    """
     if times.size < 3 or not np.all(np.isfinite(times)):
         return ()
     steps = np.diff(times)
@@ -60,7 +63,7 @@ def time_faults(clock: str, times: FloatArray) -> tuple[Finding, ...]:
 
 
 def clock_faults(times: Mapping[str, FloatArray]) -> tuple[Finding, ...]:
-    """Return how channels' columns of times differ from the first one's: start, step and length."""
+    """Return how the times of channels, shape (n,) each, in s, differ from the first: start, step, length."""
     findings = []
     keys = list(times)
     first = times[keys[0]]
@@ -80,7 +83,10 @@ def clock_faults(times: Mapping[str, FloatArray]) -> tuple[Finding, ...]:
 
 
 def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> tuple[Finding, ...]:
-    """Return the means of accelerations (zero, where a motion starts and ends at rest), and unlike zeros."""
+    """Return accelerations with a mean, and positions whose zeros differ; channels have shape (n,), in SI.
+
+    The mean of an acceleration is zero where a motion starts and ends at rest.
+    """
     findings = []
     for key, samples in signals.items():
         if units.get(key) not in ACCELERATIONS:
@@ -101,7 +107,7 @@ def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> 
 
 
 def same_clock(first: FloatArray, other: FloatArray) -> bool:
-    """Tell whether two columns of times are one and the same to within a thousandth of a step."""
+    """Return whether two columns of times, shape (n,) each, in s, agree within a thousandth of a step."""
     if first.size != other.size or first.size < 2 or not np.all(np.isfinite(first)):
         return np.array_equal(first, other, equal_nan=True)
     step = abs(float(np.median(np.diff(first)))) or 1.0

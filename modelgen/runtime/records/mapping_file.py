@@ -87,7 +87,7 @@ def mapping_text(
     fs_hz: float | None,
     mends: tuple[str, ...],
 ) -> str:
-    """Return the text of a mapping file; what nobody could decide stands there as a comment."""
+    """Return the text of a mapping file; what could not be decided is written as a comment."""
     lines = [f"# Channels of {source} for: modelgen identify DATA --model MODULE.py --map-file THIS_FILE"]
     lines += ["# Check every line, and correct what was taken wrongly.", ""]
     if mends:

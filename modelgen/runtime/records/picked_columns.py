@@ -61,12 +61,12 @@ def pick_columns(
 
 
 def _column(source: Source, name: str) -> str:
-    """Return the column of a name; a title may be given with its unit, as it stands in the file."""
+    """Return the column of a name; a title may include its unit, as in the file."""
     return name if name in source.known or split_name(name)[0] not in source.known else split_name(name)[0]
 
 
 def taken_for(source: Source, picks: Sequence[Pick], wanted: Mapping[str, str]) -> tuple[str, ...]:
-    """Return what was taken for what: the file's layout, and every unit that was converted or is doubtful."""
+    """Return how the file was interpreted: its layout, and every unit that was converted or is doubtful."""
     said = list(source.took)
     for pick in picks:
         text = source.units.get(pick.column, "")

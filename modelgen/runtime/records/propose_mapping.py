@@ -19,8 +19,8 @@ QUANTITIES = {
     "acceleration": ("acc", "accel", "acceleration", "a", "beschl", "beschleunigung"),
     "force": ("torque", "trq", "force", "gamma", "tau", "f", "i", "iq", "current", "drehmoment", "strom"),
 }
-# what a loop was told, which is easily taken for what was measured
-TOLD = (
+# words for set points, which are easily mistaken for measured values
+SET_POINT_WORDS = (
     "set",
     "setpoint",
     "sp",
@@ -116,11 +116,11 @@ def _score(want: _Wanted, column: _Column) -> float:
     name, key, words, unit = column.name.lower(), want.key.lower(), column.words, column.unit
     if name == key:
         return 20.0
-    told = any(word in TOLD or word.startswith(("soll", "setpoint")) for word in words)
+    is_set_point = any(word in SET_POINT_WORDS or word.startswith(("soll", "setpoint")) for word in words)
     if want.measures == REFERENCE:
-        return 3.0 if told and (unit is None or unit.si == want.unit) else 0.0
-    # a force is often logged as what was asked for
-    score = -1.0 * told if want.measures == "force" else -4.0 * told
+        return 3.0 if is_set_point and (unit is None or unit.si == want.unit) else 0.0
+    # of a force often the set point is logged
+    score = -1.0 * is_set_point if want.measures == "force" else -4.0 * is_set_point
     score += 2.0 * any(word in QUANTITIES.get(want.measures, ()) for word in words)
     others = [name for name in QUANTITIES if name != want.measures]
     score -= 1.5 * any(word in QUANTITIES[name] for name in others for word in words if len(word) > 2)

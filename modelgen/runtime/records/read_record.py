@@ -162,7 +162,7 @@ def available_channels(path: str | Path) -> tuple[str, ...]:
 
 
 def _load(source: Source, picks: Sequence[Pick], clocks: Sequence[str], optional: bool) -> Columns:
-    """Load the picked columns and the times, which may be unreadable where nobody asked for them."""
+    """Load the picked columns and the times; times that were not asked for may be unreadable."""
     columns = dict.fromkeys(pick.column for pick in picks)
     wanted = dict.fromkeys((*columns, *(clock for clock in clocks if clock in source.known)))
     try:

@@ -1,4 +1,4 @@
-"""Mending a record, only where its owner asks for it; every change is told with its size.
+"""Repair of a record, only as far as its owner asks for it; every change is reported with its size.
 
 - duplicates: drop samples whose time stamp does not come after the one before;
 - gaps: keep the longest stretch without a gap;
@@ -27,7 +27,7 @@ OFFSET = "offset="
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Channels with common times in s, shape (n,) each; `said` tells what was changed."""
+    """Channels with common times in s, shape (n,) each; `said` lists the changes."""
 
     times: FloatArray
     signals: Mapping[str, FloatArray]
@@ -65,7 +65,7 @@ def mend_times(track: Track, mends: Iterable[str]) -> Track:
 
 
 def mend_offsets(signals: Mapping[str, FloatArray], units: Mapping[str, str], mends: Iterable[str]) -> Track:
-    """Return the channels without the offsets asked for; the track's times are empty."""
+    """Return the channels, shape (n,) each, in SI, without the offsets asked for; no times are returned."""
     mended, said = dict(signals), []
     for mend in mends:
         if mend.startswith(OFFSET):
@@ -78,7 +78,10 @@ def mend_offsets(signals: Mapping[str, FloatArray], units: Mapping[str, str], me
 
 
 def join_clocks(tracks: Mapping[str, tuple[FloatArray, FloatArray]]) -> Track:
-    """Return channels, each with times of its own, on the times of the fastest, where all of them overlap."""
+    """Return channels with times of their own on the times of the fastest, where all of them overlap.
+
+    `tracks` holds the times in s and the samples of each channel, shape (n,) each.
+    """
     steps = {key: float(np.median(np.diff(times))) for key, (times, _) in tracks.items()}
     fastest = min(steps, key=lambda key: steps[key])
     start = max(float(times[0]) for times, _ in tracks.values())

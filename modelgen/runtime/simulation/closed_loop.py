@@ -61,7 +61,7 @@ class Vibration:
 
     @property
     def elastic_hz(self) -> FloatArray:
-        """Frequencies of the elastic modes."""
+        """Frequencies of the elastic modes in Hz, ascending, shape (modes,)."""
         return self.frequencies_hz[self.frequencies_hz > 0.0]
 
     @property
@@ -89,7 +89,7 @@ def vibration(plant: Plant) -> Vibration:
     squares[squares < 1e-9 * squares.max()] = 0.0
     shapes /= root[:, None]
     at_actuator = shapes[plant.driven, 0]
-    # a node at the actuator: whatever moves in this mode, the actuator does not feel it
+    # a node at the actuator: the mode exerts no force on it
     lowest = shapes[:, 0] / at_actuator if at_actuator else np.ones(n)
     return Vibration(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi), shapes[plant.driven] ** 2, lowest)
 

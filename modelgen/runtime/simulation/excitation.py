@@ -79,7 +79,7 @@ class Excitation:
 
     @property
     def t(self) -> FloatArray:
-        """Times in s."""
+        """Times in s, shape (K + 1,)."""
         return np.arange(self.reference.size) / self.rate_hz
 
 

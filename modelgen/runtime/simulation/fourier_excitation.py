@@ -81,7 +81,7 @@ def series_excitation(
     t = np.arange((round(duration_s * fs) - 1) * OVERSAMPLE + 1) / (fs * OVERSAMPLE)
     modes = vibration(plant)
     ramp_s = min(RAMP_PERIODS / bandwidth_hz(modes), 0.25 * min(shape.times) * duration_s)
-    # a ramp is as long as it is high, so that a reversal asks for no more force than a start
+    # a ramp is as long as it is high, so that a reversal needs no more force than a start
     fastest = max(map(abs, shape.speeds)) or 1.0
     steps = np.diff([0.0, *shape.speeds, 0.0])
     ramps = ramp_s * np.clip(np.abs(steps) / fastest, *RAMP_RANGE)

@@ -1,4 +1,4 @@
-"""An instrument that may be bought: how well it reads, and what it costs."""
+"""An instrument: its noise, its resolution and its price."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from modelgen.magnitudes import is_usable
 
 @dataclass(frozen=True)
 class Instrument:
-    """A sensor or a force measurement one may buy: noise (standard deviation) and resolution in SI."""
+    """A sensor or a force measurement: noise (standard deviation) and resolution in SI."""
 
     noise: float = 0.0
     resolution: float = 0.0

@@ -24,7 +24,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """States, shape (N, 2 bodies), modes, shape (N, sticking), and what drove them.
+    """States, shape (N, 2 bodies), modes, shape (N, sticking), and the forces that drove them.
 
     `forces` holds those of all actuators, shape (N, columns of B); `command` is what the controller asks for,
     shape (N,).
@@ -158,7 +158,7 @@ def _forces(
 
 
 def true_signals(plant: Plant, motion: Motion) -> dict[str, FloatArray]:
-    """Return the exact signals at the sample instants, channels of the record first."""
+    """Return the exact signals at the sample instants, shape (N,) each, in SI; channels come first."""
     model, n = plant.model, len(plant.bodies)
     x, modes, forces = motion.states, motion.modes, motion.forces
     acceleration, friction, sensed = _outputs(plant, x, modes, forces)

@@ -41,7 +41,7 @@ def multisine(
 
 
 def crest_factor(wave: FloatArray) -> float:
-    """Return the peak over the rms."""
+    """Return the peak over the rms of a wave, shape (n,)."""
     return float(np.abs(wave).max() / np.sqrt(np.mean(wave**2)))
 
 

@@ -147,7 +147,9 @@ def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | No
 
 
 def measured_forces(plant: Plant, record: Record) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Return the measured force of the actuator that the controller drives, and those of the others by key.
+    """Return the measured force of the driven actuator, and those of the others by key.
+
+    All have shape (n,), in N m or N.
 
     Raises
     ------

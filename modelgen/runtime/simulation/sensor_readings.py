@@ -1,4 +1,4 @@
-"""What an instrument makes of the truth: a bias, white noise, then rounding to its resolution."""
+"""Readings of instruments: the true signal with a bias, white noise, then rounded to the resolution."""
 
 from __future__ import annotations
 
@@ -50,7 +50,9 @@ def readings(
     seed: int,
     bias: Mapping[str, float] | None = None,
 ) -> dict[str, FloatArray]:
-    """Return what the instruments read, and the directions of motion that the model asks for.
+    """Return what the instruments read, and the directions of motion that the model needs.
+
+    Signals have shape (N,), in SI.
 
     Every instrument draws its noise from a stream of its own: another channel's noise does not change it.
     """

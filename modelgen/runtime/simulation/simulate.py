@@ -63,7 +63,7 @@ class Simulation:
     ----------
     record : Record
         What sensors and actuators read, with noise and resolution; and the signals ``sign_BODY`` that the
-        model asks for.
+        model needs.
     true : mapping of str to ndarray, shape (N,)
         The same channels without noise; ``command_ACTUATOR``, what the controller asks for; of every body
         ``q_BODY``, ``v_BODY``, ``a_BODY``, ``sign_BODY``; of bodies with friction or offset
@@ -136,7 +136,7 @@ def simulate(
     noise : mapping of str to float, optional
         Standard deviation (SI) of white noise on a sensor's or actuator's channel, unseen by the controller.
     resolution : mapping of str to float, optional
-        Step (SI) to which a channel is rounded after the noise, see `readings.encoder_step`.
+        Step (SI) to which a channel is rounded after the noise.
     bias : mapping of str to float, optional
         Constant error (SI) of a channel, such as an accelerometer's.
     seed : int
@@ -209,10 +209,10 @@ def _settings(plant: Plant, given: SimulationOptions) -> Settings:
 
 
 def record_with_reference(simulation: Simulation) -> Record:
-    """Return the record with what the loop was told: ``reference``, ``reference_rate``, ``feedforward``."""
-    record, told, step = simulation.record, simulation.reference, simulation.settings.oversample
+    """Return the record with the inputs of the loop: ``reference``, ``reference_rate``, ``feedforward``."""
+    record, inputs, step = simulation.record, simulation.reference, simulation.settings.oversample
     names = ("reference", "reference_rate", "feedforward")
-    signals = {name: getattr(told, name)[::step][: record.n] for name in names}
+    signals = {name: getattr(inputs, name)[::step][: record.n] for name in names}
     return replace(record, signals={**record.signals, **signals})
 
 

@@ -1,7 +1,7 @@
-"""Closed-loop validation: one reference into the real and the simulated loop, then signal against signal.
+"""Closed-loop validation: one reference for the real and the simulated loop, then signals compared.
 
 Section IV.C of Pham 2002, figures 3 and 4. Sensors and force are compared as they are; a position's velocity
-and acceleration come from the same filter and differences on both sides, so that the filter is no error.
+and acceleration come from the same filter and differences on both sides, so that the filter causes no error.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Validation:
     checks: tuple[SignalCheck, ...]
 
     def check(self, channel: str, kind: str) -> SignalCheck:
-        """Return the check of a channel; `kind` tells a sensor's own reading from what derives from it."""
+        """Return the check of a channel; `kind` distinguishes a sensor's reading from its derivatives."""
         return next(c for c in self.checks if (c.channel, c.kind) == (channel, kind))
 
 
@@ -212,9 +212,9 @@ def _excitation(
 
 
 def initial_state(plant: Plant, record: Record, cutoff_hz: float) -> FloatArray:
-    """Return where the chain was and how fast it went at the first sample.
+    """Return positions, then velocities, of all bodies at the first sample, shape (2 bodies,), in SI.
 
-    A body without an encoder or tachometer goes along with the driven one, as without elasticity.
+    A body without an encoder or tachometer is taken to follow the driven one as if rigidly connected.
     """
     n = len(plant.bodies)
     found: dict[tuple[str, int], float] = {}
@@ -236,7 +236,7 @@ def initial_state(plant: Plant, record: Record, cutoff_hz: float) -> FloatArray:
 def _sensor_checks(
     sensor: Sensor, record: Record, simulated: FloatArray, cutoff_hz: float
 ) -> list[SignalCheck]:
-    """Return the reading itself, and what derives from it up to the acceleration."""
+    """Return the reading itself, and its derivatives up to the acceleration."""
     measured, first = record.signals[sensor.key], ORDER_OF[sensor.measures]
     checks = [SignalCheck(sensor.key, sensor.measures, sensor.unit, False, 0, measured, simulated)]
     smooth = [zero_phase(array, FILTER_ORDER, cutoff_hz, record.fs) for array in (measured, simulated)]

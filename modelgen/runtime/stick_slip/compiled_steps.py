@@ -1,4 +1,4 @@
-"""From a Flow to the arrays that `step_kernel` works on, and back; compiled where numba is installed."""
+"""From a Flow to the arrays that `event_kernel` works on, and back; compiled where numba is installed."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, ModeMotion
 
 FloatArray = npt.NDArray[np.float64]
 
-# All modes are tabulated in advance, three a body: beyond so many bodies with friction that would be a waste.
+# All modes are tabulated in advance, three a body; with more bodies with friction the table is too large.
 MOST_BODIES = 5
 # Where there is no other way they are tabulated up to here: 3^8 modes.
 LARGEST_TABLE = 8
@@ -119,7 +119,10 @@ def follow_input(flow: Flow, initial: FloatArray, w: FloatArray, stride: int) ->
 def follow_controller(
     flow: Flow, initial: FloatArray, sampling: Sampling, stride: int, steps: int
 ) -> tuple[Trajectory, FloatArray]:
-    """Return the motion under a sampled controller, and its commands at the ticks."""
+    """Return the motion under a sampled controller, and its commands at the ticks, shape (ticks,).
+
+    `initial` is the state in SI, shape (2n + lags,).
+    """
     return _run(flow, initial, np.empty(0), sampling, stride, steps)
 
 
@@ -133,7 +136,7 @@ def _run(
         raise DataError.at("simulation", what, remedy)
     x = initial * flow.scale
     q = x[int(sampling.law[5])]
-    # what the controller saw before the start: the axis coming along at its speed
+    # positions before the start, which the controller needs: at the constant initial speed
     before = q - np.array([1.0, 2.0]) * sampling.law[7] * initial[int(sampling.law[6])]
     first = np.array([w[0] if w.size else 0.0])
     index = _index(flow.start(x, first))
@@ -231,7 +234,7 @@ def _index(mode: tuple[int, ...]) -> int:
 
 @lru_cache(maxsize=1)
 def _kernel() -> Callable[..., tuple[int, int, int]]:
-    """Return the kernel, compiled where numba is installed; the machine code is kept beside the module."""
+    """Return the kernel, compiled where numba is installed; the machine code is cached next to the module."""
     if not has_numba():
         return run
     import numba

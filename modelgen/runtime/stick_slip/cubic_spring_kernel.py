@@ -83,7 +83,7 @@ def expand(z: Any, M: Any, deflections: Any, pushes: Any, span: float, series: A
 
 
 def reach(series: Any, last: int) -> float:
-    """Return up to which u <= 1 the last two terms stay negligible beside the motion of each state."""
+    """Return up to which u <= 1 the last two terms stay negligible compared with the motion of each state."""
     share = 1.0
     for i in range(series.shape[1] - INPUTS):
         moved = 0.0

@@ -1,4 +1,4 @@
-"""Steps without an event, many at a time, and what is kept of them; written for a compiler.
+"""Steps without an event, many at a time, and the samples kept of them; written for a compiler.
 
 `path` holds the states, one row a coordinate and one column a step: whatever does not wait for the step
 before is computed for all columns at once, of which processors take several at a time.

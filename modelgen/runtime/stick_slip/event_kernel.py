@@ -1,8 +1,8 @@
-"""One exact step after another through stick and slip: the arithmetic of `flow`, written for a compiler.
+"""Exact steps through stick and slip one by one: the arithmetic of `hybrid_system`, written for a compiler.
 
-The same mathematics as `friction_mode`, `crossing` and `flow`, in plain loops over arrays, so that numba can
-compile it; without numba it runs as it stands, only slowly. Between steps a sampled controller may form the
-input from the state. Matrices come from `stepping`, everything in time units of steps.
+The same mathematics as `linear_mode`, `root_finding` and `hybrid_system`, in plain loops over arrays, so that
+numba can compile it; without numba it runs uncompiled, only slowly. Between steps a sampled controller may
+form the input from the state. Matrices come from `compiled_steps`, everything in time units of steps.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def first_root(p: Any) -> float:
 
 
 def when_negative(p: Any) -> float:
-    """Return the first u in [0, 1] after which a polynomial is negative, or 2; as in `crossing`."""
+    """Return the first u in [0, 1] after which a polynomial is negative, or 2; as in `root_finding`."""
     rest = 0.0
     for i in range(1, len(p)):
         rest += abs(p[i])
@@ -166,7 +166,7 @@ def cross(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple
 
 
 def release(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple[int, int]:
-    """Let go of sticking bodies that a jump of the command at step k overcomes; return as `cross` does."""
+    """Release sticking bodies whose friction a jump of the command at step k exceeds; returns as `cross`."""
     for j in range(len(tables[6])):
         if m // 3**j % 3 == 1:
             follow = mode_at_rest(z, m, j, tables)
@@ -233,7 +233,7 @@ def run(
             m, count = release(z, m, tables, events, count, k)
             if count < 0:
                 return EVENTS_FULL, count, k
-        # beside springs, what the tables foresee does not hold
+        # with cubic springs the predictions of the tables do not hold
         calm = 0 if springs > 0 else calm_steps(z, path, foreseen, ahead[m], guard_count[m], w, number)
         if calm > 0:
             bad = first_unbounded(path, calm, nx)

@@ -1,9 +1,9 @@
 """Exact motion of a linear system with true Coulomb friction, from one stick or slip event to the next.
 
-Blocks of steps are propagated at once in the present mode (`friction_mode`) and checked for events; only a
-step with an event is entered, where the event is a root of a polynomial (`crossing`). No smoothing, no solver
-tolerance. With numba (the extra "fast") the steps are taken one by one in compiled code (`stepping`), which
-is faster still and agrees to rounding.
+Blocks of steps are propagated at once in the present mode (`linear_mode`) and checked for events; only a
+step with an event is divided, where the event is a root of a polynomial (`root_finding`). No smoothing, no
+solver tolerance. With numba (the extra "fast") the steps are taken one by one in compiled code
+(`compiled_steps`), which is faster still and agrees to rounding.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Flow: a system with Coulomb friction in time units of steps, and how it goes through a step with events.
+"""Flow: a system with Coulomb friction in time units of steps, and the integration of a step with events.
 
-What follows an event is decided by the net force, so that a body does not chatter around rest.
+The net force decides on the mode after an event, so that a body does not chatter around rest.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class Flow:
         return self._motions[mode]
 
     def start(self, x: FloatArray, w: FloatArray) -> Mode:
-        """Return the mode of every body at the start."""
+        """Return the mode of every body at state x, shape (2n + lags,), and input w, shape (m,)."""
         resting = self.motion((0,) * len(self.system.bodies))
         z = np.r_[x, w, 0.0 * w, 1.0]
         signs = (int(np.sign(x[body.velocity])) for body in self.system.bodies)
@@ -104,7 +104,10 @@ class Flow:
     def cross(
         self, k: int, mode: Mode, x: FloatArray, w: FloatArray, w_end: FloatArray
     ) -> tuple[FloatArray, Mode, list[Event]]:
-        """Go through step k from event to event; return the state and mode at its end, and the events."""
+        """Integrate step k from event to event; return the state and mode at its end, and the events.
+
+        States have shape (2n + lags,), in the time unit of steps; inputs at start and end have shape (m,).
+        """
         z = np.r_[x, w, w_end - w, 1.0]
         left = 1.0
         events: list[Event] = []

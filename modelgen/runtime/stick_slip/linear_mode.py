@@ -78,7 +78,10 @@ class FrictionSystem:
 
     @cached_property
     def both_ways(self) -> tuple[FloatArray, FloatArray]:
-        """A while all bodies slip forward, and backward: that of any other mode is made of these two."""
+        """A, shape (2n + lags, 2n + lags), while all bodies slip forward, and backward.
+
+        That of any other mode is composed of these two.
+        """
         forward, backward = ((sign,) * len(self.bodies) for sign in (1, -1))
         return self.matrix(forward), self.matrix(backward)
 
@@ -186,8 +189,8 @@ class ModeMotion:
     def first_event(self, series: FloatArray, released: tuple[int, ...]) -> tuple[float, int | None]:
         """Return the first moment u in [0, 1] at which a guard turns negative, and the guard's index.
 
-        `series` is the power series of z; without an event the answer is (1.0, None). A body that has just
-        been released still has no acceleration, whatever rounding says.
+        `series` is the power series of z, shape (orders, len(z)), lowest order first. Without an event the
+        result is (1.0, None). The acceleration of a body that has just been released is exactly zero.
         """
         first: tuple[float, int | None] = (1.0, None)
         for i, polynomial in enumerate((series @ self.guards.T).T):
@@ -199,7 +202,7 @@ class ModeMotion:
         return first
 
     def after(self, guard: int, z: FloatArray) -> tuple[int, int]:
-        """Return the body whose mode ends with this guard, and its next mode."""
+        """Return the body whose mode ends with this guard, and its next mode; `z` has the length of M."""
         body, sign = self.owners[guard]
         if self.mode[body] == 0:
             return body, sign
@@ -208,7 +211,7 @@ class ModeMotion:
         return body, 0 if follow == sign else follow
 
     def mode_at_rest(self, body: int, z: FloatArray) -> int:
-        """Return the mode of a body whose velocity is zero: the net force on it decides."""
+        """Return the mode of a body at rest, which the net force on it decides; `z` has the length of M."""
         pull = float(self.free[body] @ z)
         for spring in self._springs:
             pull += spring.push[self._bodies[body].velocity] * float(spring.deflection @ z[: self._nx]) ** 3

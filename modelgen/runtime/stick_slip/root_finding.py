@@ -34,10 +34,12 @@ def value_at(series: FloatArray, u: float) -> FloatArray:
 
 
 def when_negative(polynomial: FloatArray) -> float | None:
-    """Return the first u in [0, 1] after which a polynomial (lowest order first) is negative, or None.
+    """Return the first u in [0, 1] after which a polynomial is negative, or None.
 
-    It is meant to start at zero or above: a start at zero, or below by rounding, is a crossing only if the
-    next coefficient that is not zero leads downwards.
+    The coefficients have shape (orders,), lowest order first.
+
+    Its value at 0 should not be negative. Where it is zero, or negative by rounding, this is a crossing only
+    if the next non-zero coefficient is negative.
     """
     if polynomial[0] > np.abs(polynomial[1:]).sum():
         return None

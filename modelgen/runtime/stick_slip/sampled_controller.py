@@ -1,7 +1,7 @@
-"""A sampled controller beside forces of further actuators: from one change of its command to the next.
+"""A sampled controller together with forces of further actuators: steps between changes of its command.
 
-The compiled steps of `stepping` take one input; here the command is one, constant while it is held, and the
-other forces are more, linear from step to step. Between two changes the motion is that of `stick_slip`.
+The steps of `compiled_steps` take one input; here there are several: the command, constant while it is held,
+and the other forces, linear from step to step. Between two changes the motion is that of `exact_steps`.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def follow_ticks(
         When the motion grows without bound, or sticks and slips too often.
     """
     x, steps, law = initial * flow.scale, len(further) - 1, sampling.law
-    # what the controller saw before the start: the axis coming along at its speed
+    # positions before the start, which the controller needs: at the constant initial speed
     seen = x[int(law[5])] - np.array([1.0, 2.0]) * law[7] * initial[int(law[6])]
     mode = flow.start(x, np.r_[0.0, further[0]])
     states = np.empty((steps // stride + 1, x.size))
@@ -77,7 +77,7 @@ def _changes(sampling: Sampling, steps: int) -> list[int]:
 
 
 def _released(flow: Flow, mode: Mode, x: FloatArray, w: FloatArray, k: int) -> tuple[Mode, list[Event]]:
-    """Let go of sticking bodies that a jump of the command at step k overcomes."""
+    """Release sticking bodies whose friction a jump of the command at step k exceeds."""
     z, events = np.r_[x, w, 0.0 * w, 1.0], []
     for body, sign in enumerate(mode):
         follow = flow.motion(mode).mode_at_rest(body, z) if sign == 0 else sign

@@ -1,1 +1,1 @@
-"""Rows without the coordinates that no sensor sees: elimination over the polynomials in s."""
+"""Rows without the coordinates that no sensor reads: elimination over the polynomials in s."""

@@ -1,8 +1,8 @@
-"""Which other equations live on the signals of a row: whether its coefficients are unique.
+"""Which other equations hold only the signals of a row: whether its coefficients are unique.
 
 Along a motion every combination of the equations of motion with polynomials in s is zero. If another
 combination lives on the signals of a row, any multiple of it can be added without changing what the row
-measures: its coefficients cannot be told apart. The combinations that live on given signals are the null
+measures: its coefficients cannot be distinguished. The combinations that live on given signals are the null
 space of a matrix; its reduced echelon form gives the ones that are unique on the signals they need. All this
 is decided at a random point of an exact field (a prime field, or the rationals), so no tolerance is involved.
 """
@@ -136,7 +136,7 @@ def raised(equation: Mapping[Slot, Any], power: int, constants: bool) -> Iterato
 def unique_on_their_slots(
     basis: Iterable[Combination], badness: Callable[[Slot], tuple[Any, ...]]
 ) -> list[Combination]:
-    """Return the reduced echelon form of a basis: each lives on slots that no other combination lives on.
+    """Return the reduced echelon form of a basis: each has slots that no other combination has.
 
     The slots of highest badness are cleared first; the best combination comes first: without the worst slots.
     """

@@ -26,7 +26,7 @@ LONGEST_NAME = 40
 
 
 class Part(NamedTuple):
-    """One derivative in a row with its coefficient; `functional` says of which coordinates, if any."""
+    """One derivative in a row with its coefficient; `functional` holds its coordinates, if any."""
 
     signal: Signal
     functional: Functional | None

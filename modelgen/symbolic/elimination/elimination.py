@@ -1,4 +1,4 @@
-"""Elimination: rows without the coordinates that no sensor gives.
+"""Elimination: rows without the coordinates that no sensor reads.
 
 Take one more equation than there are unseen coordinates in them; the maximal minors of their columns for
 those coordinates are polynomials in s that cancel the unseen coordinates (Cramer's rule), and dividing by

@@ -1,4 +1,4 @@
-"""Eliminations that are too long are refused before they are begun, with the number of their terms."""
+"""Eliminations that are too long are refused in advance, with the number of their terms."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ class LengthLimit:
         unseen = listed(self._coordinates.unseen)
         raise ModelError.at(
             self.where,
-            f"without a sensor on {unseen} the coefficients of the rows cannot be told apart"
+            f"without a sensor on {unseen} the coefficients of the rows cannot be distinguished"
             + (
                 f" ({failed} sums of rows have more than {MOST_TERMS} terms in a multiplier)"
                 if failed

@@ -1,4 +1,4 @@
-"""Exact multipliers: what the equations are multiplied by so that their sum leaves given slots only.
+"""Exact multipliers of the equations, such that their sum leaves given slots only.
 
 A system of linear equations over the polynomials in the parameters, with one solution up to a factor. Sparse
 elimination without fractions: every row is divided by the common factor of its entries, which keeps them as

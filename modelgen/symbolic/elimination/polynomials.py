@@ -4,7 +4,7 @@
 
 Polynomials live in a SymPy ring over the rationals (sparse dictionaries, no expression trees). Known
 parameters are numbers in it. Coordinates are chosen so that every sensor reads a combination of measured
-ones: bodies that the sensors give one by one, then relative sensors, then the bodies that nobody sees.
+ones: bodies that the sensors give one by one, then relative sensors, then the bodies that no sensor reads.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def unit(body: str) -> Functional:
 
 
 def choose_coordinates(bodies: Sequence[str], sensing: Sensing) -> Coordinates:
-    """Choose measured coordinates (bodies first, then relative sensors) and the bodies nobody sees."""
+    """Choose measured coordinates (bodies first, then relative sensors) and bodies without a sensor."""
     if not sensing.has_relative_sensors:
         seen = {body for combination in sensing.combinations for body in combination}
         singles_only = {body: ((unit(body), 1),) for body in bodies}

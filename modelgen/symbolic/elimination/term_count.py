@@ -1,4 +1,4 @@
-"""How long an elimination gets, before it is done: terms of its rows, counted with integers.
+"""The length of an elimination in advance: terms of its rows, counted with integers.
 
 The coefficients of a row are minors of the matrix A(s) of the equations. Each term of a principal minor is a
 spanning forest of the links, rooted in inertias, friction and the ground (the matrix-tree theorem): with the
@@ -75,13 +75,13 @@ class TermCounter:
         coefficients, products = [], sum(map(sum, table.values()))
         for place, counts in table.items():
             kind, functional = place
-            if not kind and functional[0][0] in bodies:  # a determinant knows what cancels
+            if not kind and functional[0][0] in bodies:  # a determinant takes cancellations into account
                 own = self._minor(bodies, [*columns, place])
                 counts = [min(pair) for pair in zip(counts, own, strict=False)]
             coefficients += counts
         for body in bodies:
-            beside = sum(_is_beside(term) for term in self._equations[body].terms)
-            coefficients += beside * weights[body]
+            forces = sum(_is_force_or_constant(term) for term in self._equations[body].terms)
+            coefficients += forces * weights[body]
         self.counted += len(coefficients)
         names = self._names(bodies)
         most = comb(len(bodies) + names, names)  # shared names make few different products
@@ -170,8 +170,8 @@ def _determinant(matrix: list[list[int]]) -> int:
     return rows[-1][-1] if rows else 1
 
 
-def _is_beside(term: Term) -> bool:
-    """Tell whether a term is a force or constant between reversals."""
+def _is_force_or_constant(term: Term) -> bool:
+    """Return whether a term is a force or constant between reversals."""
     return term.signal.kind != "coordinate" and (term.signal.kind == "force" or not term.signal.order)
 
 

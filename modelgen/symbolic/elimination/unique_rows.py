@@ -1,7 +1,7 @@
-"""Rows of an elimination whose coefficients are unique: nothing can be added to them unnoticed.
+"""Rows of an elimination whose coefficients are unique: no other combination can be added to them.
 
-A row from the minors is kept where no other combination of the equations lives on its signals. Otherwise it
-gives up as many of its signals as there are other combinations, and becomes unique on what is left.
+A row from the minors is kept where no other combination of the equations has only its signals. Otherwise as
+many of its signals as there are other combinations are eliminated, and the remaining row is unique.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from modelgen.symbolic.equations.sensor_span import Sensing
 
 #: More multipliers than this make coefficients that no one could read or check: such a row is passed over.
 MOST_MULTIPLIERS = 24
-#: Bits of the rational numbers that say which coefficients are small; six bodies take some hundred.
+#: Bits of the rational numbers that decide which coefficients are small; six bodies take some hundred.
 LONGEST_NUMBER = 1500
 #: Damping against stiffness and inertia where it is decided which coefficients are small.
 LIGHT = QQ(1, 1000)
 
 
 class UniqueRows:
-    """Chooses rows for one set of coordinates; `sensing` says how often each will be differentiated."""
+    """Chooses rows for one set of coordinates; `sensing` gives how often each will be differentiated."""
 
     def __init__(self, motion: MotionEquations, coordinates: Coordinates, sensing: Sensing) -> None:
         self.motion = motion
@@ -156,7 +156,7 @@ class UniqueRows:
         return weighted_sum(system, weights, candidate.eliminated)
 
     def _differentiated(self, row: EliminatedRow) -> bool:
-        """Tell whether the sensors give the row only after a differentiation, which clears its constants."""
+        """Return whether the sensors give the row only after a differentiation, which removes constants."""
         return any(
             self.sensing.level(dict(functional), order) != 0
             for (_, functional), poly in row.coordinates.items()
@@ -164,7 +164,7 @@ class UniqueRows:
         )
 
     def _near(self, row: EliminatedRow) -> list[Equation]:
-        """Return the equations that may live on the signals of a row.
+        """Return the equations that hold no other signals than those of a row.
 
         A multiplier's degree falls by one at least from a body to the next that is not in the row.
         """

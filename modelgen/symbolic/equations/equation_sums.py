@@ -67,7 +67,7 @@ def exact_levers(spec: ChainSpec) -> dict[str, Exact]:
 
 
 def contradicts_itself(spec: ChainSpec) -> bool:
-    """Tell whether the gear ratios around a loop do not multiply to 1."""
+    """Return whether the gear ratios around a loop do not multiply to 1."""
     neighbours = _neighbours(spec.links)
     seen: set[str] = set()
     for body in neighbours:

@@ -1,4 +1,4 @@
-"""What a row is: parameter times coefficient times signal, with signals that a sensor set can give."""
+"""Rows: sums of parameter times coefficient times signal, with signals that a sensor set can give."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class KeyTerm(NamedTuple):
 
 @dataclass(frozen=True)
 class NeededSignal:
-    """A signal the module asks for: a sensor's or an actuator's reading, differentiated."""
+    """A signal the module needs: a sensor's or an actuator's reading, differentiated."""
 
     key: str
     sensor: str | None

@@ -1,4 +1,4 @@
-"""What a sensor set can read: combinations of coordinates at a given order of differentiation.
+"""The combinations of coordinates that a sensor set can read at a given order of differentiation.
 
 A sensor of order k (0 position, 1 velocity, 2 acceleration) gives every derivative of order j >= k of what it
 measures, by differentiating its reading j - k times. Nothing is ever integrated.
@@ -48,8 +48,8 @@ class Sensing:
     def read(self, combination: Combination, order: int) -> tuple[Reading, ...] | None:
         """Return how to read a combination of coordinates at an order of differentiation.
 
-        The way with the fewest differentiations wins (an accelerometer beside an encoder saves two), then the
-        one with the fewest readings. None if the set cannot give it without integration.
+        The fewest differentiations come first (an accelerometer added to an encoder saves two), then the
+        fewest readings. None if the set cannot give it without integration.
         """
         if not self.has_relative_sensors:
             return self._body_by_body(combination, order)
@@ -132,7 +132,7 @@ class Sensing:
         return tuple(readings)
 
     def _solve(self, combination: Combination, order: int) -> tuple[Reading, ...] | None:
-        """Combine whatever sensors can be used, preferring those that need fewer differentiations."""
+        """Combine the sensors that can be used, preferring those that need fewer differentiations."""
         usable = [i for i, sensor in enumerate(self.sensors) if ORDER[sensor.measures] <= order]
         usable.sort(key=lambda i: -ORDER[self.sensors[i].measures])
         weights = express(combination, [self.combinations[i] for i in usable])

@@ -1,4 +1,4 @@
-"""The alphabet of the equations: signals, and terms that are parameter times coefficient times signal.
+"""Signals, and the terms of equations: parameter times coefficient times signal.
 
 Equations are kept as sparse lists of terms with exact rational coefficients. That is all the algebra that
 sums, differentiation and base parameters need, it grows linearly with the chain, and no string ever has to

@@ -257,7 +257,7 @@ def test_the_settings_say_how_it_was_made() -> None:
         ),
         (
             {"excitation": trapezoid([1.0], 9.0, 1.0, 1000.0), "fs": 1000.0, "duration_s": 1.0},
-            "duration_s: is given beside an Excitation, which has its own; leave it out",
+            "duration_s: is given, but the Excitation has its own; leave it out",
         ),
     ],
 )

@@ -123,7 +123,7 @@ def test_coefficients_that_would_be_too_long_are_avoided(monkeypatch: pytest.Mon
 def test_where_no_row_is_unique_the_error_names_the_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(unique_rows, "MOST_MULTIPLIERS", 0)
     monkeypatch.setattr(elimination, "MOST_SEEN", 0)
-    with pytest.raises(ModelError, match="cannot be told apart; add a sensor on one of c"):
+    with pytest.raises(ModelError, match="cannot be distinguished; add a sensor on one of c"):
         build(axis(ENDS), "set")
 
 

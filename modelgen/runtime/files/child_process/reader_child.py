@@ -1,4 +1,4 @@
-"""What a reading process does: it answers calls of `reader_process` until nobody asks any more.
+"""The reading process: it answers calls of `reader_process` until its input is closed.
 
 A call is a line of JSON: {"call": "hdf5.listing", "path": ..., "arguments": {...}}. The answer is a line of
 JSON for everything that the call yields, {"part": ...} or {"array": type, "shape": ...} followed by the

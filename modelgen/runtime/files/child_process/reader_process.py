@@ -1,7 +1,7 @@
-"""Files whose library a damaged one can crash are read in a process beside this one.
+"""Formats whose library crashes on damaged files are read in a separate process.
 
-libhdf5 and asammdf die of some files (a segmentation fault, an endless loop). Their process is then started
-again for the next file; this one, and a fleet that it works for, goes on. See `reader_child`.
+Some files make libhdf5 and asammdf end with a segmentation fault or loop without end. Their process is then
+started again for the next file, and this process continues. See `reader_child`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ MORE_ARGUMENTS: tuple[str, ...] = ()
 
 
 class DeadlyFileError(DataError):
-    """A file whose library ended while it read it: nobody should try again, part by part."""
+    """A file whose reading process ended; reading it again in parts would end it again."""
 
 
 class _Gone(Exception):
@@ -58,7 +58,7 @@ class _Reader:
     lock: Lock = field(default_factory=Lock)
 
     def answers(self, line: bytes) -> list[Any]:
-        """Return what a call yields, asked once more of a new process where one of before has ended."""
+        """Return what a call yields; a process that has ended is started again once."""
         with self.lock:
             alive = self.process is not None and self.owner == os.getpid() and self.process.poll() is None
             if not alive:
