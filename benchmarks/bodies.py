@@ -30,15 +30,15 @@ import numpy.typing as npt
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from modelgen.runtime.numerics.banded_least_squares import solve_banded
+from modelgen.runtime.rows.record_factors import record_factors
 from throughput import CUTOFF_HZ, EDGE, FACTOR, FS, HAS_NUMBA, ORDER, compared, processor_seconds
 
 import modelgen.spec.load
 from modelgen.render.view import model_view
 from modelgen.render.writer import render
 from modelgen.runtime.model.model import Model, model_from_text
-from modelgen.runtime.numerics.banded_least_squares import solve_banded
 from modelgen.runtime.rows.filter_sections import paper_filtering
-from modelgen.runtime.rows.record_factors import record_factors
 from modelgen.runtime.rows.record_rows import RecordRows
 from modelgen.runtime.rows.signal_plan import signal_plan
 from modelgen.symbolic.base_parameters import base_model

@@ -32,16 +32,17 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from modelgen.runtime.identification.identify_stream import identify_stream, stream_choice
+from modelgen.runtime.least_squares.hac_covariance_chunks import stream_hac_covariance
+from modelgen.runtime.least_squares.triangle_fit import fit_factors
+from modelgen.runtime.rows.record_factors import record_factors
 from throughput import FS, by_hand, made_record, processor_seconds, two_bodies
 
 from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.identify_stream import identify_stream, stream_choice
-from modelgen.runtime.least_squares.hac_covariance_chunks import stream_hac_covariance
-from modelgen.runtime.least_squares.triangle_fit import fit_factors
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.record_factors import record_factors
 from modelgen.runtime.rows.record_rows import matched_rows
 
 CHANNELS = ("q_m", "q_c", "Gamma_m")
@@ -100,10 +101,12 @@ def difference(folder: Path) -> float:
     whole = identify(
         two_bodies(),
         [loaded(folder)],
-        cutoff_hz=used.cutoff_hz,
-        filter_order=used.filter_order,
-        decimation=used.decimation[0],
-        direction_cutoff_hz=used.direction_cutoff_hz,
+        **values_of(
+            cutoff_hz=used.cutoff_hz,
+            filter_order=used.filter_order,
+            decimation=used.decimation[0],
+            direction_cutoff_hz=used.direction_cutoff_hz,
+        ),
     )
     return max(abs(chunked.params[name] - whole.params[name]) / whole.bse[name] for name in whole.params)
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from modelgen.render.writer import generate
 from modelgen.report.page import report_page
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_text
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import catalog_path, load_spec
@@ -37,7 +38,7 @@ def main() -> None:
     ).record
     for decimation in (None, 1):
         # intervals would ask for more fits, and change nothing on the page's size
-        estimate = identify(model, [record], decimation=decimation, drift_check=False)
+        estimate = identify(model, [record], **values_of(decimation=decimation, drift_check=False))
         started = time.perf_counter()
         page = report_page(model, [record], estimate)
         made = time.perf_counter() - started

@@ -33,6 +33,7 @@ import numpy as np
 import numpy.typing as npt
 
 import modelgen
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import Model, load_model
 from modelgen.runtime.numerics import qr_triangle
 from modelgen.runtime.numerics.threads import usable_threads
@@ -119,7 +120,7 @@ def at_the_door(model: Model, record: Record, fast: bool, **options: object) -> 
     """Return the estimate that a user gets, without numba's filters unless `fast`."""
     fresh = Record(record.signals, record.fs, record.name)
     record_rows.COMPILED_SAMPLES = qr_triangle.COMPILED_ROWS = 0 if fast else sys.maxsize
-    return modelgen.identify(model, fresh, decimation=FACTOR, **options)
+    return modelgen.identify(model, fresh, **values_of(decimation=FACTOR, **options))
 
 
 def seconds(work: Callable[[], object]) -> float:

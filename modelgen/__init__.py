@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     )
     from modelgen.render.writer import generate
     from modelgen.runtime.identification.identify import identify
+    from modelgen.runtime.identification.methods import IV, TLS, WLS, Pham2002
+    from modelgen.runtime.identification.options import CheckOptions, Filters
     from modelgen.runtime.identification.sklearn_estimator import ChainEstimator
     from modelgen.runtime.model.control_export import control_system
     from modelgen.runtime.model.model import load_model, model_from_module
@@ -40,12 +42,18 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "IV",
+    "TLS",
+    "WLS",
     "ChainEstimator",
+    "CheckOptions",
     "DataError",
     "Estimate",
+    "Filters",
     "IdentifiabilityError",
     "ModelError",
     "ModelgenError",
+    "Pham2002",
     "Record",
     "RenderError",
     "SpecError",
@@ -62,6 +70,12 @@ __all__ = [
 ]
 
 _HOMES = {
+    "IV": "modelgen.runtime.identification.methods",
+    "TLS": "modelgen.runtime.identification.methods",
+    "WLS": "modelgen.runtime.identification.methods",
+    "CheckOptions": "modelgen.runtime.identification.options",
+    "Filters": "modelgen.runtime.identification.options",
+    "Pham2002": "modelgen.runtime.identification.methods",
     "ChainEstimator": "modelgen.runtime.identification.sklearn_estimator",
     "DataError": "modelgen.errors",
     "Estimate": "modelgen.runtime.results.estimate",

@@ -17,6 +17,7 @@ from generated import emps300_qm_ac, emps300_qm_qc
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model, model_from_module
@@ -61,10 +62,10 @@ def test_chunks_change_nothing(
     case: tuple[Model, tuple[Record, ...]], samples: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model, records = case
-    whole = identify(model, records, drift_check=False, **SETTINGS)
+    whole = identify(model, records, **values_of(drift_check=False, **SETTINGS))
     monkeypatch.setattr("modelgen.runtime.rows.chunk.CHUNK_SAMPLES", samples)
     monkeypatch.setattr("modelgen.runtime.rows.chunk.HALOS", 0)
-    chunked = identify(model, records, drift_check=False, **SETTINGS)
+    chunked = identify(model, records, **values_of(drift_check=False, **SETTINGS))
     assert apart(chunked, whole) < SAME
     assert chunked.nobs == whole.nobs
 
@@ -73,7 +74,13 @@ def test_chunks_change_nothing(
 def test_the_order_of_records_changes_nothing(case: tuple[Model, tuple[Record, ...]], method: str) -> None:
     model, records = case
     given = {**SETTINGS, "method": method, "drift_check": False}
-    assert apart(identify(model, records[::-1], **given), identify(model, records, **given)) < SAME
+    assert (
+        apart(
+            identify(model, records[::-1], **values_of(**given)),
+            identify(model, records, **values_of(**given)),
+        )
+        < SAME
+    )
 
 
 def test_the_order_of_rows_changes_nothing(case: tuple[Model, tuple[Record, ...]]) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas
 
 import modelgen
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_text
 from modelgen.spec.load import catalog_path
 
@@ -41,7 +42,7 @@ found = {method: [] for method in methods}
 for seed in range(RUNS):
     records = bench(seed)
     for method, options in methods.items():
-        found[method].append(modelgen.identify(model, records, method=method, **options))
+        found[method].append(modelgen.identify(model, records, **values_of(method=method, **options)))
 
 # %%
 rows = []

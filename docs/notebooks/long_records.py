@@ -9,10 +9,10 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import numpy as np
+from modelgen.runtime.identification.identify_stream import identify_stream
 
 import modelgen
 from modelgen.runtime.files.npy_channels import open_npy
-from modelgen.runtime.identification.identify_stream import identify_stream
 from modelgen.runtime.model.model import model_from_text
 from modelgen.spec.load import catalog_path
 

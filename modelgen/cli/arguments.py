@@ -162,3 +162,10 @@ def amounts(option: str, items: Iterable[str]) -> dict[str, float]:
     if problems:
         raise DataError(*problems)
     return amounts
+
+
+def directions_from(given: Sequence[str]) -> dict[str, str]:
+    """Return what --direction says: direction of a body -> channel that moves with it."""
+    from modelgen.runtime.records.mapping_options import parse_names
+
+    return parse_names("--direction", given)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from modelgen.cli.arguments import directions_from
 from modelgen.errors import DataError, Problem
 from modelgen.progress import counted
 
@@ -77,7 +78,7 @@ def reading_options(
     factors = {**given.scales, **parse_scales(options.scales)}
     # a misspelt key would leave the channel to a column that happens to have its name
     known = [sensor.key for sensor in model.sensors] + [actuator.key for actuator in model.actuators]
-    sources = direction_sources(options)
+    sources = directions_from(options.directions)
     measured = [key for key in model.channels if key not in sources]
     mapped = [key for key in optional if key in columns]
     wanted = tuple(dict.fromkeys((*measured, *sources.values(), *extra, *mapped)))
@@ -96,13 +97,6 @@ def reading_options(
         "mend": (*given.mend, *options.mend),
         "units": channel_units(model),
     }
-
-
-def direction_sources(options: DataOptions) -> dict[str, str]:
-    """Return what --direction says: direction of a body -> channel that moves with it."""
-    from modelgen.runtime.records.mapping_options import parse_names
-
-    return parse_names("--direction", options.directions)
 
 
 def _tagged(readings: list[Reading], tags: dict[str, str]) -> list[Reading]:

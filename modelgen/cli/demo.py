@@ -17,6 +17,7 @@ import numpy as np
 from modelgen.cli.figure import Panel, draw_forces
 from modelgen.render.writer import write_modules
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.methods import Pham2002
 from modelgen.runtime.model.model import Model, load_model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.write_record import write_record
@@ -99,14 +100,8 @@ def _bench(model: Model, true: Mapping[str, float]) -> list[Record]:
 def _identify(model: Model, records: Sequence[Record], method: str) -> Estimate:
     if method != "pham2002":
         return identify(model, records, method=method)
-    return identify(
-        model,
-        records,
-        method=method,
-        cutoff_hz=PAPER_CUTOFF_HZ,
-        decimation=PAPER_DECIMATION,
-        rows_for_tag="pham2002",
-    )
+    paper = Pham2002(rows_for_tag="pham2002")
+    return identify(model, records, paper, cutoff_hz=PAPER_CUTOFF_HZ, decimation=PAPER_DECIMATION)
 
 
 def _compare(model: Model, true: Mapping[str, float], estimates: Mapping[str, Estimate]) -> dict[str, Any]:

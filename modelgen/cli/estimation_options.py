@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from modelgen.cli.arguments import cutoffs_from, delays_from, hold_out_from, period_from
+from modelgen.cli.arguments import cutoffs_from, delays_from, directions_from, hold_out_from, period_from
 
 Method = Annotated[
     Literal["wls", "iv", "tls", "pham2002"],
@@ -87,8 +87,10 @@ PASSED_ON = (
 
 
 def estimation_settings(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings of the estimation from the command's options, by the names of their parameters."""
-    return {name: given[name] for name in PASSED_ON} | {
+    """Return method, filters and checks for `modelgen.identify` from the options of a command."""
+    from modelgen.runtime.identification.options import values_of
+
+    flat = {name: given[name] for name in PASSED_ON} | {
         "delays": delays_from(given["delay"] or ()),
         "held": tuple(given["held"] or ()),
         "rows_for_tag": None if given.get("pairing", "all") == "all" else given["pairing"],
@@ -96,4 +98,6 @@ def estimation_settings(given: Mapping[str, Any]) -> dict[str, Any]:
         "period_s": period_from(given["period_s"] or (), given["map_file"]),
         "hold_out": hold_out_from(given.get("hold_out") or ()),
         "scan_cutoffs": cutoffs_from(given.get("scan_cutoffs")),
+        "directions": directions_from(given["direction"] or ()),
     }
+    return values_of(**flat)

@@ -14,6 +14,7 @@ from modelgen.cli.output_files import FIGURES, REPORTS, OutputFiles, check_outpu
 from modelgen.cli.write_report import _spec_of, sensor_set_rows, write_figure
 from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import load_model, model_from_module
 from modelgen.runtime.records.read_record import Reading
 from modelgen.runtime.records.record import Record
@@ -34,7 +35,7 @@ def readings() -> list[Reading]:
 
 @pytest.fixture(scope="module")
 def estimate(readings: list[Reading]) -> Estimate:
-    return identify(MODEL, [reading.record for reading in readings], drift_check=False)
+    return identify(MODEL, [reading.record for reading in readings], **values_of(drift_check=False))
 
 
 def report(
@@ -77,7 +78,7 @@ def test_suspicions_stand_in_the_report(tmp_path: Path, readings: list[Reading])
     held = record.signals["q_m"].copy()
     held[2000:2100] = held[2000]
     doubtful = Record({**record.signals, "q_m": held}, record.fs, "run1")
-    found = identify(MODEL, doubtful, drift_check=False)
+    found = identify(MODEL, doubtful, **values_of(drift_check=False))
     page = report(tmp_path / "a.html", [Reading(doubtful, (), (), ())], found)
     assert "run1, channel q_m, samples 2000 to 2099" in page
 

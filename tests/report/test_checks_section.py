@@ -5,6 +5,7 @@ import re
 from modelgen.report.page import report_page
 from modelgen.report.scan_plot import scan_plots
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from tests.runtime.rigid_motion import ONE_WAY, RIGID, SETTINGS, TRUTH, rigid_record
 
 
@@ -16,7 +17,7 @@ def section(page: str) -> str:
 
 def test_warnings_tests_and_the_scan_are_in_the_report() -> None:
     record = rigid_record()
-    estimate = identify(RIGID, record, scan_cutoffs=[20.0, 60.0], bounds="physical", **SETTINGS)
+    estimate = identify(RIGID, record, **values_of(scan_cutoffs=[20.0, 60.0], bounds="physical", **SETTINGS))
     found = section(report_page(RIGID, [record], estimate))
     assert "No warning" in found
     for title in ("Residual tests", "Physical bounds", "Scan of the filter"):
@@ -31,7 +32,7 @@ def test_warnings_tests_and_the_scan_are_in_the_report() -> None:
 
 def test_a_warning_is_printed_with_its_remedy() -> None:
     record = rigid_record(ONE_WAY[1.0])
-    estimate = identify(RIGID, record, **SETTINGS)
+    estimate = identify(RIGID, record, **values_of(**SETTINGS))
     found = section(report_page(RIGID, [record], estimate))
     assert "<strong>dependent columns</strong>: Fc and offset move together" in found.replace(
         "offset and Fc move", "Fc and offset move"
@@ -41,13 +42,13 @@ def test_a_warning_is_printed_with_its_remedy() -> None:
 
 
 def test_without_a_scan_or_with_one_point_there_is_no_plot() -> None:
-    estimate = identify(RIGID, rigid_record(n=3000), scan_cutoffs=[2.0], **SETTINGS)
+    estimate = identify(RIGID, rigid_record(n=3000), **values_of(scan_cutoffs=[2.0], **SETTINGS))
     assert scan_plots(estimate.checks.scan) == []
 
 
 def test_records_held_out_are_told_of_but_not_drawn() -> None:
     records = [rigid_record(name="two", seed=1), rigid_record(name="one")]
-    estimate = identify(RIGID, records, hold_out="two", **SETTINGS)
+    estimate = identify(RIGID, records, **values_of(hold_out="two", **SETTINGS))
     page = report_page(RIGID, records, estimate)
     assert "<h3>Held-out records</h3>" in section(page)
     assert "one, row m" in page

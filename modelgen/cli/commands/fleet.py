@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modelgen.cli.data_arguments import DataOptions, direction_sources, reading_options
+from modelgen.cli.data_arguments import DataOptions, reading_options
 from modelgen.cli.estimation_options import (
     Bounds,
     Cutoff,
@@ -130,7 +130,7 @@ def fleet(
         mapping or (), scale or (), fs, time, time_unit, map_file, mend or (), direction or ()
     )
     records = _records(data, model, reading)
-    settings = estimation_settings(context.params) | {"directions": direction_sources(reading)}
+    settings = estimation_settings(context.params)
     say("starting the workers" if scheduler is None else f"asking {scheduler}")
     with shown(), fleet_client(scheduler, workers, certificates=certificates) as client:
         found = identify_fleet(client, read_text(module, MODULE), records, settings, checkpoint)

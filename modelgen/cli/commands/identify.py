@@ -12,7 +12,6 @@ from modelgen.cli.data_arguments import (
     BESIDE_REFERENCE,
     REFERENCE,
     DataOptions,
-    direction_sources,
     read_files,
     reading_lines,
 )
@@ -127,7 +126,7 @@ def identify(
     outputs.check()  # before the work, not after it
     inputs = (REFERENCE, BESIDE_REFERENCE) if controller and report_file else ()
     readings = read_files(data, model, options, *inputs)
-    settings = estimation_settings(context.params) | {"directions": direction_sources(options)}
+    settings = estimation_settings(context.params)
     estimate = run(model, [reading.record for reading in readings], progress=say, **settings)
     outputs.write(model, module, readings, estimate, given_options(context), spec, controller)
     note(reading_lines(data, readings))

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import CheckOptions
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
@@ -83,7 +84,7 @@ def conditioning(
     """
     values = model.parameter_sets[parameter_set]
     records = [simulate(model, values, kind, fs=fs, duration_s=duration_s).record for kind in EXCITATIONS]
-    estimate = identify(model, records, drift_check=False)
+    estimate = identify(model, records, checks=CheckOptions(drift_check=False))
     choice = estimate.filtering
     gains = noise_gains(model, choice.filter_order, choice.cutoff_hz, fs)
     return Conditioning(

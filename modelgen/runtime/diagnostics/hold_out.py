@@ -70,7 +70,7 @@ class HeldOut:
         return 0.5 * np.outer(move, move)
 
 
-def split(
+def held_apart(
     records: Sequence[Record], hold_out: Sequence[str] | str | float | None, period_s: Mapping[str, float]
 ) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
     """Return the records to identify from and those held out.

@@ -179,7 +179,6 @@ def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
     """Apply the paper's rule; columns that are not identifiable stay in as nuisances."""
     fit, identified = solved.fit, solved.identified
     hac = METHODS[solved.method].covariance_kind == "hac"
-    finish = METHODS[solved.method].finish
     drifts = dict(zip(fit.columns, np.diag(solved.drift).tolist(), strict=True))
 
     if fit.series:
@@ -195,7 +194,7 @@ def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
         reduced = fit
         if len(columns) < len(fit.columns):
             reduced = refit(fit, columns)
-            reduced = finish(reduced, solved.job.model) if finish else reduced
+            reduced = METHODS[solved.method].finish(reduced, solved.job.model)
         covariance = hac_covariance(reduced) if hac else printed_covariance(reduced, residual_dof)[1]
         place = [reduced.columns.index(name) for name in kept]
         variance = np.diag(covariance)[place] + np.array([drifts[name] for name in kept])

@@ -1,10 +1,11 @@
-"""The estimators by name: each takes a job (model, records, settings) to rows and their fit."""
+"""The estimators, values with their options: each takes a job (model, records, settings) to a fit."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -66,24 +67,6 @@ class Job:
         return delay_rates(fit, self.model, records, self.choice, self.drop, channel)
 
 
-@dataclass(frozen=True)
-class Method:
-    """An estimator.
-
-    `matched`: every signal goes through the same filter, so that moving the cut-off is a fair check.
-    `covariance_kind`: "hac" or "printed", what its standard deviations rest on.
-    `consistent`: noise of the sensors does not bias it, so that what moves with the cut-off is model error.
-    `finish`: what turns a least-squares fit to some of the columns into this method's, None for nothing.
-    """
-
-    title: str
-    run: Callable[[Job], tuple[Observation, Fit]]
-    matched: bool
-    covariance_kind: str
-    consistent: bool = False
-    finish: Callable[[Fit, Model], Fit] | None = None
-
-
 def run_wls(job: Job) -> tuple[Observation, Fit]:
     """Weighted least squares on matched-filtered rows."""
 
@@ -135,9 +118,133 @@ def run_tls(job: Job) -> tuple[Observation, Fit]:
     return observation, fit_total(fit, job.model)
 
 
-METHODS: Mapping[str, Method] = {
-    "wls": Method("weighted least squares on matched-filtered rows", run_wls, True, "hac"),
-    "iv": Method("instrumental variables from a noise-free simulation", run_iv, True, "hac", True),
-    "tls": Method("total least squares, for comparison", run_tls, True, "hac", finish=fit_total),
-    "pham2002": Method("the paper to the letter, forces not filtered", run_pham2002, False, "printed"),
-}
+@dataclass(frozen=True)
+class Method(ABC):
+    """An estimator with its options, which all of them have in common.
+
+    Parameters
+    ----------
+    delays : mapping of str to float, "estimate" or "none", optional
+        By how many s force channels are late; or whether to estimate that. By default only `IV` does.
+    held : sequence of str
+        Force channels that are commands behind a zero-order hold: half a sample late, averaged over one.
+    rows_for_tag : mapping of str to sequence of str, or "pham2002", optional
+        Rows (by name) that records of a tag may feed; records of other tags feed all rows. "pham2002" is the
+        paper's pairing: differentiated rows from records tagged ``chirp``, the others from ``trapezoid``.
+    robust : "huber", optional
+        Samples with large residuals weigh less (`modelgen.runtime.least_squares.huber`); `WLS` and `IV`.
+    bounds : "physical", optional
+        Keep inertia, stiffness, damping and friction from being negative, and tell what that costs; `WLS` and
+        `IV`.
+    residual_dof : str
+        Degrees of freedom of the residual in eq. (11): "r-c" as printed, or "r-1", with which the published
+        standard deviations of the EMPS bench come out.
+
+    Attributes
+    ----------
+    name, title : str
+    matched : bool
+        Whether every signal goes through the same filter, so that moving the cut-off is a fair check.
+    covariance_kind : str
+        "hac" or "printed", what its standard deviations rest on.
+    consistent : bool
+        Whether noise of the sensors leaves it unbiased, so that what moves with the cut-off is model error.
+    """
+
+    delays: Mapping[str, float] | str | None = None
+    held: Sequence[str] = ()
+    rows_for_tag: Mapping[str, Sequence[str]] | str | None = None
+    robust: str | None = None
+    bounds: str | None = None
+    residual_dof: str = "r-c"
+
+    name: ClassVar[str] = ""
+    title: ClassVar[str] = ""
+    matched: ClassVar[bool] = True
+    covariance_kind: ClassVar[str] = "hac"
+    consistent: ClassVar[bool] = False
+
+    @staticmethod
+    @abstractmethod
+    def run(job: Job) -> tuple[Observation, Fit]:
+        """Return the rows of a job and their fit."""
+
+    @staticmethod
+    def finish(fit: Fit, model: Model) -> Fit:
+        """Return this estimator's fit in place of a least-squares fit to some of the columns."""
+        del model
+        return fit
+
+
+@dataclass(frozen=True)
+class WLS(Method):
+    """Weighted least squares, every signal through the same zero-phase filter; options as for `Method`."""
+
+    name = "wls"
+    title = "weighted least squares on matched-filtered rows"
+
+    @staticmethod
+    def run(job: Job) -> tuple[Observation, Fit]:
+        """Return the rows of a job and their fit."""
+        return run_wls(job)
+
+
+@dataclass(frozen=True)
+class IV(Method):
+    """Instrumental variables on the rows of `WLS`; delays of forces are estimated unless they are given.
+
+    Free of the bias that noise of the sensors gives least squares.
+
+    Parameters
+    ----------
+    loop : Loop, optional
+        The controller at work during the records. With a channel ``reference`` in the records the closed loop
+        is simulated; otherwise the simulation follows the measured force.
+    """
+
+    loop: Loop | None = None
+
+    name = "iv"
+    title = "instrumental variables from a noise-free simulation"
+    consistent = True
+
+    @staticmethod
+    def run(job: Job) -> tuple[Observation, Fit]:
+        """Return the rows of a job and their fit."""
+        return run_iv(job)
+
+
+@dataclass(frozen=True)
+class TLS(Method):
+    """Total least squares on the rows of `WLS`, for comparison; options as for `Method`."""
+
+    name = "tls"
+    title = "total least squares, for comparison"
+
+    @staticmethod
+    def run(job: Job) -> tuple[Observation, Fit]:
+        """Return the rows of a job and their fit."""
+        return run_tls(job)
+
+    @staticmethod
+    def finish(fit: Fit, model: Model) -> Fit:
+        """Return the total least-squares fit to the same rows."""
+        return fit_total(fit, model)
+
+
+@dataclass(frozen=True)
+class Pham2002(Method):
+    """The paper to the letter, for comparison; biased where its filter reaches into the dynamics."""
+
+    name = "pham2002"
+    title = "the paper to the letter, forces not filtered"
+    matched = False
+    covariance_kind = "printed"
+
+    @staticmethod
+    def run(job: Job) -> tuple[Observation, Fit]:
+        """Return the rows of a job and their fit."""
+        return run_pham2002(job)
+
+
+METHODS: Mapping[str, type[Method]] = {one.name: one for one in (WLS, IV, TLS, Pham2002)}

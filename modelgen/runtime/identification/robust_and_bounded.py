@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from modelgen.errors import DataError, Problem
+from modelgen.errors import Problem
 from modelgen.runtime.identification.methods import Job
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.huber import huber, huber_notes
@@ -21,8 +21,8 @@ HUBER = "huber"
 TREATABLE = ("wls", "iv")
 
 
-def check_treatment(method: str, robust: str | None, bounds: str | None) -> None:
-    """Raise one DataError for every word that is unknown, or does not go with the method."""
+def treatment_problems(method: str, robust: str | None, bounds: str | None) -> list[Problem]:
+    """Return one problem for every word that is unknown, or does not go with the method."""
     problems = []
     for name, given, word in (("robust", robust, HUBER), ("bounds", bounds, PHYSICAL)):
         if given is None:
@@ -32,8 +32,7 @@ def check_treatment(method: str, robust: str | None, bounds: str | None) -> None
         if method not in TREATABLE:
             what = f"does not go with method {method}"
             problems.append(Problem(name, what, f"use one of {', '.join(TREATABLE)}"))
-    if problems:
-        raise DataError(*problems)
+    return problems
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.results.estimate import Estimate
@@ -91,7 +92,7 @@ class ChainEstimator:
         """Identify the parameters from records; the forces are in them, `y` is not used."""
         del y
         options = {name: value for name, value in self.get_params().items() if name != "model"}
-        self.estimate_ = identify(self.model, X, **options)
+        self.estimate_ = identify(self.model, X, **values_of(**options))
         self.coef_ = self.estimate_.base
         return self
 

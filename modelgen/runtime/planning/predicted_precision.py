@@ -17,6 +17,8 @@ import numpy.typing as npt
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.methods import METHODS
+from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import (
@@ -110,14 +112,10 @@ def estimate_once(planned: Experiment, seed: int) -> Estimate:
     return identify(
         model,
         planned.records(seed),
-        planned.method,
-        cutoff_hz=choice.cutoff_hz,
-        filter_order=choice.filter_order,
-        decimation=choice.decimation[0],
-        direction_cutoff_hz=choice.direction_cutoff_hz,
+        METHODS[planned.method](delays="none"),
+        Filters(choice.cutoff_hz, choice.filter_order, choice.decimation[0], choice.direction_cutoff_hz),
         # the drift widens intervals, but moves values only where composites are weighted with it
-        drift_check=all_from_composites(model),
-        delays="none",
+        CheckOptions(drift_check=all_from_composites(model)),
     )
 
 

@@ -17,8 +17,7 @@ def rows_for_tags(model: Model, given: RowsForTag | str | None) -> RowsForTag | 
     constant while the motor turns one way, and records tagged ``trapezoid`` the others, which hold it. Models
     without differentiated rows need no pairing.
     """
-    if given != PAPER:
-        assert not isinstance(given, str), "identify() refuses other words"
+    if not isinstance(given, str):
         return given
     differentiated = [row.name for row in model.rows if row.differentiated]
     others = [row.name for row in model.rows if not row.differentiated]

@@ -8,6 +8,7 @@ from modelgen.runtime.diagnostics.settings_drift import direction_drift
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.wls import Fit
 from tests.runtime.rigid_motion import CHOICE, FS, RIGID, SETTINGS, TRUTH, rigid_record, swings
 
@@ -24,7 +25,7 @@ def test_what_a_low_passed_velocity_does_to_the_offset_is_in_its_interval() -> N
 
 
 def test_where_directions_are_clear_nothing_is_added() -> None:
-    estimate = identify(RIGID, rigid_record(), **SETTINGS)
+    estimate = identify(RIGID, rigid_record(), **values_of(**SETTINGS))
     for entry in estimate.parameters:
         assert entry.drift_std < entry.noise_std
 

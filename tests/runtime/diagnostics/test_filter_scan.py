@@ -7,6 +7,7 @@ import pytest
 from modelgen.errors import DataError
 from modelgen.runtime.diagnostics.filter_scan import scanned_settings
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from tests.runtime.rigid_motion import CHOICE, RIGID, SETTINGS, TRUTH, rigid_record
 
 
@@ -31,7 +32,7 @@ def test_the_scan_tries_cut_offs_and_orders_around_the_chosen_ones() -> None:
 
 def test_every_point_is_the_estimate_with_that_filter() -> None:
     record = rigid_record()
-    estimate = identify(RIGID, record, scan_cutoffs=[20.0, 60.0], **SETTINGS)
+    estimate = identify(RIGID, record, **values_of(scan_cutoffs=[20.0, 60.0], **SETTINGS))
     scan = estimate.checks.scan
     assert scan is not None
     assert scan.names == tuple(TRUTH)
@@ -39,7 +40,7 @@ def test_every_point_is_the_estimate_with_that_filter() -> None:
     assert [point.chosen for point in scan.points] == [False, True, False]
     for point in scan.points:
         options = {"cutoff_hz": point.cutoff_hz, "direction_cutoff_hz": 10.0, "drift_check": False}
-        same = identify(RIGID, record, **options)
+        same = identify(RIGID, record, **values_of(**options))
         assert dict(zip(scan.names, point.values, strict=True)) == pytest.approx(dict(same.params), rel=1e-9)
         assert dict(zip(scan.names, point.stds, strict=True)) == pytest.approx(dict(same.bse), rel=1e-9)
         assert point.relative_error == pytest.approx(same.relative_error)
@@ -49,7 +50,7 @@ def test_every_point_is_the_estimate_with_that_filter() -> None:
 
 def test_a_filter_that_the_record_is_too_short_for_is_told() -> None:
     record = rigid_record(n=3000)
-    estimate = identify(RIGID, record, scan_cutoffs=[2.0], **SETTINGS)
+    estimate = identify(RIGID, record, **values_of(scan_cutoffs=[2.0], **SETTINGS))
     scan = estimate.checks.scan
     assert scan is not None
     (failed, used) = scan.points

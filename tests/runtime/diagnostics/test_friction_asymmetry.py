@@ -6,6 +6,7 @@ import pytest
 from generated import emps_rigid_qm
 from modelgen.runtime.diagnostics.friction_asymmetry import Asymmetry, asymmetry_notes
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -19,12 +20,14 @@ def test_symmetric_friction_is_not_called_asymmetric() -> None:
     record = simulate(RIGID, truth, "trapezoid", fs=1000.0, duration_s=10.0).record
     noisy = {"q_m": 1e-7, "F": 1.0}
     signals = {key: s + noisy[key] * rng.standard_normal(record.n) for key, s in record.signals.items()}
-    estimate = identify(RIGID, Record(signals, 1000.0, "axis"), drift_check=False)
+    estimate = identify(RIGID, Record(signals, 1000.0, "axis"), **values_of(drift_check=False))
     assert not any("direction of motion" in note for note in estimate.notes)
 
 
 def test_emps_prefers_asymmetric_friction(emps: Record) -> None:
-    found = {method: identify(RIGID, emps, method, drift_check=False) for method in ("wls", "iv")}
+    found = {
+        method: identify(RIGID, emps, **values_of(method, drift_check=False)) for method in ("wls", "iv")
+    }
     for estimate in found.values():
         assert "depends on the direction of motion" in estimate.summary().replace("\n    ", " ")
     wls, iv = found["wls"], found["iv"]

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError
-from modelgen.runtime.diagnostics.hold_out import split
+from modelgen.runtime.diagnostics.hold_out import held_apart
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.records.record import Record
 from tests.runtime.rigid_motion import FS, RIGID, SETTINGS, rigid_record, swings
 
@@ -16,8 +17,8 @@ def records(change: float = 0.0) -> list[Record]:
 
 
 def test_a_held_out_record_that_agrees_changes_nothing_but_the_report() -> None:
-    alone = identify(RIGID, records()[0], **SETTINGS)
-    estimate = identify(RIGID, records(), hold_out="two", **SETTINGS)
+    alone = identify(RIGID, records()[0], **values_of(**SETTINGS))
+    estimate = identify(RIGID, records(), **values_of(hold_out="two", **SETTINGS))
     assert estimate.params == alone.params
     assert estimate.bse == alone.bse
     assert estimate.records == ("one",)
@@ -32,8 +33,8 @@ def test_a_held_out_record_that_agrees_changes_nothing_but_the_report() -> None:
 
 
 def test_a_held_out_record_that_disagrees_widens_the_interval_and_is_named() -> None:
-    alone = identify(RIGID, records()[0], **SETTINGS)
-    estimate = identify(RIGID, records(change=5.0), hold_out=["two"], **SETTINGS)
+    alone = identify(RIGID, records()[0], **values_of(**SETTINGS))
+    estimate = identify(RIGID, records(change=5.0), **values_of(hold_out=["two"], **SETTINGS))
     assert estimate.params == alone.params
     found = estimate.checks.held_out
     assert found is not None
@@ -48,7 +49,7 @@ def test_a_held_out_record_that_disagrees_widens_the_interval_and_is_named() -> 
 
 def test_a_record_that_cannot_answer_is_looked_at_all_the_same() -> None:
     one_way = rigid_record(swings((0.4, 0.1), (0.1, 1.3), speed=2.0), name="two")
-    estimate = identify(RIGID, [rigid_record(name="one"), one_way], hold_out="two", **SETTINGS)
+    estimate = identify(RIGID, [rigid_record(name="one"), one_way], **values_of(hold_out="two", **SETTINGS))
     found = estimate.checks.held_out
     assert found is not None
     assert found.rows[0].relative_error < 0.01
@@ -57,14 +58,14 @@ def test_a_record_that_cannot_answer_is_looked_at_all_the_same() -> None:
 
 def test_a_share_is_cut_from_the_end_of_every_record_in_whole_periods() -> None:
     given = records()
-    kept, held = split(given, 0.25, {})
+    kept, held = held_apart(given, 0.25, {})
     assert [record.n for record in kept] == [18750, 18750]
     assert [record.name for record in held] == ["one (held out)", "two (held out)"]
     whole = np.concatenate([kept[0].signals["F"], held[0].signals["F"]])
     np.testing.assert_array_equal(whole, given[0].signals["F"])
-    kept, held = split(given, 0.25, {"one": 10.0})
+    kept, held = held_apart(given, 0.25, {"one": 10.0})
     assert (kept[0].n, kept[1].n) == (20000, 18750)
-    estimate = identify(RIGID, given, hold_out=0.4, **SETTINGS)
+    estimate = identify(RIGID, given, **values_of(hold_out=0.4, **SETTINGS))
     assert estimate.checks.held_out is not None
     assert len(estimate.checks.held_out.rows) == 2
 
@@ -81,11 +82,11 @@ def test_a_share_is_cut_from_the_end_of_every_record_in_whole_periods() -> None:
 )
 def test_what_cannot_be_held_out_is_named(hold_out: float | str | list[str], said: str) -> None:
     with pytest.raises(DataError, match=said):
-        split(records(), hold_out, {})
+        held_apart(records(), hold_out, {})
 
 
 def test_nothing_is_held_out_unless_it_is_asked_for() -> None:
     given = records()
-    assert split(given, None, {}) == (tuple(given), ())
-    assert identify(RIGID, given, **SETTINGS).checks.held_out is None
+    assert held_apart(given, None, {}) == (tuple(given), ())
+    assert identify(RIGID, given, **values_of(**SETTINGS)).checks.held_out is None
     assert given[0].fs == FS

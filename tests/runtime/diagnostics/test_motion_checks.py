@@ -12,6 +12,7 @@ from generated import emps300_qm_qc, emps_rigid_asymmetric_qm, three_mass_va_vb_
 from modelgen.runtime.diagnostics.motion_checks import band_above_filter, one_way_friction, resting_bodies
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
@@ -36,7 +37,7 @@ ASYMMETRIC = model_from_module(emps_rigid_asymmetric_qm)
 
 def test_a_sound_experiment_is_left_alone() -> None:
     for seed in range(3):
-        estimate = identify(RIGID, rigid_record(seed=seed), **SETTINGS)
+        estimate = identify(RIGID, rigid_record(seed=seed), **values_of(**SETTINGS))
         assert kinds(estimate) == []
         assert not estimate.not_identifiable
         assert "Warnings" not in estimate.summary()
@@ -44,7 +45,7 @@ def test_a_sound_experiment_is_left_alone() -> None:
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_without_a_reversal_friction_and_offset_are_one(sign: float) -> None:
-    estimate = identify(RIGID, rigid_record(ONE_WAY[sign]), **SETTINGS)
+    estimate = identify(RIGID, rigid_record(ONE_WAY[sign]), **values_of(**SETTINGS))
     assert set(estimate.params) == {"M", "Fv"}
     for name in ("Fc", "offset"):
         assert "the velocity of m never reverses" in estimate.not_identifiable[name]
@@ -73,7 +74,7 @@ def test_a_row_that_counts_the_other_way_is_no_reversal() -> None:
 
 def test_a_reversal_in_another_record_is_enough() -> None:
     records = [rigid_record(ONE_WAY[1.0], name="there"), rigid_record(ONE_WAY[-1.0], name="back")]
-    estimate = identify(RIGID, records, **SETTINGS)
+    estimate = identify(RIGID, records, **values_of(**SETTINGS))
     assert set(estimate.params) == set(TRUTH)
     assert not estimate.not_identifiable
 
@@ -90,7 +91,7 @@ def test_without_an_offset_in_the_model_the_friction_holds_it() -> None:
 
 
 def test_a_direction_that_no_sample_has_is_named() -> None:
-    estimate = identify(ASYMMETRIC, rigid_record(ONE_WAY[1.0]), **SETTINGS)
+    estimate = identify(ASYMMETRIC, rigid_record(ONE_WAY[1.0]), **values_of(**SETTINGS))
     for name in ("Fv_minus", "Fc_minus"):
         assert estimate.not_identifiable[name] == "no sample used moves backward"
 
@@ -98,10 +99,10 @@ def test_a_direction_that_no_sample_has_is_named() -> None:
 def test_a_body_that_rests_gets_no_inertia() -> None:
     rest = rigid_record(swings(speed=0.0))
     with_motion = rigid_record(name="moving")
-    estimate = identify(RIGID, rest, **SETTINGS)
+    estimate = identify(RIGID, rest, **values_of(**SETTINGS))
     assert set(estimate.params) == {"offset"}
     assert "m never moves: q_m" in estimate.not_identifiable["M"]
-    both = identify(RIGID, [with_motion, replace(rest, name="still")], **SETTINGS)
+    both = identify(RIGID, [with_motion, replace(rest, name="still")], **values_of(**SETTINGS))
     assert set(both.params) == set(TRUTH)
     assert [one.where for one in both.checks.advice if one.kind == "never moving"] == ["still"]
 
@@ -120,7 +121,7 @@ def test_a_steady_velocity_is_a_motion_and_a_zero_one_is_not() -> None:
 
 
 def test_a_steady_crawl_is_a_motion_that_answers_no_friction() -> None:
-    estimate = identify(RIGID, rigid_record(swings(speed=0.01)), **SETTINGS)
+    estimate = identify(RIGID, rigid_record(swings(speed=0.01)), **values_of(**SETTINGS))
     assert not any("never moves" in reason for reason in estimate.not_identifiable.values())
     for name in ("Fv", "Fc", "offset"):
         assert name in estimate.not_identifiable
@@ -130,7 +131,7 @@ def test_a_steady_crawl_is_a_motion_that_answers_no_friction() -> None:
 
 def short(motion: Motion | None = None, n: int = 1240) -> Estimate:
     record = rigid_record(motion or swings((0.4, 1.0), (0.1, 4.3), (0.05, 9.1)), n=n)
-    return identify(RIGID, record, cutoff_hz=15.0, direction_cutoff_hz=15.0)
+    return identify(RIGID, record, **values_of(cutoff_hz=15.0, direction_cutoff_hz=15.0))
 
 
 def test_a_record_of_which_the_filter_leaves_little_is_too_short() -> None:
@@ -153,13 +154,13 @@ def test_a_decimation_that_passes_more_than_the_filter_is_named(decimation: int,
     # 0.8 * 1000 / (2 * 10) = 40 Hz against a cut-off of 25 Hz; a decimation of 16 passes 25 Hz
     record = rigid_record()
     options = {"cutoff_hz": 25.0, "decimation": decimation}
-    estimate = identify(RIGID, record, "pham2002", **options)
+    estimate = identify(RIGID, record, **values_of("pham2002", **options))
     found = [one for one in estimate.checks.advice if one.kind == "decimation band above the filter band"]
     assert bool(found) is speaks
     if found:
         assert "decimation of 16 or more" in found[0].remedy
     # matched filters treat forces and motion alike: nothing to say
-    matched = identify(RIGID, record, **options, direction_cutoff_hz=10.0)
+    matched = identify(RIGID, record, **values_of(**options, direction_cutoff_hz=10.0))
     assert "decimation band above the filter band" not in kinds(matched)
 
 
@@ -181,5 +182,7 @@ def test_a_clamped_body_gets_no_parameters_but_the_others_do() -> None:
     force = p["J_m"] * a + p["F_vm"] * v + p["F_sm"] * np.sign(v) + p["K"] * q + p["F_vmc"] * v
     clamped = 1e-7 * rng.standard_normal(len(t))
     record = Record({"q_m": q, "q_c": clamped, "Gamma_m": force}, 5000.0, "clamped")
-    estimate = identify(TWO_MASS, record, cutoff_hz=120.0, direction_cutoff_hz=60.0, drift_check=False)
+    estimate = identify(
+        TWO_MASS, record, **values_of(cutoff_hz=120.0, direction_cutoff_hz=60.0, drift_check=False)
+    )
     assert "c never moves" in estimate.not_identifiable["J_c"]

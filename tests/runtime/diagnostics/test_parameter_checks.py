@@ -15,6 +15,7 @@ from modelgen.runtime.diagnostics.parameter_checks import (
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
@@ -36,7 +37,7 @@ def test_the_slowest_mode_is_that_of_the_parameters() -> None:
 
 def test_a_motion_that_is_too_slow_for_the_inertia_is_named() -> None:
     slow = rigid_record(swings((2e-3, 0.05), (1e-3, 0.11)), noise=1e-7)
-    estimate = identify(RIGID, slow, cutoff_hz=20.0, direction_cutoff_hz=10.0)
+    estimate = identify(RIGID, slow, **values_of(cutoff_hz=20.0, direction_cutoff_hz=10.0))
     assert estimate.relative_std["M"] > 10.0
     (advice,) = [one for one in estimate.checks.advice if one.kind == "too slow"]
     assert advice.where == "M"
@@ -45,7 +46,7 @@ def test_a_motion_that_is_too_slow_for_the_inertia_is_named() -> None:
 
 
 def test_a_stiffness_below_its_mode_is_called_too_slow() -> None:
-    estimate = identify(RIGID, rigid_record(), **SETTINGS)
+    estimate = identify(RIGID, rigid_record(), **values_of(**SETTINGS))
     entry = replace(estimate.parameters[0], name="K", value=1.0, std=0.5)
     fit = _fit_of_two_rows(1e-6)
     (slow,) = uncertain_parameters(TWO_MASS, fit, [entry], 10.0, 106.0, 5.0)
@@ -70,7 +71,9 @@ def _fit_of_two_rows(scale: float):
 def test_a_reversed_sign_is_named_as_negative() -> None:
     good = rigid_record()
     wrong = Record({"q_m": -good.signals["q_m"], "F": good.signals["F"]}, FS, "run")
-    negative = [one for one in identify(RIGID, wrong, **SETTINGS).checks.advice if one.kind == "negative"]
+    negative = [
+        one for one in identify(RIGID, wrong, **values_of(**SETTINGS)).checks.advice if one.kind == "negative"
+    ]
     assert [one.where for one in negative] == ["M", "Fv", "Fc"]
     assert "check signs of channels" in negative[0].remedy
 
@@ -90,7 +93,9 @@ def test_a_row_that_is_explained_by_nothing_is_the_null_solution() -> None:
     noise = np.random.default_rng(0).standard_normal(len(t))
     other = 30.0 * np.sin(2.0 * np.pi * 2.0 * t) + noise
     estimate = identify(
-        RIGID, Record({"q_m": rigid_record().signals["q_m"], "F": other}, FS, "mixed"), **SETTINGS
+        RIGID,
+        Record({"q_m": rigid_record().signals["q_m"], "F": other}, FS, "mixed"),
+        **values_of(**SETTINGS),
     )
     (advice,) = [one for one in estimate.checks.advice if one.kind == "null solution"]
     assert "mixed, row m" in advice.where
@@ -103,7 +108,7 @@ def test_a_row_that_noise_drowns_is_no_null_solution() -> None:
         simulate(model, truth, kind, fs=5000.0, duration_s=1.0, noise=noise, seed=seed).record
         for seed, kind in enumerate(("chirp", "trapezoid"))
     ]
-    estimate = identify(model, records, drift_check=False)
+    estimate = identify(model, records, **values_of(drift_check=False))
     (row,) = [one for one in estimate.rows if (one.record, one.row) == ("trapezoid", "m")]
     assert row.relative_error is not None
     assert row.relative_error > 0.95

@@ -10,6 +10,7 @@ from modelgen.errors import DataError
 from modelgen.runtime.diagnostics.periods import period_advice, period_spread, periods_of, spread_beyond_noise
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
 from modelgen.runtime.records.record import Record
 from tests.runtime.measured_records import bench, emps
@@ -105,7 +106,7 @@ def test_records_without_a_period_have_no_spread() -> None:
 
 
 def test_the_estimate_carries_the_third_covariance() -> None:
-    estimate = identify(RIGID, record_of(), cutoff_hz=40.0, direction_cutoff_hz=10.0)
+    estimate = identify(RIGID, record_of(), **values_of(cutoff_hz=40.0, direction_cutoff_hz=10.0))
     periods = estimate.checks.periods
     assert periods is not None
     assert periods.period_s == (("run", pytest.approx(PERIOD_S)),)
@@ -115,7 +116,7 @@ def test_the_estimate_carries_the_third_covariance() -> None:
         assert entry.value == pytest.approx(TRUTH[entry.name], abs=6.0 * entry.std)
     assert re.search(r"eq\. \(11\) +periods$", estimate.summary(), re.MULTILINE)
     assert estimate.to_dict()["checks"]["periods"]["count"] == periods.count
-    assert identify(RIGID, record_of(), period_s="none").checks.periods is None
+    assert identify(RIGID, record_of(), **values_of(period_s="none")).checks.periods is None
 
 
 def test_the_bench_has_twenty_periods_of_a_second(shared_data: Path) -> None:

@@ -11,6 +11,7 @@ from modelgen.runtime.diagnostics.residual_whiteness import coloured, whiteness
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.wls import Fit, fit_matched
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation, RowBlock
@@ -126,7 +127,7 @@ def test_the_bounds_are_those_of_all_rows_together() -> None:
 
 def test_the_bench_shows_more_than_noise_and_the_same_in_every_period(shared_data: Path) -> None:
     model, record = bench(shared_data)
-    estimate = identify(model, record, drift_check=False)
+    estimate = identify(model, record, **values_of(drift_check=False))
     for test in estimate.checks.residuals:
         assert test.repeated is not None
         assert test.repeated > 0.9

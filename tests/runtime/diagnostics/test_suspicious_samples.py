@@ -17,6 +17,7 @@ from modelgen.runtime.diagnostics.stuck_readings import equal_runs
 from modelgen.runtime.diagnostics.suspicious_samples import suspicions
 from modelgen.runtime.diagnostics.unit_errors import low_frequency_ratio, unlike_nominal
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -262,7 +263,9 @@ def test_a_stroke_of_hundreds_of_metres_is_in_millimetres(emps: Record) -> None:
 
 @pytest.mark.parametrize(("key", "factor"), [("F", 1e3), ("F", 1e-3), ("q_m", 1e-3)])
 def test_an_estimate_far_from_every_parameter_set_is_told(emps: Record, key: str, factor: float) -> None:
-    estimate = identify(RIGID, faulty(emps, key, lambda samples: factor * samples), drift_check=False)
+    estimate = identify(
+        RIGID, faulty(emps, key, lambda samples: factor * samples), **values_of(drift_check=False)
+    )
     (found,) = unlike_nominal(RIGID, estimate.physical, estimate.records)
     assert found in estimate.checks.advice
     assert found.kind == "unit"
@@ -279,7 +282,7 @@ def test_values_near_a_parameter_set_or_unlike_each_other_are_not_told() -> None
 
 
 def test_suspicions_stand_in_summary_and_json(emps: Record) -> None:
-    estimate = identify(RIGID, faulty(emps, "q_m", held(8000, 300)), drift_check=False)
+    estimate = identify(RIGID, faulty(emps, "q_m", held(8000, 300)), **values_of(drift_check=False))
     sentence = estimate.checks.advice[0].sentence
     assert sentence.startswith("stuck: emps, channel q_m, samples 8000 to 8299 stays at one reading")
     assert sentence.split(";")[0] in " ".join(estimate.summary().split())

@@ -14,6 +14,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_fi
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -198,10 +199,12 @@ def loud_records() -> tuple[Record, ...]:
 
 def test_least_squares_errs_less_where_the_noise_sets_the_cutoff() -> None:
     truth = CHAIN.parameter_sets["light"]
-    chosen = identify(CHAIN, loud_records(), drift_check=False)
+    chosen = identify(CHAIN, loud_records(), **values_of(drift_check=False))
     dynamics = chosen.filtering.dynamics_hz
     assert dynamics is not None
-    before = identify(CHAIN, loud_records(), drift_check=False, cutoff_hz=distortion_bound_hz(dynamics, 4))
+    before = identify(
+        CHAIN, loud_records(), **values_of(drift_check=False, cutoff_hz=distortion_bound_hz(dynamics, 4))
+    )
     for name in ("J_m", "F_vm", "F_sm"):
         errors = [abs(estimate.params[name] / truth[name] - 1.0) for estimate in (chosen, before)]
         assert errors[0] < 0.4 * errors[1], name

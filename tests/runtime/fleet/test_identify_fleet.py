@@ -21,6 +21,8 @@ from modelgen.runtime.files.npy_channels import NpyChannels, open_npy
 from modelgen.runtime.fleet.dask_cluster import GivenUpError, Watch, fleet_client
 from modelgen.runtime.fleet.identify_fleet import FleetRecord, identify_fleet
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.methods import IV
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -28,7 +30,7 @@ from modelgen.runtime.simulation.simulate import simulate
 MODEL = model_from_module(emps300_qm_qc)
 TEXT = Path(str(emps300_qm_qc.__file__)).read_text()
 NOISE = {"q_m": 2e-5, "q_c": 2e-5, "Gamma_m": 1e-4}
-SETTINGS: dict[str, Any] = {"cutoff_hz": 300.0, "filter_order": 4, "decimation": 6, "drift_check": False}
+SETTINGS = values_of(cutoff_hz=300.0, filter_order=4, decimation=6, drift_check=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +120,7 @@ def test_a_machine_gets_what_identify_says(client: Any, sources: list[NpyChannel
 
 @pytest.mark.slow
 def test_options_and_the_number_of_workers_change_nothing(client: Any, sources: list[NpyChannels]) -> None:
-    options = {**SETTINGS, "method": "iv", "robust": "huber"}
+    options = {**SETTINGS, "method": IV(robust="huber")}
     expected = identify_fleet(client, TEXT, fleet_of(sources), options)
     assert expected.machines["b"] == alone([sources[1]], **options)
     with fleet_client(workers=1) as one:

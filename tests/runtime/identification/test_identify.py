@@ -17,6 +17,7 @@ from generated import (
 )
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
@@ -118,7 +119,11 @@ def test_bench_intervals_hold_what_other_cutoffs_give(bench: Record) -> None:
     estimate = identify(BENCH, bench)
     low, high = estimate.conf_int()["K"]
     for cutoff_hz in (120.0, 300.0):
-        assert low < identify(BENCH, bench, cutoff_hz=cutoff_hz, drift_check=False).params["K"] < high
+        assert (
+            low
+            < identify(BENCH, bench, **values_of(cutoff_hz=cutoff_hz, drift_check=False)).params["K"]
+            < high
+        )
     assert low < 557.0 < high
     # eq. (11) promises a tenth of that
     parameter = {entry.name: entry for entry in estimate.parameters}["K"]
@@ -139,7 +144,7 @@ def test_without_noise_the_truth_comes_out(model: Model, parameters: str) -> Non
 def test_the_paper_s_own_procedure_is_biased_by_tens_of_percent(model: Model) -> None:
     records, truth = experiments(model, "table_1"), model.parameter_sets["table_1"]
     rows = {"chirp": ["m", "c"], "trapezoid": ["m+c"]} if model is AC else None
-    estimate = identify(model, records, "pham2002", rows_for_tag=rows)
+    estimate = identify(model, records, **values_of("pham2002", rows_for_tag=rows))
     for name in ("J_c", "F_vmc", "K"):
         error = abs(100.0 * (estimate.params[name] / truth[name] - 1.0))
         assert error > 20.0
@@ -179,7 +184,7 @@ def test_a_chirp_that_never_reverses_needs_no_trapezoid() -> None:
 
 def test_the_check_of_the_drift_can_be_left_out() -> None:
     records = [with_noise(record, 0) for record in experiments(QC, "table_2")]
-    full, quick = identify(QC, records), identify(QC, records, drift_check=False)
+    full, quick = identify(QC, records), identify(QC, records, **values_of(drift_check=False))
     assert dict(full.params) == dict(quick.params)
     for name in full.params:
         assert quick.bse[name] <= full.bse[name]
@@ -241,7 +246,7 @@ def test_missing_channels_are_named_all_at_once() -> None:
 )
 def test_options_out_of_range_are_named(options: dict[str, Any], where: str) -> None:
     with pytest.raises(DataError) as raised:
-        identify(RIGID, noisy(RIGID.channels), **options)
+        identify(RIGID, noisy(RIGID.channels), **values_of(**options))
     assert [problem.where for problem in raised.value.problems] == [where]
 
 

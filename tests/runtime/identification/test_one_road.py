@@ -22,6 +22,7 @@ from modelgen import generate
 from modelgen.errors import DataError, IdentifiabilityError, ModelgenError
 from modelgen.runtime.files.npy_channels import NpyChannels, open_npy
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import Model, model_from_module, model_from_text
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
@@ -69,7 +70,7 @@ def experiment(seed: int) -> tuple[Model, list[Record]]:
 def outcome(model: Model, records: Any, **options: Any) -> Estimate | str:
     """The estimate, or what the refusal says."""
     try:
-        return identify(model, records, **options)
+        return identify(model, records, **values_of(**options))
     except ModelgenError as error:
         return str(error)
 

@@ -11,7 +11,8 @@ import pytest
 from generated import emps300_qm_qc
 from modelgen.errors import DataError
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.run_checks import late_refusals
+from modelgen.runtime.identification.options import values_of
+from modelgen.runtime.identification.refusals import late_refusals
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.parameters.pruning import prune
@@ -76,27 +77,27 @@ def test_what_only_the_drift_leaves_without_a_value_is_refused_late() -> None:
 
 def test_a_doubtful_parameter_can_be_kept_but_not_what_is_impossible() -> None:
     record = rigid_record(VIBRATION)
-    plain = identify(RIGID, record, **SETTINGS)
+    plain = identify(RIGID, record, **values_of(**SETTINGS))
     assert "no constant-velocity motion" in plain.not_identifiable["Fv"]
-    kept = identify(RIGID, record, keep=("Fv",), **SETTINGS)
+    kept = identify(RIGID, record, **values_of(keep=("Fv",), **SETTINGS))
     assert "Fv" in kept.params
     assert "Fc" in kept.not_identifiable
     (advice,) = [one for one in kept.checks.advice if one.kind == "kept on request"]
     assert advice.where == "Fv"
     assert "no constant-velocity motion" in advice.what
     assert kept.checks.kept == ("Fv",)
-    impossible = identify(RIGID, rigid_record(ONE_WAY[1.0]), keep=("Fc",), **SETTINGS)
+    impossible = identify(RIGID, rigid_record(ONE_WAY[1.0]), **values_of(keep=("Fc",), **SETTINGS))
     assert "Fc" not in impossible.params
     with pytest.raises(DataError, match=r"has no parameter Fx.*Fv"):
-        identify(RIGID, record, keep=("Fx",), **SETTINGS)
+        identify(RIGID, record, **values_of(keep=("Fx",), **SETTINGS))
 
 
 def test_pruning_can_be_undone() -> None:
     slow = rigid_record(swings((2e-2, 0.05), (1e-2, 0.11)), noise=1e-5, n=40000)
     options = {"cutoff_hz": 10.0, "direction_cutoff_hz": 5.0}
-    pruned = identify(RIGID, slow, **options)
+    pruned = identify(RIGID, slow, **values_of(**options))
     assert [step.removed for step in pruned.pruning.steps] == ["M"]
-    undone = identify(RIGID, slow, keep=("M",), **options)
+    undone = identify(RIGID, slow, **values_of(keep=("M",), **options))
     assert "M" not in [step.removed for step in undone.pruning.steps]
     assert "M" in [name for name, _, _ in undone.pruning.kept]
     # the full estimate is the same in both
@@ -143,7 +144,7 @@ def test_where_cut_offs_of_the_bench_disagree_the_summary_says_that_its_model_la
 def test_published_settings_of_the_emps_bench_raise_no_alarm(shared_data: Path) -> None:
     _, record = emps(shared_data)
     options = {"cutoff_hz": 100.0, "filter_order": 4, "decimation": 10, "drop": 49}
-    assert identify(RIGID, record, "pham2002", **options).checks.advice == ()
+    assert identify(RIGID, record, **values_of("pham2002", **options)).checks.advice == ()
     (advice,) = identify(RIGID, record, "pham2002", cutoff_hz=20.0, decimation=10).checks.advice
     assert advice.kind == "decimation band above the filter band"
 
@@ -152,12 +153,9 @@ def everything() -> Estimate:
     return identify(
         RIGID,
         [rigid_record(name="one"), rigid_record(name="two", seed=1)],
-        hold_out="two",
-        scan_cutoffs=[30.0],
-        robust="huber",
-        bounds="physical",
-        keep=("M",),
-        **SETTINGS,
+        **values_of(
+            hold_out="two", scan_cutoffs=[30.0], robust="huber", bounds="physical", keep=("M",), **SETTINGS
+        ),
     )
 
 
@@ -183,7 +181,7 @@ def test_everything_at_once_is_printed_and_written_alike_every_time() -> None:
 
 
 def test_warnings_say_what_to_do() -> None:
-    estimate = identify(RIGID, rigid_record(ONE_WAY[1.0]), **SETTINGS)
+    estimate = identify(RIGID, rigid_record(ONE_WAY[1.0]), **values_of(**SETTINGS))
     warnings = " ".join(estimate.summary().split("Warnings:")[1].split())
     assert "give one of them as known" in warnings
     for advice in estimate.checks.advice:

@@ -13,6 +13,7 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
@@ -92,7 +93,7 @@ def test_swapped_columns_of_a_measured_record_are_found(bench: Record, one: str,
 
 
 def test_swapped_channels_stand_in_the_result(bench: Record) -> None:
-    estimate = identify(BENCH, swapped([bench], "q_m", "q_c"), drift_check=False)
+    estimate = identify(BENCH, swapped([bench], "q_m", "q_c"), **values_of(drift_check=False))
     assert "swapped: bench, channel q_m and q_c" in " ".join(estimate.summary().split())
 
 

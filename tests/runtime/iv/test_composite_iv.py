@@ -16,6 +16,7 @@ from modelgen.cli.candidates import spec_model
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.iv import starting_values as physical_start
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.starting_values import physical_starts
@@ -95,7 +96,7 @@ def noisy(parameters: str, seed: int, louder: float = 1.0) -> list[Record]:
 
 def estimate(parameters: str, seed: int, louder: float = 1.0, **options: object) -> Estimate:
     records = noisy(parameters, seed, louder)
-    return identify(motor_only("emps300"), records, "iv", **options)  # type: ignore[arg-type]
+    return identify(motor_only("emps300"), records, **values_of("iv", **options))  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
@@ -166,12 +167,12 @@ def test_a_row_without_a_force_is_not_biased_by_noise() -> None:
     ]
     # a cut-off that lets the noise in; the chosen one, 169 Hz, keeps the bias of least squares small as well
     options: dict[str, Any] = {"drift_check": False, "cutoff_hz": 254.0}
-    by = {method: identify(model, records, method, **options) for method in ("wls", "iv")}
+    by = {method: identify(model, records, **values_of(method, **options)) for method in ("wls", "iv")}
     for entry in by["iv"].physical_parameters:
         assert abs(entry.value - truth[entry.name]) < 4.0 * entry.std
     assert abs(by["wls"].physical["Kt"] / truth["Kt"] - 1.0) > 0.01
     assert abs(by["iv"].physical["Kt"] / truth["Kt"] - 1.0) < 0.005
-    quiet = identify(model, records, drift_check=False)
+    quiet = identify(model, records, **values_of(drift_check=False))
     assert abs(quiet.physical["Kt"] / truth["Kt"] - 1.0) < 0.005
 
 
@@ -188,7 +189,7 @@ def test_the_bench_from_its_motor_alone_is_the_bench_from_both_encoders(shared_d
     data = loadmat(shared_data / "two_mass_bench" / "MultisineTypeA.mat")
     part = slice(2500, 25000)
     signals = {"q_m": data["theta_mx"].ravel()[part], "i": data["iq_adx"].ravel()[part]}
-    found = identify(model, Record(signals, 2500.0, "bench"), "iv", drift_check=False)
+    found = identify(model, Record(signals, 2500.0, "bench"), **values_of("iv", drift_check=False))
     # the estimate from both encoders, on the same periods
     for name, value in {"Jm": 4.81e-3, "Jc": 4.79e-3, "K": 550.8}.items():
         assert found.physical[name] == pytest.approx(value, rel=0.05)
@@ -205,7 +206,7 @@ def test_model_error_reaches_the_physical_parameters() -> None:
         for record in noisy("light", 0)
     ]
     model = motor_only("emps300")
-    found = identify(model, late, "iv", delays="none")
+    found = identify(model, late, **values_of("iv", delays="none"))
     (note,) = (note for note in found.notes if note.startswith("model error"))
     entries = {entry.name: entry for entry in found.physical_parameters}
     for name in ("J_c", "K"):

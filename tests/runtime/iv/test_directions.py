@@ -18,6 +18,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.reversals import turns
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
@@ -68,7 +69,7 @@ def test_iv_and_wls_agree_on_the_positioning_bench_whatever_the_directions(
     model: Model, emps: Record
 ) -> None:
     by = {
-        method: [identify(model, emps, method, direction_cutoff_hz=hz) for hz in DIRECTIONS_HZ]
+        method: [identify(model, emps, **values_of(method, direction_cutoff_hz=hz)) for hz in DIRECTIONS_HZ]
         for method in ("iv", "wls")
     }
     for one, other in product(by["iv"], by["wls"]):
@@ -78,7 +79,9 @@ def test_iv_and_wls_agree_on_the_positioning_bench_whatever_the_directions(
 
 
 def test_what_the_positioning_bench_moves_by_is_named(emps: Record) -> None:
-    estimate = identify(EMPS[emps_rigid_qm.__name__], emps, "iv", cutoff_hz=43.0, direction_cutoff_hz=10.0)
+    estimate = identify(
+        EMPS[emps_rigid_qm.__name__], emps, **values_of("iv", cutoff_hz=43.0, direction_cutoff_hz=10.0)
+    )
     (note,) = [note for note in estimate.notes if note.startswith("model error")]
     assert "offset" in note
     assert "with directions below 20 Hz" in note
@@ -87,7 +90,7 @@ def test_what_the_positioning_bench_moves_by_is_named(emps: Record) -> None:
 
 def test_directions_that_bend_the_estimate_are_in_its_interval_and_named() -> None:
     record = rigid_record(VIBRATING)
-    estimate = identify(RIGID, record, "iv", cutoff_hz=40.0, direction_cutoff_hz=2.0)
+    estimate = identify(RIGID, record, **values_of("iv", cutoff_hz=40.0, direction_cutoff_hz=2.0))
     (offset,) = [entry for entry in estimate.parameters if entry.name == "offset"]
     error = abs(offset.value - TRUTH["offset"])
     assert 3.0 * offset.noise_std < error < 1.96 * offset.std
@@ -96,7 +99,9 @@ def test_directions_that_bend_the_estimate_are_in_its_interval_and_named() -> No
 
 def test_where_directions_are_clear_nothing_is_added() -> None:
     for record, direction_hz in ((rigid_record(), 10.0), (rigid_record(VIBRATING), 6.0)):
-        estimate = identify(RIGID, record, "iv", cutoff_hz=40.0, direction_cutoff_hz=direction_hz)
+        estimate = identify(
+            RIGID, record, **values_of("iv", cutoff_hz=40.0, direction_cutoff_hz=direction_hz)
+        )
         assert not any(entry.drift_std for entry in estimate.parameters)
         assert not any("model error" in note for note in estimate.notes)
 

@@ -13,6 +13,7 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
 from modelgen.runtime.iv.instrumental_variables import Setting, fit_iv, instruments
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
@@ -49,7 +50,7 @@ def with_noise(record: Record, rng: np.random.Generator, factor: float = 1.0) ->
 
 @pytest.mark.parametrize(("sensors", "model"), [("qc", QC), ("ac", AC)])
 def test_without_noise_the_truth_comes_out(sensors: str, model: Model) -> None:
-    estimate = identify(model, clean(sensors, "table_2"), "iv", delays="none", drift_check=False)
+    estimate = identify(model, clean(sensors, "table_2"), **values_of("iv", delays="none", drift_check=False))
     for name, value in model.parameter_sets["table_2"].items():
         assert estimate.params[name] == pytest.approx(value, rel=3e-4)
 
@@ -63,7 +64,7 @@ def test_bias_and_coverage(sensors: str, model: Model, parameters: str) -> None:
     for seed in range(RECORDS):
         rng = np.random.default_rng(seed)
         records = [with_noise(record, rng) for record in clean(sensors, parameters)]
-        estimate = identify(model, records, "iv", delays="none", drift_check=False)
+        estimate = identify(model, records, **values_of("iv", delays="none", drift_check=False))
         values.append([entry.value for entry in estimate.parameters])
         spreads.append([entry.std for entry in estimate.parameters])
     error = np.array(values) - truth
@@ -85,7 +86,9 @@ def test_noise_biases_least_squares_and_not_iv() -> None:
         found = []
         for _ in range(3):
             records = [with_noise(record, rng, 3.0) for record in clean("ac", "table_1")]
-            estimate = identify(AC, records, method, cutoff_hz=350.0, delays="none", drift_check=False)
+            estimate = identify(
+                AC, records, **values_of(method, cutoff_hz=350.0, delays="none", drift_check=False)
+            )
             found.append(estimate.params["K"])
         errors[method] = np.mean(found) / truth - 1.0
     assert abs(errors["wls"]) > 0.2
@@ -103,7 +106,7 @@ def test_with_noise_in_the_force_alone_the_force_still_fixes_the_scale(parameter
         )
         for record in clean("qc", parameters)
     ]
-    estimate = identify(QC, records, "iv", drift_check=False)
+    estimate = identify(QC, records, **values_of("iv", drift_check=False))
     for entry in estimate.parameters:
         assert abs(entry.value - QC.parameter_sets[parameters][entry.name]) < 3.5 * entry.std
 

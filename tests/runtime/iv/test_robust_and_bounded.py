@@ -12,6 +12,7 @@ import pytest
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -77,7 +78,7 @@ def noisy(records: tuple[Record, ...], seed: int, spikes: float = 0.0) -> list[R
 
 def of_slick(seed: int, damped: bool = False, **options: object) -> Estimate:
     options = {"drift_check": False, **LOAD, **options}
-    return identify(slick(damped), noisy(silent(damped), seed), "iv", **options)  # type: ignore[arg-type]
+    return identify(slick(damped), noisy(silent(damped), seed), **values_of("iv", **options))  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
@@ -89,7 +90,7 @@ def test_spikes_of_an_encoder_weigh_less() -> None:
     for seed in range(6):
         records = noisy(clean("light"), seed, spikes=3e-3)
         for robust in errors:
-            estimate = identify(model, records, "iv", robust=robust, drift_check=False, **AXIS)
+            estimate = identify(model, records, **values_of("iv", robust=robust, drift_check=False, **AXIS))
             errors[robust].append([estimate.physical[name] / truth[name] - 1.0 for name in names])
             spreads[robust] += [
                 e.std / truth[e.name] for e in estimate.physical_parameters if e.name in names

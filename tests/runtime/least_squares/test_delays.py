@@ -6,6 +6,7 @@ import pytest
 from generated import emps300_qm_qc
 from modelgen.errors import DataError
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.delays import advanced, hold, shift
 from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.model.model import model_from_module
@@ -62,7 +63,7 @@ def test_advanced_moves_only_what_is_named() -> None:
 @pytest.mark.parametrize("samples", [0.5, -2.25])
 def test_a_delay_is_found_with_its_standard_deviation_and_compensated(samples: float) -> None:
     records = late(samples / FS)
-    estimate = identify(QC, records, "iv", drift_check=False)
+    estimate = identify(QC, records, **values_of("iv", drift_check=False))
     error = estimate.delays["Gamma_m"] - samples / FS
     assert abs(error) < 3.0 * estimate.delay_std["Gamma_m"]
     assert estimate.delay_std["Gamma_m"] < 0.01 / FS
@@ -70,13 +71,13 @@ def test_a_delay_is_found_with_its_standard_deviation_and_compensated(samples: f
         assert abs(estimate.params[name] - value) < 3.0 * estimate.bse[name]
     assert "Delay of Gamma_m" in estimate.summary()
     # not compensated, the load's parameters are far off
-    wrong = identify(QC, records, "iv", delays="none", drift_check=False)
+    wrong = identify(QC, records, **values_of("iv", delays="none", drift_check=False))
     assert abs(wrong.params["J_c"] / QC.parameter_sets["light"]["J_c"] - 1.0) > 0.01
     assert not wrong.delays
 
 
 def test_a_delay_that_is_known_is_compensated_without_being_estimated() -> None:
-    estimate = identify(QC, late(0.5 / FS), delays={"Gamma_m": 0.5 / FS}, drift_check=False)
+    estimate = identify(QC, late(0.5 / FS), **values_of(delays={"Gamma_m": 0.5 / FS}, drift_check=False))
     assert estimate.params["J_c"] == pytest.approx(QC.parameter_sets["light"]["J_c"], rel=5e-3)
     assert not estimate.delays
 

@@ -5,6 +5,7 @@ import pytest
 
 from modelgen.errors import DataError
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.identification.robust_and_bounded import unweighted
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.huber import huber
@@ -68,8 +69,8 @@ def test_spikes_in_the_force_no_longer_move_the_estimate() -> None:
     force = np.array(record.signals["F"])
     force[np.random.default_rng(0).integers(0, len(force), 60)] += 400.0
     spiky = Record({"q_m": record.signals["q_m"], "F": force}, FS, "spiky")
-    plain = identify(RIGID, spiky, **SETTINGS)
-    robust = identify(RIGID, spiky, robust="huber", **SETTINGS)
+    plain = identify(RIGID, spiky, **values_of(**SETTINGS))
+    robust = identify(RIGID, spiky, **values_of(robust="huber", **SETTINGS))
     for name, truth in TRUTH.items():
         assert abs(robust.params[name] - truth) < 4.0 * robust.bse[name]
         assert robust.bse[name] < 0.8 * plain.bse[name]
@@ -91,8 +92,8 @@ def test_what_the_estimate_leaves_of_the_rows_themselves_is_not_weighed() -> Non
 
 def test_instruments_are_kept() -> None:
     record = rigid_record(n=12000, noise=1e-6)
-    plain = identify(RIGID, record, "iv", **SETTINGS)
-    robust = identify(RIGID, record, "iv", robust="huber", **SETTINGS)
+    plain = identify(RIGID, record, **values_of("iv", **SETTINGS))
+    robust = identify(RIGID, record, **values_of("iv", robust="huber", **SETTINGS))
     for name in TRUTH:
         assert robust.params[name] != plain.params[name]
         assert abs(robust.params[name] - plain.params[name]) < 3.0 * plain.bse[name]
@@ -110,4 +111,4 @@ def test_instruments_are_kept() -> None:
 )
 def test_what_does_not_go_together_is_refused(method: str, options: dict[str, str], said: str) -> None:
     with pytest.raises(DataError, match=said):
-        identify(RIGID, rigid_record(n=2000), method, **options)
+        identify(RIGID, rigid_record(n=2000), **values_of(method, **options))

@@ -7,6 +7,7 @@ import pytest
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.total_least_squares import fit_total
 from modelgen.runtime.least_squares.wls import Fit, fit_matched
@@ -94,11 +95,11 @@ def test_dependent_columns_have_no_solution() -> None:
 
 def test_delays_are_not_estimated_with_it() -> None:
     with pytest.raises(DataError, match="not estimated with method tls"):
-        identify(RIGID, rigid_record(n=3000), "tls", delays="estimate", **SETTINGS)
+        identify(RIGID, rigid_record(n=3000), **values_of("tls", delays="estimate", **SETTINGS))
 
 
 def test_the_method_says_what_it_is() -> None:
-    estimate = identify(RIGID, rigid_record(), "tls", **SETTINGS)
+    estimate = identify(RIGID, rigid_record(), **values_of("tls", **SETTINGS))
     for name, truth in TRUTH.items():
         assert estimate.params[name] == pytest.approx(truth, rel=0.02)
     assert any("a comparison, not an estimate to rely on" in note for note in estimate.notes)

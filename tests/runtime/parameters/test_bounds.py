@@ -7,6 +7,7 @@ from scipy.optimize import lsq_linear
 from generated import emps300_qm_qc, emps_rigid_asymmetric_qm, three_mass_qa_qb_qc
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.parameters.bounds import bounded_below_or_above, bounded_fit
@@ -25,8 +26,8 @@ def test_signs_follow_from_the_roles(module: object) -> None:
 
 
 def test_bounds_that_hold_cost_nothing() -> None:
-    plain = identify(RIGID, rigid_record(), **SETTINGS)
-    bounded = identify(RIGID, rigid_record(), bounds="physical", **SETTINGS)
+    plain = identify(RIGID, rigid_record(), **values_of(**SETTINGS))
+    bounded = identify(RIGID, rigid_record(), **values_of(bounds="physical", **SETTINGS))
     assert bounded.params == plain.params
     assert bounded.bse == plain.bse
     cost = bounded.checks.bounds
@@ -46,8 +47,8 @@ def test_a_parameter_at_its_bound_has_no_number_and_its_cost_is_told() -> None:
     active = 0
     for seed in range(6):
         record = frictionless(seed)
-        plain = identify(RIGID, record, drift_check=False, **SETTINGS)
-        bounded = identify(RIGID, record, bounds="physical", drift_check=False, **SETTINGS)
+        plain = identify(RIGID, record, **values_of(drift_check=False, **SETTINGS))
+        bounded = identify(RIGID, record, **values_of(bounds="physical", drift_check=False, **SETTINGS))
         cost = bounded.checks.bounds
         assert cost is not None
         if plain.params["Fv"] >= 0.0:
@@ -84,16 +85,18 @@ def test_the_bounded_estimate_is_the_best_within_the_bounds() -> None:
 
 def test_bounds_that_contradict_the_records_are_a_warning() -> None:
     record = rigid_record(extra=lambda q, v, a: -300.0 * v)
-    estimate = identify(RIGID, record, bounds="physical", **SETTINGS)
+    estimate = identify(RIGID, record, **values_of(bounds="physical", **SETTINGS))
     (advice,) = [one for one in estimate.checks.advice if one.kind == "bounds"]
     assert "Fv" in advice.where
     assert "standard deviations from what the records say" in advice.what
     reversed_sign = Record({"q_m": -rigid_record().signals["q_m"], "F": rigid_record().signals["F"]}, FS)
-    assert identify(RIGID, reversed_sign, bounds="physical", **SETTINGS).params.keys() == {"offset"}
+    assert identify(RIGID, reversed_sign, **values_of(bounds="physical", **SETTINGS)).params.keys() == {
+        "offset"
+    }
 
 
 def test_instruments_can_be_bounded() -> None:
     record = rigid_record(n=12000, extra=lambda q, v, a: -300.0 * v)
-    estimate = identify(RIGID, record, "iv", bounds="physical", **SETTINGS)
+    estimate = identify(RIGID, record, **values_of("iv", bounds="physical", **SETTINGS))
     assert "Fv" in estimate.not_identifiable
     assert estimate.params["M"] > 0.0

@@ -18,6 +18,7 @@ from modelgen.cli.main import app
 from modelgen.errors import DataError
 from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.same_data import refuse_same_data
@@ -115,7 +116,7 @@ def test_every_way_to_an_estimate_refuses_it(tmp_path: Path) -> None:
     ):
         identify(MODEL, [record, again])
     with pytest.raises(DataError, match="again: holds the same data"):
-        identify(MODEL, [record, again], hold_out=["again"])
+        identify(MODEL, [record, again], **values_of(hold_out=["again"]))
     for channel, samples in record.signals.items():
         np.save(tmp_path / f"{channel}.npy", samples.astype(np.float32))
     mapped = open_npy({key: tmp_path / f"{key}.npy" for key in record.signals}, record.fs, "mapped")

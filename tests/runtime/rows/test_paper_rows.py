@@ -7,6 +7,7 @@ from generated import emps300_qm_ac, emps_rigid_asymmetric_qm, emps_rigid_qm
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.paper_rows import observe_paper
@@ -18,7 +19,7 @@ PUBLISHED = {"cutoff_hz": 100.0, "filter_order": 4, "decimation": 10, "drop": 49
 
 
 def test_the_published_result_comes_out_to_every_decimal(emps: Record) -> None:
-    estimate = identify(RIGID, emps, "pham2002", residual_dof="r-1", **PUBLISHED)  # type: ignore[arg-type]
+    estimate = identify(RIGID, emps, **values_of("pham2002", residual_dof="r-1", **PUBLISHED))  # type: ignore[arg-type]
     printed = {
         "M": (95.1089, 0.1085, 0.1141),
         "Fv": (203.5034, 1.1460, 0.5631),
@@ -38,7 +39,7 @@ def test_the_published_result_comes_out_to_every_decimal(emps: Record) -> None:
 
 def test_equation_11_as_printed_divides_by_r_minus_c(emps: Record) -> None:
     narrow, printed = (
-        identify(RIGID, emps, "pham2002", residual_dof=dof, **PUBLISHED)  # type: ignore[arg-type]
+        identify(RIGID, emps, **values_of("pham2002", residual_dof=dof, **PUBLISHED))  # type: ignore[arg-type]
         for dof in ("r-1", "r-c")
     )
     assert dict(narrow.params) == dict(printed.params)
@@ -47,7 +48,7 @@ def test_equation_11_as_printed_divides_by_r_minus_c(emps: Record) -> None:
 
 
 def test_the_published_asymmetric_result_comes_out_to_every_decimal(emps: Record) -> None:
-    estimate = identify(ASYMMETRIC, emps, "pham2002", **PUBLISHED)  # type: ignore[arg-type]
+    estimate = identify(ASYMMETRIC, emps, **values_of("pham2002", **PUBLISHED))  # type: ignore[arg-type]
     found = {name: round(value, 4) for name, value in estimate.params.items()}
     assert found == {
         "M": 95.1540,

@@ -5,6 +5,7 @@ import pytest
 from generated import emps300_qm_ac, emps300_qm_qc
 from modelgen.errors import DataError
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.rows.rows_by_tag import rows_for_tags
 from modelgen.runtime.simulation.simulate import simulate
@@ -26,7 +27,7 @@ def test_one_setting_pairs_the_records_with_the_rows() -> None:
         simulate(QM_AC, TRUTH, kind, fs=5000.0, duration_s=3.0).record for kind in ("chirp", "trapezoid")
     ]
     assert [record.tag for record in records] == ["chirp", "trapezoid"]
-    estimate = identify(QM_AC, records, rows_for_tag="pham2002", drift_check=False)
+    estimate = identify(QM_AC, records, **values_of(rows_for_tag="pham2002", drift_check=False))
     assert [(row.record, row.row) for row in estimate.rows] == [
         ("chirp", "m"),
         ("chirp", "c"),
@@ -39,4 +40,4 @@ def test_one_setting_pairs_the_records_with_the_rows() -> None:
 def test_another_word_is_refused() -> None:
     record = simulate(QM_AC, TRUTH, "chirp", fs=5000.0, duration_s=2.0).record
     with pytest.raises(DataError, match="rows_for_tag: is 'paper'"):
-        identify(QM_AC, record, rows_for_tag="paper")
+        identify(QM_AC, record, **values_of(rows_for_tag="paper"))

@@ -22,6 +22,7 @@ from modelgen.cli.main import app
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.iv.companion_simulation import Loop, run_beside
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.output_error import fit_response
@@ -188,7 +189,7 @@ def test_what_cannot_be_simulated_is_said() -> None:
 
 
 def test_without_noise_the_truth_comes_out() -> None:
-    estimate = identify(ALL, clean("qa_qb_qc"), "iv", delays="none", drift_check=False)
+    estimate = identify(ALL, clean("qa_qb_qc"), **values_of("iv", delays="none", drift_check=False))
     for name, error in errors_of(estimate).items():
         assert abs(error) < 5e-4, name
 
@@ -196,7 +197,7 @@ def test_without_noise_the_truth_comes_out() -> None:
 def test_a_body_that_no_sensor_sees_comes_out_too() -> None:
     # next to no noise: without any, nothing says how much each row is to weigh
     records = measured("ends", 0, {}, share=1e-3)
-    estimate = identify(both_ends("ends"), records, "iv", delays="none", drift_check=False)
+    estimate = identify(both_ends("ends"), records, **values_of("iv", delays="none", drift_check=False))
     assert set(errors_of(estimate)) == set(TRUTH)
     for name, error in errors_of(estimate).items():
         assert abs(error) < 5e-4, name
@@ -205,7 +206,8 @@ def test_a_body_that_no_sensor_sees_comes_out_too() -> None:
 @pytest.mark.slow
 def test_bias_coverage_and_a_delay_of_each_force() -> None:
     found = [
-        identify(ALL, measured("qa_qb_qc", seed, LATE), "iv", drift_check=False) for seed in range(RECORDS)
+        identify(ALL, measured("qa_qb_qc", seed, LATE), **values_of("iv", drift_check=False))
+        for seed in range(RECORDS)
     ]
     truth = np.array([*TRUTH.values(), *LATE.values()])
     values = [[*(entry.value for entry in one.physical_parameters), *one.delays.values()] for one in found]

@@ -1,0 +1,148 @@
+"""Options of `modelgen.identify` as values, filters and checks; and flat options turned into them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from numbers import Integral
+from typing import Any
+
+from modelgen.errors import DataError, Problem
+from modelgen.runtime.identification.methods import METHODS, Method
+from modelgen.runtime.identification.robust_and_bounded import treatment_problems
+from modelgen.runtime.rows.rows_by_tag import PAPER
+
+RESIDUAL_DOFS = ("r-c", "r-1")
+
+
+@dataclass(frozen=True)
+class Filters:
+    """How the records are filtered; what is not given is chosen from them.
+
+    Parameters
+    ----------
+    cutoff_hz : float, optional
+        Cut-off of the low-pass in Hz, see `modelgen.runtime.filter_choice`.
+    filter_order, decimation : int, optional
+        Its order; every `decimation`-th sample is kept.
+    direction_cutoff_hz : float, optional
+        Cut-off in Hz of the velocities whose signs are directions of motion.
+    drop : int, optional
+        Samples left out at the beginning of every record; with matched filters at least the filter's reach.
+    directions : mapping of str to str
+        Where the direction of a body comes from that has no position or velocity sensor: ``sign_BODY`` -> a
+        channel that moves with it, see `modelgen.runtime.records.directions`.
+    """
+
+    cutoff_hz: float | None = None
+    filter_order: int | None = None
+    decimation: int | None = None
+    direction_cutoff_hz: float | None = None
+    drop: int | None = None
+    directions: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CheckOptions:
+    """What is checked besides the fit itself, and what is compared with it.
+
+    Parameters
+    ----------
+    drift_check : bool
+        With matched filters, fit again at 0.7 and 1.4 times the cut-off, with twice the cut-off of
+        directions, and with half and twice the weight of rows without a force; add to the covariance how far
+        the estimate drifts, and how far noise of the sensors pulls it: no residual shows what noise in the
+        columns and missing dynamics do. With `IV` only what noise does not explain counts: it is model error.
+    keep : sequence of str
+        Base parameters that pruning spares, and that get a number in spite of a doubt.
+    period_s : float, mapping of str to float or "none", optional
+        Period of the excitation in s, of all records or by name; found in the forces if not given. Where all
+        records are periodic, the spread over periods gives a third covariance.
+    hold_out : str, sequence of str or float, optional
+        Records (by name), or the share at the end of every record, that the estimate must explain unseen.
+    scan_cutoffs : sequence of float or "auto", optional
+        Cut-offs in Hz to estimate with as well; "auto" tries some cut-offs and orders around the chosen ones.
+    prune_percent : float
+        Relative standard deviation in % from which parameters are removed in the list after the estimate.
+    """
+
+    drift_check: bool = True
+    keep: Sequence[str] = ()
+    period_s: float | Mapping[str, float] | str | None = None
+    hold_out: Sequence[str] | str | float | None = None
+    scan_cutoffs: Sequence[float] | str | None = None
+    prune_percent: float = 10.0
+
+
+def values_of(method: str = "wls", **options: Any) -> dict[str, Any]:
+    """Return flat options, as the command line has them, as the values that `modelgen.identify` takes.
+
+    Parameters
+    ----------
+    method : str
+        "wls", "iv", "tls" or "pham2002".
+    **options
+        Options of that method, of `Filters` and of `CheckOptions`, by their names; others are handed on.
+
+    Raises
+    ------
+    DataError
+        For a method that is none.
+    """
+    values: dict[str, Any] = {"method": _named(method), "filters": Filters(), "checks": CheckOptions()}
+    left = dict(options)
+    for argument, value in values.items():
+        own = {one.name: left.pop(one.name) for one in fields(value) if one.name in left}
+        values[argument] = replace(value, **own)
+    return values | left
+
+
+def chosen_method(method: str | Method) -> Method:
+    """Return a method given by its name, or as it is.
+
+    Raises
+    ------
+    DataError
+        When it is neither.
+    """
+    return method if isinstance(method, Method) else _named(method)
+
+
+def _named(method: Any) -> Method:
+    if not isinstance(method, str) or method not in METHODS:
+        raise DataError.at("method", f"is {method!r}", f"choose one of {', '.join(METHODS)}")
+    return METHODS[method]()
+
+
+def with_short_forms(filters: Filters | None, cutoff_hz: float | None, decimation: int | None) -> Filters:
+    """Return the filters with the two options that most users give by themselves.
+
+    Raises
+    ------
+    DataError
+        When one of them is given twice.
+    """
+    given: dict[str, Any] = {"cutoff_hz": cutoff_hz, "decimation": decimation}
+    short = {name: value for name, value in given.items() if value is not None}
+    if filters is not None:
+        twice = [name for name in short if getattr(filters, name) is not None]
+        if twice:
+            what = "is given in filters as well"
+            raise DataError(*(Problem(name, what, "give it once") for name in twice))
+    return replace(filters or Filters(), **short)
+
+
+def option_problems(method: Method, filters: Filters, checks: CheckOptions) -> list[Problem]:
+    """Return what is wrong with options that can be judged without the records."""
+    problems = treatment_problems(method.name, method.robust, method.bounds)
+    if method.residual_dof not in RESIDUAL_DOFS:
+        remedy = f"choose one of {', '.join(RESIDUAL_DOFS)}"
+        problems.append(Problem("residual_dof", f"is {method.residual_dof!r}", remedy))
+    drop, pairing = filters.drop, method.rows_for_tag
+    if drop is not None and (isinstance(drop, bool) or not isinstance(drop, Integral) or drop < 0):
+        problems.append(Problem("drop", f"is {drop!r}", "give a number of samples, 0 or more"))
+    if isinstance(pairing, str) and pairing != PAPER:
+        problems.append(Problem("rows_for_tag", f"is {pairing!r}", f'give a mapping, or "{PAPER}"'))
+    if not checks.prune_percent > 0.0:
+        problems.append(Problem("prune_percent", f"is {checks.prune_percent!r}", "give a percentage above 0"))
+    return problems

@@ -1,0 +1,111 @@
+"""Which columns of a fit get no number, with the reason: before other settings were tried, and after."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.errors import DataError, IdentifiabilityError, Problem
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.motion_checks import (
+    friction_and_offset,
+    one_way_columns,
+    one_way_friction,
+    resting_bodies,
+)
+from modelgen.runtime.diagnostics.noise_bias import lost_in_noise
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.dependence import HIGHEST_INDEX, LARGEST_INDEX, dependences
+from modelgen.runtime.parameters.unanswered_columns import not_identifiable
+from modelgen.runtime.records.record import Record, missing_name
+
+FloatArray = npt.NDArray[np.float64]
+
+# Columns that move together leave a parameter without a number from this relative standard deviation in % on.
+WITHOUT_NUMBER_PERCENT = 100.0
+
+
+def refusals(
+    model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit, keep: Sequence[str]
+) -> tuple[dict[str, str], tuple[Advice, ...]]:
+    """Return the columns that get no number, with the reason, and advice on those kept in spite of one.
+
+    `keep` overrules what is a judgement (friction without steady motion, encoder zeros, near dependence);
+    nothing overrules a column that is zero or exactly dependent.
+
+    Raises
+    ------
+    DataError
+        For a name to keep that is no base parameter.
+    """
+    unknown = [name for name in keep if name not in model.base_parameters]
+    if unknown:
+        raise DataError(*(missing_name("keep", "parameter", name, model.base_parameters) for name in unknown))
+    reasons = not_identifiable(model, records, choice, fit) | one_way_columns(model, fit.absent)
+    reasons |= dependent_columns(fit, reasons) | resting_bodies(model, records)
+    reasons |= friction_and_offset(model, one_way_friction(model, fit), fit.columns)
+    lost = {*fit.absent, *_undetermined(fit)}
+    insisted = [name for name in keep if name in reasons and name not in lost]
+    advice = tuple(
+        Advice("kept on request", name, f"has a number although {reasons[name]}", "do not rely on it")
+        for name in insisted
+    )
+    refused = {name: reasons[name] for name in model.base_parameters if name in reasons}
+    return {name: reason for name, reason in refused.items() if name not in insisted}, advice
+
+
+def late_refusals(
+    fit: Fit,
+    refused: Mapping[str, str],
+    drift: FloatArray,
+    keep: Sequence[str],
+    bias: FloatArray | None = None,
+) -> dict[str, str]:
+    """Return what is refused once drift and bias are known: not all that is left, though."""
+    found = dependent_columns(fit, refused, drift) | (lost_in_noise(fit, bias) if bias is not None else {})
+    late = {name: reason for name, reason in found.items() if name not in refused and name not in keep}
+    left = [name for name in fit.columns if name not in refused and name not in late]
+    return {**refused, **late} if left else dict(refused)
+
+
+def all_refused(refused: Mapping[str, str]) -> IdentifiabilityError:
+    """Return the error that says that no parameter gets a number, with every reason."""
+    remedy = "record another motion, or sense more"
+    return IdentifiabilityError(*(Problem(name, reason, remedy) for name, reason in refused.items()))
+
+
+def dependent_columns(
+    fit: Fit, otherwise: Container[str] = (), drift: FloatArray | float = 0.0
+) -> dict[str, str]:
+    """Return the columns without a number because they move with others, exactly or nearly.
+
+    Near dependence counts where it leaves a parameter with a standard deviation above its value, `drift`
+    (shape (c, c)) included; columns that are refused `otherwise` are no news then.
+    """
+    lost = _undetermined(fit)
+    if not lost and fit.solution.condition_number < LARGEST_INDEX:
+        return {}
+    covariance = hac_covariance(fit) + drift
+    found: dict[str, str] = {}
+    for group in dependences(fit, covariance, HIGHEST_INDEX) if lost else ():
+        for name in group.columns:
+            if name in lost:
+                found[name] = f"cannot be told from {group.others(name)} (W is short of rank)"
+    for group in dependences(fit, covariance):
+        for name in group.columns:
+            index = fit.columns.index(name)
+            spread = 100.0 * float(np.sqrt(max(covariance[index, index], 0.0)))
+            uncertain = spread > WITHOUT_NUMBER_PERCENT * abs(float(fit.solution.x[index]))
+            if uncertain and name not in otherwise and name not in lost:
+                index_said = f"condition index {group.condition_index:.0f}"
+                found[name] = f"cannot be told from {group.others(name)} in these records ({index_said})"
+    return found
+
+
+def _undetermined(fit: Fit) -> list[str]:
+    return [name for name, lost in zip(fit.columns, fit.solution.undetermined, strict=True) if lost]

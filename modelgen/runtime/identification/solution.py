@@ -1,0 +1,144 @@
+"""Solution: the fit of an task, what its records cannot answer, and the same at other settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.cutoff_agreement import (
+    all_disagreements,
+    coordinates_of,
+    disagreement_notes,
+    significant_drift,
+)
+from modelgen.runtime.diagnostics.settings_drift import cutoff_drift, direction_drift, load_row_drift
+from modelgen.runtime.diagnostics.suspicious_samples import told_on_failure
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.identification.methods import WLS, Job
+from modelgen.runtime.identification.refusals import all_refused, refusals
+from modelgen.runtime.identification.robust_and_bounded import Treatment, treat, unweighted
+from modelgen.runtime.identification.task import Task
+from modelgen.runtime.least_squares.delays import advanced
+from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.parameters.bounds import BoundCost, bound_reasons
+from modelgen.runtime.rows.observation import Observation
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What a method made of an task.
+
+    Attributes
+    ----------
+    observation : Observation
+        The rows.
+    plain, fit, as_measured : Fit
+        The method's own fit; with robust weights and within bounds, where these were asked for; and the
+        latter's parameters on the rows as they were.
+    refused, at_bounds : mapping of str to str
+        Columns that get no number, and those that lie at a bound, with the reason.
+    advice : tuple of Advice
+    treatment : Treatment
+        What makes `fit` of `plain`; the same is done at other settings.
+    cost : BoundCost or None
+        What bounds cost.
+    job : Job
+        What was done, for doing it again.
+    """
+
+    observation: Observation
+    plain: Fit
+    fit: Fit
+    as_measured: Fit
+    refused: Mapping[str, str]
+    at_bounds: Mapping[str, str]
+    advice: tuple[Advice, ...]
+    treatment: Treatment
+    cost: BoundCost | None
+    job: Job
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """Delays in s that were estimated, by channel."""
+        return {channel: delay for channel, delay, _ in self.fit.delays}
+
+    def at(self, task: Task, other: FilterChoice) -> Fit:
+        """Return the fit with other filters, from this one on; delays stay."""
+        # speeds at standstill belong to the filter for directions
+        same = other.direction_cutoff_hz == task.choice.direction_cutoff_hz
+        surveys = self.observation.surveys if same else ()
+        moved = tuple(advanced(record, self.delays) for record in task.records)
+        job = replace(self.job, records=moved, late=(), choice=other, start=self.plain, surveys=surveys)
+        return self.treatment(task.method.run(job)[1])
+
+
+def fitted(task: Task, say: Callable[[str], None]) -> Solution:
+    """Return the fit of an task, and what its records cannot answer.
+
+    Raises
+    ------
+    DataError
+        When a record is too short for the filter.
+    IdentifiabilityError
+        When the records answer none of the parameters.
+    """
+    model, job, method = task.model, task.job, task.method
+    say("filtering and solving")
+    with told_on_failure(task.doubts):
+        observation, plain = method.run(job)
+        refused, advice = refusals(model, job.records, job.choice, plain, task.checks.keep)
+        if all(name in refused for name in plain.columns):
+            raise all_refused(refused)
+    fit, treatment, cost = treat(plain, model, method.robust, method.bounds)
+    return Solution(
+        observation,
+        plain,
+        fit,
+        unweighted(fit, plain),
+        refused,
+        bound_reasons(cost, fit) if cost else {},
+        (*task.doubts, *advice),
+        treatment,
+        cost,
+        treatment.job(job),
+    )
+
+
+def settings_drift(
+    task: Task, solution: Solution, again: Callable[[FilterChoice], Fit]
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return how far settings that should not matter move the estimate, as a mean square, and notes on it.
+
+    Parameters
+    ----------
+    again : callable
+        The fit with other filters.
+
+    Returns
+    -------
+    array, shape (c, c)
+        For `solution.fit`.
+    tuple of str
+    """
+    method, choice, fit = task.method, task.choice, solution.fit
+    lowest_fs = min(record.fs for record in task.records)
+    directions = bool(task.model.direction_keys)
+    if method.consistent:
+        seen = coordinates_of(fit, task.model, solution.treatment.at_zero)
+        found = all_disagreements(fit, choice, lowest_fs, again, directions, seen)
+        named = [name for name in seen.names if name not in solution.refused]
+        notes = disagreement_notes(found, seen.names, named)
+        return seen.in_columns(significant_drift(found, len(seen.names))), notes
+    drift = cutoff_drift(fit, choice, lowest_fs, again)
+    if directions:
+        drift += direction_drift(fit, choice, lowest_fs, again)
+    if isinstance(method, WLS):
+        kept = [solution.plain.columns.index(name) for name in fit.columns]
+        drift += load_row_drift(solution.plain, solution.observation)[np.ix_(kept, kept)]
+    return drift, ()

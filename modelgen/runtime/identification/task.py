@@ -1,0 +1,147 @@
+"""Task: records made ready for the fit: checked, filters chosen, known delays compensated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+
+from modelgen.errors import DataError, Problem
+from modelgen.magnitudes import REMEDY, SMALLEST
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.hold_out import held_apart
+from modelgen.runtime.diagnostics.periods import periods_of
+from modelgen.runtime.diagnostics.suspicious_samples import suspicions, told_on_failure
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
+from modelgen.runtime.identification.methods import IV, Job, Method
+from modelgen.runtime.identification.options import CheckOptions, Filters, option_problems
+from modelgen.runtime.least_squares.known_delays import aligned
+from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.records.channels import Channels
+from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
+from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.records.same_data import refuse_same_data
+from modelgen.runtime.rows.rows_by_tag import rows_for_tags
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is to be identified from what.
+
+    Attributes
+    ----------
+    model : Model
+    method : Method
+    checks : CheckOptions
+    records, unseen : tuple of Record
+        To identify from, and held out; known delays and holds compensated.
+    period_s : mapping of str to float
+        Periodic record to its period in s.
+    doubts : tuple of Advice
+        What looks wrong in the samples.
+    choice : FilterChoice
+    job : Job
+        The same for the method.
+    """
+
+    model: Model
+    method: Method
+    checks: CheckOptions
+    records: tuple[Record, ...]
+    unseen: tuple[Record, ...]
+    period_s: Mapping[str, float]
+    doubts: tuple[Advice, ...]
+    choice: FilterChoice
+    job: Job
+
+
+def prepared(
+    model: Model | ModuleType,
+    records: Record | Channels | Sequence[Record | Channels],
+    method: Method,
+    filters: Filters,
+    checks: CheckOptions,
+    say: Callable[[str], None],
+) -> Task:
+    """Return the task that records and options make.
+
+    Raises
+    ------
+    DataError
+        When an option is out of range, a channel is missing, or a record is too short.
+    """
+    model = model if isinstance(model, Model) else model_from_module(model)
+    every = as_records(records)
+    _check(model, every, option_problems(method, filters, checks), filters.directions)
+    period_s = periods_of(model, every, checks.period_s)
+    kept, unseen = held_apart(every, checks.hold_out, period_s)
+    say("choosing filters")
+    doubts = suspicions(model, kept)
+    with told_on_failure(doubts):
+        choice = choose_filter(
+            model,
+            kept,
+            cutoff_hz=filters.cutoff_hz,
+            filter_order=filters.filter_order,
+            decimation=filters.decimation,
+            direction_cutoff_hz=filters.direction_cutoff_hz,
+            matched=method.matched,
+        )
+
+    def ready(given: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
+        extended = with_directions(model, given, filters.directions, choice.direction_cutoff_hz)
+        return aligned(model, extended, method.delays, method.held, method.consistent)
+
+    kept, late = ready(kept)
+    job = Job(
+        model,
+        kept,
+        choice,
+        filters.drop or 0,
+        rows_for_tags(model, method.rows_for_tag),
+        method.loop if isinstance(method, IV) else None,
+        late,
+        robust=method.robust,
+        bounds=method.bounds,
+    )
+    return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job)
+
+
+def as_records(records: Record | Channels | Sequence[Record | Channels]) -> tuple[Record, ...]:
+    """Return records as a tuple; what is no record, but can be read in stretches, becomes one.
+
+    Raises
+    ------
+    DataError
+        When there is none, or something is neither.
+    """
+    several = tuple(records) if isinstance(records, Sequence) else (records,)
+    if not several:
+        raise DataError.at("records", "there are none", "give at least one Record")
+    # a mapping of signals, say, has no read()
+    strange = [one for one in several if not isinstance(one, Record) and not hasattr(one, "read")]
+    if strange:
+        problems = [Problem("records", f"hold a {type(one).__name__}", "give Records") for one in strange]
+        raise DataError(*problems)
+    return tuple(one if isinstance(one, Record) else Record.over(one) for one in several)
+
+
+def _check(
+    model: Model, records: Sequence[Record], problems: list[Problem], directions: Mapping[str, str]
+) -> None:
+    """Raise one DataError for what is wrong with the options and with the records' channels."""
+    problems += direction_problems(model, records, directions)
+    measured = [key for key in model.channels if key not in wanted_directions(model)]
+    for record in records:
+        missing = [key for key in measured if key not in record.signals]
+        problems += [missing_name(record.name, "channel", key, record.signals) for key in missing]
+        # products of such samples would be lost: no answer, or one of rounding
+        peaks = {k: record.facts.extent(k).peak for k in model.channels if k in record.signals}
+        problems += [
+            Problem(f"{record.name}: channel {key}", f"is {peak:g}: none reaches {SMALLEST:g}", REMEDY)
+            for key, peak in peaks.items()
+            if 0.0 < peak < SMALLEST
+        ]
+    if problems:
+        raise DataError(*problems)
+    refuse_same_data(records, measured)
