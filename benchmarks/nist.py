@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from nist_data import FloatArray, Problem, problems
 
-from modelgen.runtime.least_squares.wls import least_squares
+from modelgen.runtime.least_squares.orthogonal_solution import least_squares
 
 Solver = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 MOST_DIGITS = 15.0

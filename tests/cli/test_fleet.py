@@ -46,10 +46,10 @@ def test_every_machine_gets_its_estimate_and_a_corrupt_file_is_named(tmp_path: P
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
     assert list(found["machines"]) == ["press", "crane"]
-    assert list(found["records"]) == [str(folder.resolve()), str(whole.resolve())]
-    assert len(found["pooled"]["cov_params"]) == len(found["pooled"]["params"])
-    for estimate in (*found["machines"].values(), found["pooled"]):
-        assert estimate["params"]["K"] == pytest.approx(truth["K"], rel=1e-3)
+    assert [one["records"] for one in found["machines"].values()] == [[str(folder)], [str(whole)]]
+    pooled = {one["name"]: one["value"] for one in found["pooled"]}
+    for values in (*(estimate["params"] for estimate in found["machines"].values()), pooled):
+        assert values["K"] == pytest.approx(truth["K"], rel=1e-3)
     assert list(found["failed"]) == [str(broken)]
     assert "is no readable HDF5 file" in found["failed"][str(broken)]
 
@@ -73,9 +73,30 @@ def test_a_scheduler_is_asked_and_the_table_names_machines(tmp_path: Path) -> No
         result = CliRunner().invoke(app, ["fleet", *files, *options, *asked])
     assert result.exit_code == 0, result.output
     lines = result.stdout.splitlines()
-    titles = [line.split(":")[0] for line in lines if not line.startswith(" ")]
-    assert titles == ["press", "crane", "pooled"]
-    assert sum(line.split()[0] == "K" for line in lines if line.startswith(" ")) == 3
+    table = lines[: lines.index("")]
+    assert [line.split()[0] for line in table] == ["J_m", "press", "crane", "all", "machines"]
+    assert max(map(len, table)) <= 80
+    assert "K [N m/rad]" in result.stdout
+
+
+def test_units_of_files_are_those_of_identify(tmp_path: Path) -> None:
+    """A file that states degrees gives the same by both commands, to the last digit."""
+    pytest.importorskip("distributed")
+    record = simulate(MODEL, MODEL.parameter_sets["table_2"], "chirp", duration_s=2.0, oversample=8).record
+    file = tmp_path / "press" / "run.csv"
+    file.parent.mkdir()
+    columns = [np.arange(record.n) / record.fs]
+    columns += [np.degrees(record.signals[key]) for key in ("q_m", "q_c")] + [record.signals["Gamma_m"]]
+    heads = "t [s],q_m [deg],q_c [deg],Gamma_m [N m]"
+    np.savetxt(file, np.column_stack(columns), delimiter=",", header=heads, comments="")
+    options = ["--model", str(MODULE), "--json"]
+    alone = json.loads(CliRunner().invoke(app, ["identify", str(file), *options]).stdout)
+    fleet = CliRunner().invoke(app, ["fleet", str(file), *options, "--workers", "1"])
+    assert fleet.exit_code == 0, fleet.output
+    found = json.loads(fleet.stdout)["machines"]["press"]
+    assert found["params"] == alone["params"]
+    assert found["bse"] == alone["bse"]
+    assert found["params"]["K"] == pytest.approx(MODEL.parameter_sets["table_2"]["K"], rel=1e-2)
 
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:

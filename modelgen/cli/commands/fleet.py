@@ -173,6 +173,8 @@ def _records(data: Sequence[Path], model: Model, options: DataOptions) -> list[F
         where = path.resolve()
         stamp = _stamp(path, given)
         if path.is_dir():
+            if how["fs"] is None:
+                raise DataError.at(str(path), "is a folder of arrays, which need --fs", "give --fs HZ")
             source = partial(_folder, where, how, str(path))
         else:
             source = partial(read_record, where, name=str(path), **how)
@@ -204,8 +206,6 @@ def _folder(path: Path, how: Mapping[str, Any], name: str) -> Any:
     from modelgen.runtime.files.npy_channels import open_npy
     from modelgen.runtime.records.record import Record
 
-    if how["fs"] is None:
-        raise DataError.at(name, "holds no sampling frequency", "give --fs HZ")
     files, factors = {}, {}
     for channel in how["needed"]:
         column, factor = how["mapping"].get(channel, channel), how["scales"].get(channel, 1.0)

@@ -14,7 +14,8 @@ import numpy.typing as npt
 
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
-from modelgen.runtime.least_squares.wls import RANK_TOLERANCE, Fit
+from modelgen.runtime.least_squares.orthogonal_solution import RANK_TOLERANCE
+from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows

@@ -150,20 +150,31 @@ def choose_filter(
     for record, factor in zip(records, factors, strict=True):
         why = "as given" if decimation else "a new Nyquist frequency of 1/0.8 times the cut-off"
         sentences.append(f"{record.name}: every {ordinal(factor)} sample of {record.fs:.6g} Hz ({why}).")
-    ratio = None if dynamics is None else min(record.fs for record in records) / dynamics
-    if ratio is not None:
-        sentences.append(
-            f"Sampling is {ratio:.0f} times the dynamics; "
-            "eq. (9) wants 100 times the closed loop's bandwidth."
-        )
-        if ratio < LOWEST_SAMPLING_RATIO:
-            notes.append(
-                f"sampled only {ratio:.1f} times faster than the dynamics, under "
-                f"{LOWEST_SAMPLING_RATIO:.0f}: a delay of a fraction of a sample matters; sample faster"
-            )
+    ratio, explained, noted = _sampling(records, dynamics)
+    sentences += explained
+    notes += noted
     return FilterChoice(
         order, cutoff, direction, factors, dynamics, ratio, bands, tuple(sentences), tuple(notes)
     )
+
+
+def _sampling(
+    records: Sequence[Record], dynamics_hz: float | None
+) -> tuple[float | None, list[str], list[str]]:
+    """Return how many times faster than the dynamics is sampled, the sentence that says so, and warnings."""
+    if dynamics_hz is None:
+        return None, [], []
+    ratio = min(record.fs for record in records) / dynamics_hz
+    sentence = (
+        f"Sampling is {ratio:.0f} times the dynamics; eq. (9) wants 100 times the closed loop's bandwidth."
+    )
+    if ratio >= LOWEST_SAMPLING_RATIO:
+        return ratio, [sentence], []
+    note = (
+        f"sampled only {ratio:.1f} times faster than the dynamics, under "
+        f"{LOWEST_SAMPLING_RATIO:.0f}: a delay of a fraction of a sample matters; sample faster"
+    )
+    return ratio, [sentence], [note]
 
 
 def least_order(model: Model) -> int:
@@ -267,8 +278,8 @@ def _check_options(
 ) -> None:
     for record in records:
         if record.n < FEWEST_SAMPLES:
-            what = f"has {record.n} samples, of which nothing can be filtered"
-            raise DataError.at(record.name, what, f"give a longer record, at least {FEWEST_SAMPLES} samples")
+            remedy = f"give a longer record, at least {FEWEST_SAMPLES} samples"
+            raise DataError.at(record.name, f"has {record.n} samples: too few to filter", remedy)
     half = 0.5 * min(record.fs for record in records)
     for name, value in (("cutoff_hz", cutoff_hz), ("direction_cutoff_hz", direction_cutoff_hz)):
         if value is not None and not 0.0 < value < half:
@@ -286,6 +297,4 @@ def _band_sentence(band: Band) -> str:
     start = f"{band.record}: 99.9 % of the force's power lies below {band.force_hz:.4g} Hz"
     if band.dynamics_hz is None:
         return f"{start}; no body moves."
-    return (
-        f"{start}, and within it 99.8 % of the acceleration of {band.body} below {band.dynamics_hz:.4g} Hz."
-    )
+    return f"{start}, and 99.8 % of {band.body}'s acceleration in it below {band.dynamics_hz:.4g} Hz."

@@ -42,9 +42,8 @@ class Checkpoint:
             if saved["format"] != FORMAT or saved["machine"] != machine:
                 return None
             looks = {name: np.array(samples, dtype=float) for name, samples in saved["looks"].items()}
-            document = ""
-            if saved["estimate"] is not None:
-                document = json.dumps(checked_estimate(saved["estimate"], str(path)), indent=2) + "\n"
+            estimate = saved["estimate"]
+            document = None if estimate is None else checked_estimate(estimate, str(path))
             failed = {str(name): str(reason) for name, reason in saved["failed"].items()}
             return MachineReport(document, str(saved["reason"]), failed, looks)
         except (ModelgenError, KeyError, TypeError, AttributeError, ValueError):
@@ -58,7 +57,7 @@ class Checkpoint:
         entries = {
             "format": FORMAT,
             "machine": machine,
-            "estimate": json.loads(report.document) if report.document else None,
+            "estimate": report.document,
             "reason": report.reason,
             "failed": dict(report.failed),
             "looks": {name: samples.tolist() for name, samples in report.looks.items()},

@@ -6,7 +6,6 @@ intervals. What cannot be read, and what no worker survives, costs its record an
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -104,7 +103,7 @@ def identify_fleet(
     for machine in lost:
         if machine not in again:
             reason = still.get(machine, "none of its records can be read")
-            reports[machine] = MachineReport("", reason, why.get(machine, {}), {})
+            reports[machine] = MachineReport(None, reason, why.get(machine, {}), {})
     ordered = {machine: reports[machine] for machine in fleet}
     _refuse_same(client, model, records, ordered)
     return _estimate(ordered)
@@ -176,8 +175,8 @@ def _estimate(reports: Mapping[str, MachineReport]) -> FleetEstimate:
     DataError
         When there is none.
     """
-    machines = {name: json.loads(report.document) for name, report in reports.items() if report.document}
-    refused = {name: report.reason for name, report in reports.items() if not report.document}
+    machines = {name: report.document for name, report in reports.items() if report.document is not None}
+    refused = {name: report.reason for name, report in reports.items() if report.document is None}
     failed = {name: why for report in reports.values() for name, why in report.failed.items()}
     if not machines:
         reasons = "; ".join([*failed.values(), *refused.values()])

@@ -63,8 +63,8 @@ class MachineReport:
 
     Attributes
     ----------
-    document : str
-        Its estimate, `Estimate.to_json`; empty where there is none.
+    document : mapping or None
+        Its estimate, `Estimate.to_dict`; None where there is none.
     reason : str
         Why there is none.
     failed : mapping of str to str
@@ -73,7 +73,7 @@ class MachineReport:
         Samples here and there of each record that was read, see `same_data.look`.
     """
 
-    document: str
+    document: Mapping[str, Any] | None
     reason: str
     failed: Mapping[str, str]
     looks: Mapping[str, FloatArray]
@@ -102,11 +102,11 @@ def identify_machine(
         except ModelgenError as error:
             failed[one.name] = str(error)
     if not usable:
-        return MachineReport("", "none of its records can be read", failed, looks)
+        return MachineReport(None, "none of its records can be read", failed, looks)
     try:
-        return MachineReport(identify(model, usable, **options).to_json(), "", failed, looks)
+        return MachineReport(identify(model, usable, **options).to_dict(), "", failed, looks)
     except ModelgenError as error:
-        return MachineReport("", str(error), failed, looks)
+        return MachineReport(None, str(error), failed, looks)
 
 
 def probe(record: FleetRecord, channels: Sequence[str]) -> None:

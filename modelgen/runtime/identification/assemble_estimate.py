@@ -53,6 +53,14 @@ class Solved:
         """Columns of the fit that are estimates, not nuisances."""
         return tuple(name for name in self.fit.columns if name not in self.refused)
 
+    @property
+    def nuisance(self) -> dict[str, float]:
+        """Values of base parameters that are no estimates: at their bounds, or refused."""
+        base = self.job.model.base_parameters
+        values = dict(zip(self.fit.columns, self.fit.solution.x.tolist(), strict=True))
+        left = {name: value for name, value in values.items() if name not in self.identified}
+        return {name: value for name, value in self.fixed.items() if name in base} | left
+
 
 def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     """Return the estimate with everything that is needed to judge it."""
@@ -77,30 +85,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     )
     base = np.full(len(model.base_parameters), np.nan)
     base[[model.base_parameters.index(name) for name in identified]] = values
-    nuisance = {name: value for name, value in solved.fixed.items() if name in model.base_parameters} | {
-        name: float(value)
-        for name, value in zip(fit.columns, fit.solution.x, strict=True)
-        if name not in identified
-    }
-    physical, unanswered = physical_parameters(
-        model, base, covariances, solved.refused, nuisance, fit.physical(model.parameters)
-    )
-    found = {entry.name: entry.value for entry in physical}
-    # what lies at its bound has its reason already
-    free = tuple(entry for entry in physical if entry.name not in solved.fixed)
-    physical, doubtful = certain(free, nonlinear=bool(model.composites))
-    known = [name for name in model.base_parameters if name in identified]
-    if (
-        doubtful
-        and all_from_composites(model)
-        and list(found) == list(model.parameters)
-        and {*known, *solved.fixed} >= {*model.base_parameters}
-    ):
-        reason = f"cannot be told from {', '.join(doubtful)}, too uncertain in these records"
-        hanging = hanging_on(model, covariances, found, doubtful, known)
-        doubtful |= dict.fromkeys((name for name in hanging if name not in solved.fixed), reason)
-        physical = tuple(entry for entry in physical if entry.name not in doubtful)
-    unanswered |= doubtful
+    physical, unanswered = _physical(solved, base, covariances)
     others = other_solutions(model, base, covariances, physical)
     residual = fit.weighted_residual
     return Estimate(
@@ -117,7 +102,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         printed_covariance=covariances.printed,
         covariance_kind=method.covariance_kind,
         base=base,
-        nuisance=nuisance,
+        nuisance=solved.nuisance,
         not_identifiable={**model.absent, **solved.refused, **unanswered},
         other_solutions=others,
         resid=residual,
@@ -137,6 +122,32 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         + (() if method.consistent else drift_notes(parameters))
         + solution_notes(others),
     )
+
+
+def _physical(
+    solved: Solved, base: FloatArray, covariances: Covariances
+) -> tuple[tuple[Parameter, ...], dict[str, str]]:
+    """Return the physical parameters that follow, and for the others the reason why they do not."""
+    model, fit = solved.job.model, solved.fit
+    physical, unanswered = physical_parameters(
+        model, base, covariances, solved.refused, solved.nuisance, fit.physical(model.parameters)
+    )
+    found = {entry.name: entry.value for entry in physical}
+    # what lies at its bound has its reason already
+    free = tuple(entry for entry in physical if entry.name not in solved.fixed)
+    physical, doubtful = certain(free, nonlinear=bool(model.composites))
+    known = [name for name in model.base_parameters if name in solved.identified]
+    if (
+        doubtful
+        and all_from_composites(model)
+        and list(found) == list(model.parameters)
+        and {*known, *solved.fixed} >= {*model.base_parameters}
+    ):
+        reason = f"cannot be told from {', '.join(doubtful)}, too uncertain in these records"
+        hanging = hanging_on(model, covariances, found, doubtful, known)
+        doubtful |= dict.fromkeys((name for name in hanging if name not in solved.fixed), reason)
+        physical = tuple(entry for entry in physical if entry.name not in doubtful)
+    return physical, unanswered | doubtful
 
 
 def certain(physical: tuple[Parameter, ...], nonlinear: bool) -> tuple[tuple[Parameter, ...], dict[str, str]]:

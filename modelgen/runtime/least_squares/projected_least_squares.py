@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.least_squares.wls import Fit, least_squares
+from modelgen.runtime.least_squares.orthogonal_solution import least_squares
+from modelgen.runtime.least_squares.wls import Fit
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.least_squares.wls import RANK_TOLERANCE, Fit
+from modelgen.runtime.least_squares.orthogonal_solution import RANK_TOLERANCE
+from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 
 FloatArray = npt.NDArray[np.float64]

@@ -17,22 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import IdentifiabilityError, Problem
-from modelgen.runtime.numerics.iterative_refinement import refined
+from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares, least_squares, polished
 from modelgen.runtime.numerics.qr_triangle import triangle_of
 from modelgen.runtime.rows.observation import Observation, RowBlock
 
 FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
-# Singular values of the scaled W below this share of the largest count as zero,
-RANK_TOLERANCE = 1e-10
-# and columns with more than this share in such a direction cannot be told from others.
-NULL_SHARE = 1e-4
-# A solution is refined where rounding may exceed this share of it, and wherever that costs next to nothing;
-# beyond this condition number refinement does not converge.
-ROUNDING = 1e-11
-FEW_ROWS = 5000
-REFINABLE = 1e6
 ROUNDS = 3
 # Rows that are weighted at a time.
 ROWS_A_PIECE = 1 << 17
@@ -43,20 +33,6 @@ SMALLEST_RESIDUAL = 1e-12
 LOAD_ROW_SHARE = 0.2
 # A load row whose terms shrink to less than this when it is weighted freely is on its way to zero.
 RUNAWAY_SHRINKAGE = 0.8
-
-
-@dataclass(frozen=True, eq=False)
-class LeastSquares:
-    """X = argmin |Y - W X|: x, inverse = (W^T W)^-1; `undetermined` marks columns the rows cannot separate.
-
-    `condition_number` is that of W with columns of unit length, `condition_number_raw` that of W itself.
-    """
-
-    x: FloatArray
-    inverse: FloatArray
-    undetermined: BoolArray
-    condition_number: float
-    condition_number_raw: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,58 +126,6 @@ class Fit:
         """Norm of Y - W X relative to that of Y, both weighted."""
         measured = float(np.linalg.norm(self.weighted_measurement))
         return float(np.linalg.norm(self.weighted_residual)) / measured if measured > 0.0 else np.inf
-
-
-def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
-    """Solve Y = W X on columns of unit length by QR, and the small triangle by its singular values.
-
-    Parameters
-    ----------
-    W : array, shape (r, c)
-        More rows than columns, no zero column.
-    Y : array, shape (r,)
-
-    Notes
-    -----
-    The normal equations would lose half of the digits. Where W is short of rank, the shortest solution (of
-    the scaled columns) is taken and the columns that take part in the ambiguity are marked.
-    """
-    return _polished(np.asarray(np.linalg.qr(np.column_stack([W, Y]), mode="r")), [(W, Y)])
-
-
-def _polished(triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]]) -> LeastSquares:
-    """Return the solution of R = `triangle` of [W Y], freed of what rounding has moved.
-
-    `parts` are W and Y themselves, cut into pieces of shape (n, c) and (n,).
-    """
-    c = triangle.shape[1] - 1
-    scale = np.linalg.norm(triangle[:, :c], axis=0)
-    scaled = triangle[:c, :c] / scale
-    U, s, Vt = np.linalg.svd(scaled)
-    kept = s > RANK_TOLERANCE * s[0]
-    V = Vt[kept].T
-    x = V @ (U[:, kept].T @ triangle[:c, c] / s[kept]) / scale
-    inverse = (V / s[kept] ** 2) @ V.T / np.outer(scale, scale)
-    undetermined = np.any(np.abs(Vt[~kept]) > NULL_SHARE, axis=0)
-    raw = float(np.linalg.cond(triangle[:c, :c]))
-    if s[-1] * REFINABLE > s[0]:
-        # corrected seminormal equations (Björck, Linear Algebra Appl. 88, 1987, 31-48): undoes what rounding
-        # in QR, and with it the order of the rows, has moved
-        gradient = np.zeros(c)
-        for W, Y in parts:
-            gradient += W.T @ (Y - W @ x)
-        x = x + inverse @ gradient
-        rounding = _rounding(s, float(np.linalg.norm(x * scale)), float(np.abs(triangle[c:, c]).sum()))
-        if sum(len(Y) for _, Y in parts) <= FEW_ROWS or rounding > ROUNDING:
-            x = refined(parts, x, inverse)
-    return LeastSquares(x, inverse, undetermined, float(s[0] / s[-1]) if s[-1] > 0.0 else np.inf, raw)
-
-
-def _rounding(s: FloatArray, size: float, residual: float) -> float:
-    """Return what share of the solution rounding may cost (Wedin 1973, eq. (5.4))."""
-    condition, unit = float(s[0] / s[-1]), float(np.finfo(float).eps)
-    floor = float(np.finfo(float).tiny)
-    return unit * condition * (1.0 + condition * residual / max(float(s[0]) * size, floor))
 
 
 def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE) -> Fit:
@@ -306,7 +230,7 @@ def _solve(
         solution = least_squares(R, Y)
     else:
         triangle = np.asarray(np.linalg.qr(triangle_rows(blocks, weights, c), mode="r"))
-        solution = _polished(triangle, _Weighted(blocks, weights, c))
+        solution = polished(triangle, _Weighted(blocks, weights, c))
     residuals = tuple(block.residual(solution.x) for block in blocks)
     return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
 

@@ -23,7 +23,8 @@ from modelgen.runtime.least_squares.hac_covariance import (
     window_power,
     window_width,
 )
-from modelgen.runtime.least_squares.wls import Fit, least_squares
+from modelgen.runtime.least_squares.orthogonal_solution import least_squares
+from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.rows.observation import RowBlock
 
 RNG = np.random.default_rng(8)

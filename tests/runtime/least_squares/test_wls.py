@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.least_squares.wls import fit_matched, fit_paper, least_squares, refit
+from modelgen.runtime.least_squares.orthogonal_solution import least_squares
+from modelgen.runtime.least_squares.wls import fit_matched, fit_paper, refit
 from modelgen.runtime.rows.observation import Observation, RowBlock
 from tests.runtime.least_squares.row_blocks import block as row_block
 

@@ -9,14 +9,12 @@ import numpy.typing as npt
 import pytest
 
 from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.least_squares.orthogonal_solution import FEW_ROWS, _rounding, least_squares
 from modelgen.runtime.least_squares.wls import (
-    FEW_ROWS,
     SMALLEST_RESIDUAL,
     Fit,
-    _rounding,
     fit_matched,
     fit_paper,
-    least_squares,
     refit,
 )
 from modelgen.runtime.numerics.iterative_refinement import Parts
@@ -235,7 +233,7 @@ def test_solutions_are_refined_where_that_helps(
         called.append(len(parts))
         return x
 
-    monkeypatch.setattr("modelgen.runtime.least_squares.wls.refined", refined)
+    monkeypatch.setattr("modelgen.runtime.least_squares.orthogonal_solution.refined", refined)
     random = np.random.default_rng(17)
     W = random.standard_normal((rows, 2))
     W[:, 1] = W[:, 0] + narrow * W[:, 1]
