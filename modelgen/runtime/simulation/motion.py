@@ -184,17 +184,20 @@ def _outputs(
     acceleration = np.empty((len(x), n))
     friction = np.tile(plant.offsets, (len(x), 1))
     sensed = np.empty((len(x), len(plant.model.sensors)))
-    springs = np.zeros_like(x)
-    for spring in plant.cubic_forces():
+    cubes = plant.cubic_forces()
+    springs = np.zeros_like(x if cubes else x[:0])
+    for spring in cubes:
         springs += np.outer((x @ spring.deflection) ** 3, spring.push)
-    by_springs = springs[:, n:] @ plant.felt_accelerations().T
-    # a number for every mode: rows of it need no sorting
-    codes = modes @ 3 ** np.arange(modes.shape[1])
-    for code in np.unique(codes):
+    # a number from 0 on for every mode: counting needs no sorting
+    codes = (modes.astype(np.int64) + 1) @ 3 ** np.arange(modes.shape[1])
+    for code in np.flatnonzero(np.bincount(codes)):
         rows = codes == code
         mode = modes[rows.argmax()]
         space = plant.space(tuple(int(sign) for sign in mode))
-        free = x[rows] @ space.A.T + forces[rows] @ space.B.T + springs[rows]
+        moving, pushed = x[rows], forces[rows]
+        free = moving @ space.A.T + pushed @ space.B.T
+        if cubes:
+            free += springs[rows]
         f = friction[rows]
         for j, body, sign in zip(plant.sticking, plant.coulomb_bodies, mode, strict=True):
             if sign:
@@ -205,6 +208,8 @@ def _outputs(
         # exactly, where the line above leaves rounding errors
         held = [b.velocity - n for b, sign in zip(plant.coulomb_bodies, mode, strict=True) if sign == 0]
         acceleration[np.ix_(rows, held)] = 0.0
-        sensed[rows] = x[rows] @ space.C.T + forces[rows] @ space.D.T + f @ space.F.T + by_springs[rows]
+        sensed[rows] = moving @ space.C.T + pushed @ space.D.T + f @ space.F.T
         friction[rows] = f
+    if cubes:
+        sensed += springs[:, n:] @ plant.felt_accelerations().T
     return acceleration, friction, sensed
