@@ -10,12 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
+from modelgen.array_types import FloatArray
 from modelgen.atomic_write import write_whole
-
-FloatArray = npt.NDArray[np.float64]
 
 MEASURED, REBUILT, DIFFERENCE = "#9aa5b1", "#0b5cad", "#c2410c"
 QUANTITIES = {"N m": "torque", "N": "force"}  # a row that is differentiated has another unit

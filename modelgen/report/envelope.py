@@ -10,9 +10,8 @@ import base64
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from modelgen.array_types import FloatArray
 
 LEVELS = 65534
 GAP = -32768  # a sample that is missing

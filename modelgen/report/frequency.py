@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 
-FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
 SEGMENTS = 8  # with half overlap: of independent noises 95 % of the coherence lies below 0.36
@@ -84,7 +84,7 @@ def _welch(record: Record, force: str, sensor: str) -> tuple[FloatArray, Complex
     return f[LOWEST_BIN:], H[LOWEST_BIN:], np.clip(np.abs(Suy) ** 2 / power, 0.0, 1.0)[LOWEST_BIN:]
 
 
-def _spread(f: FloatArray) -> npt.NDArray[np.int64]:
+def _spread(f: FloatArray) -> IntArray:
     """Return places of at most MOST_POINTS frequencies, spread evenly over a logarithmic axis."""
     if f.size <= MOST_POINTS:
         return np.arange(f.size)

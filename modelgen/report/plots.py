@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
+from modelgen.array_types import FloatArray
 from modelgen.report.envelope import encoded_series
 from modelgen.report.frequency import Response
 from modelgen.report.rebuilt import Autocorrelation, Rebuilt
@@ -23,7 +24,6 @@ MOST_BUCKETS = 60_000
 # below this the phase of a measured response may be mere chance, see `frequency.SEGMENTS`
 LEAST_COHERENCE = 0.36
 
-FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
 

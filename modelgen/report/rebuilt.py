@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.observation import RowBlock, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
-
-FloatArray = npt.NDArray[np.float64]
 
 CONFIDENCE_99 = 2.5758293035489004
 MOST_LAGS = 200

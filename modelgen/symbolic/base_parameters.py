@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import ModelError
 from modelgen.symbolic.equations.equation_sums import exact_levers
 from modelgen.symbolic.equations.identifiability import identifiable_parameters
@@ -234,9 +234,7 @@ def _agree(numerical: Mapping[int, Mapping[int, float]], exact: Mapping[int, Map
     return True
 
 
-def random_regressor(
-    rows: IdentificationRows, names: Sequence[str], seed: int = SEED
-) -> npt.NDArray[np.float64]:
+def random_regressor(rows: IdentificationRows, names: Sequence[str], seed: int = SEED) -> FloatArray:
     """Return a regressor at random values of every signal and feature, shape (samples * rows, names)."""
     keys = sorted({term.key for row in rows.rows for term in row.terms})
     place, column = {key: i for i, key in enumerate(keys)}, {name: i for i, name in enumerate(names)}

@@ -19,8 +19,6 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.plant import make_plant
 
-FloatArray = npt.NDArray[np.float64]
-
 ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
 FILTER_ORDER = 6
 MOST_DAMPED = 0.95

@@ -19,8 +19,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.comparison.kalman_model import KalmanModel
 from modelgen.runtime.filters.zero_phase import zero_phase
@@ -30,8 +30,6 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.plant import make_plant
 from modelgen.runtime.simulation.validate import initial_state
-
-FloatArray = npt.NDArray[np.float64]
 
 # What is known of a parameter before the first sample, in shares of its start; and of the velocities.
 PARAMETER_STD = 0.1

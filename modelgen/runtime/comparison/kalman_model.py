@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from math import factorial
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.simulation.plant import Plant
 
-FloatArray = npt.NDArray[np.float64]
 Directions = tuple[int, ...]
 # values and slopes by the state, by the force, by the friction
 Linearised = tuple[FloatArray, FloatArray, FloatArray, FloatArray]

@@ -8,8 +8,8 @@ from itertools import combinations
 from math import isfinite
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.identification.identify import identify
@@ -18,8 +18,6 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
-
-FloatArray = npt.NDArray[np.float64]
 
 # Below this probability of a larger difference by chance, two estimates contradict one another.
 SIGNIFICANCE = 0.05

@@ -16,15 +16,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.diagnostics.settings_drift import FARTHER_FACTORS, other_cutoffs, other_direction
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.hac_covariance import influence, long_run_covariance
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
-
-FloatArray = npt.NDArray[np.float64]
 
 # A move of more standard deviations of the difference than this is no chance.
 SIGNIFICANT = 3.0
@@ -86,7 +84,7 @@ class Disagreement:
     directions: bool = False
 
     @property
-    def significant(self) -> npt.NDArray[np.bool_]:
+    def significant(self) -> BoolArray:
         """Which columns move by more than noise explains."""
         least = np.maximum(SIGNIFICANT * self.std, SMALLEST_SHARE * np.abs(self.value))
         return np.asarray(np.abs(self.move) > least)

@@ -10,8 +10,8 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
 from modelgen.runtime.least_squares.orthogonal_solution import RANK_TOLERANCE
@@ -20,8 +20,6 @@ from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.standstill_speeds import NOTHING
-
-FloatArray = npt.NDArray[np.float64]
 
 # Preferred when the difference is this many standard deviations: a chance of 1 in 16 000.
 SIGNIFICANT = 4.0

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from numbers import Real
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.rows.observation import Observation
-
-FloatArray = npt.NDArray[np.float64]
 
 # A difference of this many standard deviations is no chance.
 SIGNIFICANT = 3.0

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
 from modelgen.runtime.diagnostics.row_noise import noise_band
@@ -20,8 +20,6 @@ from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
-
-FloatArray = npt.NDArray[np.float64]
 
 # A pull is worth a word from this share of the value and this many standard deviations of the noise.
 LEAST_SHARE, LEAST_DEVIATIONS = 0.01, 2.0
@@ -54,9 +52,7 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
     return np.asarray(fit.solution.x - found)
 
 
-def _ways(
-    model: Model, fit: Fit, row: int, touched: npt.NDArray[np.int64]
-) -> dict[str, list[list[tuple[float, int]]]]:
+def _ways(model: Model, fit: Fit, row: int, touched: IntArray) -> dict[str, list[list[tuple[float, int]]]]:
     """Return for every channel in W its way into each column that a row touches, and last into Y."""
     nothing = np.zeros(len(model.base_parameters))
     alone = []

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Container, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import row_noise
@@ -19,8 +19,6 @@ from modelgen.runtime.parameters.dependence import HIGHEST_INDEX, Dependence
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import RowBlock
-
-FloatArray = npt.NDArray[np.float64]
 
 # A value this many standard deviations below zero is no chance.
 SIGNIFICANT = 3.0

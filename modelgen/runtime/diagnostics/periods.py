@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filters.power_spectrum import quick_length
@@ -23,8 +23,6 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import READ_SAMPLES, in_stretches
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.record_facts import WHOLE
-
-FloatArray = npt.NDArray[np.float64]
 
 NONE = "none"
 # So many whole periods at least, for a spread; more than so many are taken together.

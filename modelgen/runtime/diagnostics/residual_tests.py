@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.residual_whiteness import CONFIDENCE, Coloured, coloured, whiteness
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
@@ -19,8 +19,6 @@ from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-
-FloatArray = npt.NDArray[np.float64]
 
 # Past samples of the decimated grid that the residual is correlated with, as MATLAB's resid takes them.
 LAGS = 25

@@ -14,12 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import gain
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.observation import RowBlock, runs_of
-
-FloatArray = npt.NDArray[np.float64]
 
 # A residual is tested on its longest stretch without masked samples, of so many frequencies at least, and of
 # so many samples at most: more of them tell no more than that no model is exact.

@@ -13,15 +13,14 @@ from math import sqrt
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import counted
 from modelgen.runtime.filter_choice.filter_choice import HIGHEST_CUTOFF, FilterChoice
 from modelgen.runtime.least_squares.wls import LOAD_ROW_SHARE, Fit, fit_matched
 from modelgen.runtime.rows.observation import Observation
 
-FloatArray = npt.NDArray[np.float64]
 Found = TypeVar("Found")  # a fit, of whatever kind
 
 # Cut-offs and weights of load rows that are tried, as multiples of those in use.

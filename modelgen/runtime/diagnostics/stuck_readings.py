@@ -10,11 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
+from modelgen.array_types import BoolArray, FloatArray, IntArray
 
 # What is usual in a long channel is seen in so many stretches of so many samples.
 EXCERPTS, EXCERPT = 16, 1 << 12

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import IdentifiabilityError, ModelgenError, Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.stuck_readings import Runs, equal_runs, excerpt, faulty_runs
@@ -22,8 +22,6 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.record_facts import WHOLE, Extent
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 Run = tuple[int, int, float]  # first and last sample, reading
 
 # A step unlike its neighbours by this many times the 99.9th percentile, so many resolutions and this share

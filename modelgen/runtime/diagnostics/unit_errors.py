@@ -11,11 +11,10 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
-
-FloatArray = npt.NDArray[np.float64]
 
 # What a chain's own dynamics do not explain: a resonance with 0.5 % damping gives 100.
 FACTOR = 200.0

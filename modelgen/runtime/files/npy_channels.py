@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
 from modelgen.read_file import STRETCHES, check_file, open_file
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

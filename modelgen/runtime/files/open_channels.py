@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
 from modelgen.read_file import STRETCHES, check_file
 from modelgen.runtime.files.child_process.reader_process import ask
 from modelgen.runtime.files.optional_reader import reader_library, unreadable
 
-FloatArray = npt.NDArray[np.float64]
 # (path, column, start, stop) -> samples
 Reader = Callable[[Path, str, int, int], npt.NDArray[np.generic]]
 # (path, columns) -> samples in each

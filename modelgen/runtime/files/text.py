@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.documents import json_document
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.files.instrument_dialects import DIALECTS, stated_frequency
@@ -34,7 +34,7 @@ from modelgen.runtime.files.text_lines import SEPARATORS, encoding_of, lines_of,
 from modelgen.runtime.files.timestamps import time_since
 
 RECORD_MARK = "# modelgen record "  # followed by JSON: fs, name and tag of a record written by modelgen
-Table = npt.NDArray[np.float64]
+Table = FloatArray
 
 
 def open_text(path: Path) -> Source:

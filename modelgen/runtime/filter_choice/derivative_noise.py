@@ -17,13 +17,10 @@ from dataclasses import dataclass
 from math import inf, log10
 
 import numpy as np
-import numpy.typing as npt
 
 from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, low_pass, tones
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-
-FloatArray = npt.NDArray[np.float64]
 
 # What is no signal may be 1 % of the rms of a highest derivative;
 LEAST_SNR_DB = 40.0

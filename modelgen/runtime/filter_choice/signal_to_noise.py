@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from math import inf, log10, pi, sqrt
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, low_pass
 from modelgen.runtime.model.model import Model, Signal
 from modelgen.runtime.records.record import Record
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ Gray and Markel 1975.)
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from modelgen.array_types import FloatArray
 
 
 def allpass_states(sos: FloatArray) -> tuple[FloatArray, FloatArray]:

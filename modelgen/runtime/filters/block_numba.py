@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filters.block_kernels import (
     LANES,
     copy_signs,
@@ -23,7 +23,6 @@ from modelgen.runtime.filters.block_numpy import window
 from modelgen.runtime.filters.block_tables import BlockTables
 from modelgen.runtime.numerics.numba_support import compiled
 
-FloatArray = npt.NDArray[np.float64]
 Kernel = Callable[..., int]
 
 # Samples worked on at a time: what is made of them stays in the cache.
@@ -49,7 +48,7 @@ class LoopBlocks:
     near_table: FloatArray
     far_table: FloatArray
     hop: FloatArray
-    ends: npt.NDArray[np.int64]
+    ends: IntArray
     kernel: Kernel
 
     def apply(

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.block_kernels import SMALL_PRODUCT
 from modelgen.runtime.filters.block_tables import BlockTables
-
-FloatArray = npt.NDArray[np.float64]
 
 # Samples worked on at a time: a panel and what is made of it stay in the cache.
 PANEL = 1 << 16

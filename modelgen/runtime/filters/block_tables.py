@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.allpass_states import responses
-
-FloatArray = npt.NDArray[np.float64]
 
 # A power of the transition below this counts as zero: rounding of the sum within the reach.
 POWER_TOLERANCE = 1e-15

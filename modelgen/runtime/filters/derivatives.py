@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from modelgen.array_types import FloatArray
 
 # f'(0) = sum of c_k (f(k) - f(-k)) / dt, exact for polynomials up to degree 8
 EIGHTH_ORDER = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)

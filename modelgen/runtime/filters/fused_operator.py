@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filters.allpass_states import allpass_states, responses
 from modelgen.runtime.filters.block_numba import LoopBlocks, compiled_run, loop_blocks
@@ -23,8 +23,6 @@ from modelgen.runtime.filters.block_tables import block_tables
 from modelgen.runtime.filters.derivatives import EIGHTH_ORDER
 from modelgen.runtime.filters.two_sided_kernel import Sections, kernel_reach, kernels
 from modelgen.runtime.numerics.numba_support import wanted
-
-FloatArray = npt.NDArray[np.float64]
 
 # Beyond its reach the response is below this share of its peak: rounding of the sum within it.
 REACH_TOLERANCE = 1e-15

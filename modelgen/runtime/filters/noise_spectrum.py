@@ -13,9 +13,8 @@ from math import inf, log, sqrt
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.filters.power_spectrum import NOISE_FACTOR, NOISE_FROM, band_limit_hz, quick_length
-
-FloatArray = npt.NDArray[np.float64]
 
 # The band in which a derivative stands out holds this share of its power.
 BAND_SHARE = 0.999
@@ -42,7 +41,7 @@ class ReadingSpectrum:
     trend: float
 
     @cached_property
-    def clear(self) -> npt.NDArray[np.bool_]:
+    def clear(self) -> BoolArray:
         """Which lines stand out of the noise, shape (n,)."""
         # of white noise the median is ln 2 times the mean
         return np.asarray(self.density > NOISE_FACTOR * log(2.0) * self.noise)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from modelgen.array_types import FloatArray
 
 # The noise is the median of the reading's power in this upper part of the band;
 NOISE_FROM = 0.8

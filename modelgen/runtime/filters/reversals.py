@@ -8,10 +8,8 @@ keeps sign() is right through a quick reversal and wrong during a standstill onl
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from modelgen.array_types import BoolArray, FloatArray
 
 # standing still: this share of the velocity's 99th percentile
 STANDSTILL_SHARE = 0.005

@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 
-FloatArray = npt.NDArray[np.float64]
 Sections = tuple[tuple[float, ...], ...]  # each b0, b1, b2, a0, a1, a2, as SciPy writes them
 
 # The response to one sample counts as over where it has fallen to this share of its peak.

@@ -5,12 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filters.derivatives import differentiate
-
-FloatArray = npt.NDArray[np.float64]
 
 # Chebyshev I of MATLAB's `decimate`: order, ripple in dB, cut-off as a fraction of the new Nyquist frequency
 DECIMATE_ORDER = 8

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from modelgen.array_types import FloatArray
 
 # Machines count as different where chance makes one parameter of a fleet look so in 1 % of all fleets.
 CONFIDENCE = 0.99

@@ -7,17 +7,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from modelgen.array_types import FloatArray
 from modelgen.errors import ModelgenError
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.same_data import look, same_throughout
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.methods import METHODS, Job
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
 from modelgen.runtime.least_squares.wls import Fit, refit
@@ -22,8 +22,6 @@ from modelgen.runtime.parameters.physical_parameters import (
 from modelgen.runtime.parameters.pruning import Pruning, prune
 from modelgen.runtime.results.estimate import Estimate, RowDiagnostics
 from modelgen.runtime.rows.observation import Observation
-
-FloatArray = npt.NDArray[np.float64]
 
 # Drifts that are worth a note: in standard deviations of the noise, and relative to the value.
 NOTED_DRIFT = 2.0

@@ -7,9 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-import numpy.typing as npt
-
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.delays import delay_rates, fit_with_delays
@@ -24,8 +22,6 @@ from modelgen.runtime.rows.standstill_speeds import Survey
 
 if TYPE_CHECKING:
     from modelgen.runtime.iv.companion_simulation import Loop
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

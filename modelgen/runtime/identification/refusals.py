@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Container, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.motion_checks import (
@@ -23,8 +23,6 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.dependence import HIGHEST_INDEX, LARGEST_INDEX, dependences
 from modelgen.runtime.parameters.unanswered_columns import not_identifiable
 from modelgen.runtime.records.record import Record, missing_name
-
-FloatArray = npt.NDArray[np.float64]
 
 # Columns that move together leave a parameter without a number from this relative standard deviation in % on.
 WITHOUT_NUMBER_PERCENT = 100.0

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.filter_scan import FilterScan, scan_filters, scanned_settings
 from modelgen.runtime.diagnostics.hold_out import HeldOut, held_out, hold_out_advice
@@ -51,8 +51,6 @@ from modelgen.runtime.results.checks import Checks, Periods
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.observation import observe
 from modelgen.runtime.rows.paper_rows import observe_paper
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

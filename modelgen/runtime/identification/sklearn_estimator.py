@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
@@ -16,8 +16,6 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.observation import observe
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class ChainEstimator:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.cutoff_agreement import (
     all_disagreements,
@@ -26,8 +26,6 @@ from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.parameters.bounds import BoundCost, bound_reasons
 from modelgen.runtime.rows.observation import Observation
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from math import pi
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import ORDER_OF, FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
@@ -27,8 +27,6 @@ from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation, excitation_from_record
 from modelgen.runtime.simulation.motion import move, true_signals
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
-
-FloatArray = npt.NDArray[np.float64]
 
 # Bandwidth of the weak feedback, as a share of the dynamics' frequency; and of what it sees of the record,
 # as a multiple of that bandwidth.

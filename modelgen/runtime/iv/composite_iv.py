@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.iv.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.iv.instrumental_variables import Setting, diverged, simulation_parameters
@@ -28,7 +28,6 @@ from modelgen.runtime.parameters.bounds import bounded_names
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
 
-FloatArray = npt.NDArray[np.float64]
 # records -> rows without the samples that a consistent estimate must not use
 Rows = Callable[[tuple[Record, ...]], Observation]
 

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments_at
 from modelgen.runtime.least_squares.delays import advanced, delay_rates
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
@@ -21,8 +21,6 @@ from modelgen.runtime.least_squares.whitening import whitener
 from modelgen.runtime.least_squares.wls import Fit, refit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import bounded_physical
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
@@ -26,8 +26,6 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import matched_rows
 from modelgen.runtime.rows.row_terms import row_terms
 from modelgen.runtime.rows.standstill_speeds import NOTHING
-
-FloatArray = npt.NDArray[np.float64]
 
 ROUNDS = 20
 # Converged: no parameter moves by more than this share of its standard deviation, or of its value.

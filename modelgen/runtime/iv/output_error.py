@@ -14,8 +14,8 @@ from math import inf
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
@@ -32,8 +32,6 @@ from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.runtime.simulation.validate import initial_state
 from modelgen.runtime.stick_slip.hybrid_system import refinement
-
-FloatArray = npt.NDArray[np.float64]
 
 # The reference's rate is the measured velocity below this share of the sampling frequency.
 CUTOFF_SHARE = 0.1

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator, Mapping
 from math import pi
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, ModelgenError
 from modelgen.runtime.filter_choice.filter_choice import ORDER_OF
 from modelgen.runtime.filters.derivatives import differentiate
@@ -24,8 +24,6 @@ from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.simulation.closed_loop import vibration
 from modelgen.runtime.simulation.plant import Plant, make_plant
-
-FloatArray = npt.NDArray[np.float64]
 
 # A body with less than this share of the inertia that the actuator feels has vanished.
 LEAST_SHARE = 1e-3

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -26,7 +26,6 @@ from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.record_rows import matched_rows
 from modelgen.runtime.rows.standstill_speeds import NOTHING
 
-FloatArray = npt.NDArray[np.float64]
 # records, first values -> rows and their fit
 Run = Callable[[tuple[Record, ...], Fit | None], tuple[Observation, Fit]]
 # fit, records, channel -> how Y - W X changes with the channel's delay, one array a block

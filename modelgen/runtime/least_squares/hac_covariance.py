@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.wls import Fit
 
-FloatArray = npt.NDArray[np.float64]
 # influence of the instants of one record, shape (n, c) each, from the first on
 Series = Callable[[], Iterator[FloatArray]]
 

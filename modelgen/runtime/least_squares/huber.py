@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.wls import Fit
-
-FloatArray = npt.NDArray[np.float64]
 
 TUNING = 1.345
 # median |e| of normal noise, as a share of its standard deviation

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.numerics.iterative_refinement import refined
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # Singular values of the scaled W below this share of the largest count as zero,
 RANK_TOLERANCE = 1e-10

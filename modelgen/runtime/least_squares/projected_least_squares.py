@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
 from modelgen.runtime.least_squares.wls import Fit
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def two_stage(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:

@@ -12,14 +12,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.least_squares.orthogonal_solution import RANK_TOLERANCE
 from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
-
-FloatArray = npt.NDArray[np.float64]
 
 NOTE = (
     "total least squares takes the noise to be as large, relative to its length, in every column and in Y, "

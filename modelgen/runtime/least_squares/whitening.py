@@ -11,12 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.rows.observation import runs_of
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # Order of the autoregression, and the fewest samples a coefficient is estimated from.
 ORDER = 20

@@ -14,14 +14,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, Problem
 from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares, least_squares, polished
 from modelgen.runtime.numerics.qr_triangle import triangle_of
 from modelgen.runtime.rows.observation import Observation, RowBlock
-
-FloatArray = npt.NDArray[np.float64]
 
 ROUNDS = 3
 # Rows that are weighted at a time.

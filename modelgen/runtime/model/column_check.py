@@ -10,11 +10,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import BoolArray, FloatArray
 from modelgen.magnitudes import is_usable
 
-FloatArray = npt.NDArray[np.float64]
 SAMPLES = 3
 TOLERANCE = 1e-9  # relative to the largest entry; the two differ by rounding only
 PROBED = "random signals and parameters"
@@ -160,7 +159,7 @@ def _disagreements(
     return found
 
 
-def _close(got: FloatArray, expected: FloatArray) -> npt.NDArray[np.bool_]:
+def _close(got: FloatArray, expected: FloatArray) -> BoolArray:
     """Tell for every column, shape (N,) or (N, columns), whether it differs by rounding only."""
     scale = np.max(np.abs(expected), axis=0)
     return np.asarray(np.all(np.abs(got - expected) <= TOLERANCE * scale, axis=0))

@@ -15,11 +15,11 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.model.contract_check import module_problems
 from modelgen.runtime.model.module_file import execute_file, execute_text
 
-FloatArray = npt.NDArray[np.float64]
 # (coefficient, signal or feature key) pairs to be summed; the key "1" is the constant
 Terms = tuple[tuple[float, str], ...]
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from modelgen.array_types import FloatArray
+
 Parts = Sequence[tuple[FloatArray, FloatArray]]
 
 SPLITTER = 2.0**27 + 1.0  # splits 53 bits into two halves whose products are exact

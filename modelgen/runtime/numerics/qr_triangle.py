@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.numerics.qr_update import compiled_take_in
-
-FloatArray = npt.NDArray[np.float64]
 
 # Numbers that are worked on at a time.
 TALL = 1 << 20

@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.least_squares.wls import Fit, refit
 from modelgen.runtime.model.model import Model
-
-FloatArray = npt.NDArray[np.float64]
 
 PHYSICAL = "physical"
 # Never negative in nature.

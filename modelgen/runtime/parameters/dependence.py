@@ -12,12 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.wls import Fit
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # A condition index above this is a near dependence (Belsley, Kuh and Welsch: 30 and more), and a parameter
 # takes part in it if it owes this share of its variance to it.

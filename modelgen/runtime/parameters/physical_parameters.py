@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
-
-FloatArray = npt.NDArray[np.float64]
 
 # Central differences of smooth functions: the cube root of the rounding error.
 RELATIVE_STEP = 6e-6

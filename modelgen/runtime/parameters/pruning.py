@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from modelgen.array_types import FloatArray
+
 # names kept -> values, relative standard deviations in %, relative error
 Refit = Callable[[tuple[str, ...]], tuple[FloatArray, FloatArray, float]]
 

@@ -20,8 +20,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
@@ -31,7 +31,6 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.masks import SUPPORT_TOLERANCE
 from modelgen.runtime.rows.observation import RowBlock, observe
 
-FloatArray = npt.NDArray[np.float64]
 # coefficients of one row's residual or column: (channel, derivative) -> coefficient
 Linear = dict[tuple[str, int], float]
 
@@ -258,7 +257,7 @@ class _RecordNoise:
         inside = np.abs(lags) < block.grid
         return np.asarray(np.round(np.where(inside, counts[lags % size], 0.0)), dtype=float)
 
-    def _lags(self) -> npt.NDArray[np.int64]:
+    def _lags(self) -> IntArray:
         """Return all lags in kept samples over which the filtered noise is correlated, 0 first."""
         reach = 2 * self._start // self._factor + 1
         return np.concatenate([np.arange(reach + 1), np.arange(-reach, 0)])

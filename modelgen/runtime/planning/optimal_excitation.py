@@ -15,8 +15,8 @@ from math import exp, inf, log
 from typing import TypedDict, Unpack
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, ModelgenError, Problem
 from modelgen.keyword_options import with_defaults
 from modelgen.runtime.model.model import Model
@@ -29,8 +29,6 @@ from modelgen.runtime.simulation.fourier_excitation import Shape, series_excitat
 from modelgen.runtime.simulation.instrument import Instrument
 from modelgen.runtime.simulation.plant import Plant, make_plant
 from modelgen.runtime.simulation.simulate import simulate
-
-FloatArray = npt.NDArray[np.float64]
 
 CRITERIA = ("worst", "d-optimal", "condition")
 HARMONICS = 2

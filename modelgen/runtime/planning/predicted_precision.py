@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from math import hypot, sqrt
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS
@@ -29,8 +29,6 @@ from modelgen.runtime.parameters.physical_parameters import (
 from modelgen.runtime.planning.closed_form_information import Information, information
 from modelgen.runtime.planning.planned_experiment import Experiment
 from modelgen.runtime.results.estimate import Estimate
-
-FloatArray = npt.NDArray[np.float64]
 
 # Noisy copies of the experiment, from whose estimates the weights of composites follow: some at first, then
 # twice as many until the factor that they give is known well enough, or as many at most ...

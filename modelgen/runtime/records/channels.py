@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import LARGEST
-
-FloatArray = npt.NDArray[np.float64]
 
 # Samples read at a time where a whole channel is looked through.
 READ_SAMPLES = 1 << 18

@@ -10,15 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
-
-FloatArray = npt.NDArray[np.float64]
 
 # Order of the low-pass in front of a differentiated source.
 FILTER_ORDER = 4

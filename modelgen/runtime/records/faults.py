@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.records.sampling_frequency import UNIFORM
-
-FloatArray = npt.NDArray[np.float64]
 
 GAP = 1.5  # of the median step: a longer one means that samples are missing
 NOTED_OFFSET = 0.02  # of a channel's rms: a smaller mean is not worth a line

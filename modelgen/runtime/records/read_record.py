@@ -10,6 +10,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.keyword_options import with_defaults
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
@@ -203,7 +204,7 @@ def _times(
     clock: str | None,
     samples: npt.NDArray[Any],
     given: bool,
-) -> npt.NDArray[np.float64] | None:
+) -> FloatArray | None:
     """Return the times as the file has them, or None where it has none of the channel's length."""
     if clock is None or clock not in loaded:
         return None
@@ -220,7 +221,7 @@ def _times(
 def _together(
     source: Source,
     clocks: Mapping[str, str | None],
-    times: Mapping[str, npt.NDArray[np.float64] | None],
+    times: Mapping[str, FloatArray | None],
     factor: float,
     signals: Mapping[str, npt.NDArray[Any]],
     mend: Sequence[str],

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem, listed, nearest, shortened
 from modelgen.magnitudes import FAINTEST, FREQUENCY_REMEDY, LARGEST, is_frequency, shown_number
 from modelgen.runtime.records.channels import Channels, ChannelSignals, Edit, EditedChannels
 from modelgen.runtime.records.record_facts import RecordFacts
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, mean_spectrum, reading_spectrum
 from modelgen.runtime.filters.power_spectrum import power_spectrum
 from modelgen.runtime.records.channels import Channels, in_stretches
-
-FloatArray = npt.NDArray[np.float64]
 
 # A record of so many samples is looked at as a whole; of a longer one, so many stretches.
 WHOLE = 1 << 18

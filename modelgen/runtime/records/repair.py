@@ -14,12 +14,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.records.faults import GAP, POSITIONS
-
-FloatArray = npt.NDArray[np.float64]
 
 MENDS = ("duplicates", "gaps", "fill", "uneven", "clocks")
 OFFSET = "offset="
@@ -122,7 +120,7 @@ def _longest_stretch(track: Track) -> Track:
     return _part(track, keep, (said,))
 
 
-def _part(track: Track, keep: npt.NDArray[np.bool_], said: tuple[str, ...]) -> Track:
+def _part(track: Track, keep: BoolArray, said: tuple[str, ...]) -> Track:
     signals = {key: values[keep] for key, values in track.signals.items()}
     return Track(track.times[keep], signals, track.said + said)
 

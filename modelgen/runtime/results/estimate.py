@@ -12,16 +12,14 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.pruning import Pruning
 from modelgen.runtime.results.checks import Checks
 from modelgen.runtime.results.formats import data_frame, html_table, latex_table, markdown_table
 from modelgen.runtime.results.summary import summary_text
-
-FloatArray = npt.NDArray[np.float64]
 
 FORMAT_VERSION = 1
 

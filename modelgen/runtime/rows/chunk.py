@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.records.channels import Channels, not_finite, read_continued
 from modelgen.runtime.rows.signal_plan import SignalPlan
-
-FloatArray = npt.NDArray[np.float64]
 
 # Samples between halos; and at least so many halos, lest they dominate.
 CHUNK_SAMPLES = 1 << 18

@@ -10,16 +10,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.reversals import reversals, standstills, turns, widen
 from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.chunk import Chunk
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # The filter's reach: where its response has fallen to this share of its peak.
 SUPPORT_TOLERANCE = 1e-5

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import DataError, Problem
 from modelgen.progress import counted
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
@@ -19,9 +19,6 @@ from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.masks import turn_masks
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.standstill_speeds import Survey
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # A left-hand side below this share of the record's forces counts as none.
 LEAST_FORCE = 1e-2

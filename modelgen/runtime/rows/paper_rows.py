@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.derivatives import paper_difference
@@ -19,8 +19,6 @@ from modelgen.runtime.filters.zero_phase import DECIMATE_ORDER, matlab_decimate,
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation, RowBlock
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def observe_paper(

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.fused_operator import fused_operator
@@ -24,7 +24,6 @@ from modelgen.runtime.rows.row_terms import RowTerms, row_terms
 from modelgen.runtime.rows.signal_plan import SignalPlan, signal_plan
 from modelgen.runtime.rows.standstill_speeds import NOTHING, Survey, survey_record
 
-FloatArray = npt.NDArray[np.float64]
 Found = TypeVar("Found")
 
 # From so many samples compiled filters are worth the half second that loading numba takes.

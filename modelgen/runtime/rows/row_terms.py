@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model, Terms
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import LARGEST
 from modelgen.runtime.filters.block_numba import LoopBlocks
@@ -21,8 +21,6 @@ from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operato
 from modelgen.runtime.filters.two_sided_kernel import Sections, squared_gain
 from modelgen.runtime.model.model import Feature, Model, Signal
 from modelgen.runtime.rows.filter_sections import Filtering
-
-FloatArray = npt.NDArray[np.float64]
 
 # Rounding error of a filtered channel, relative to its largest reading; and the largest gain of a difference.
 ROUNDING = 64.0 * float(np.finfo(float).eps)

@@ -10,13 +10,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.reversals import STANDSTILL_SHARE
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.signal_plan import SignalPlan
-
-FloatArray = npt.NDArray[np.float64]
 
 PERCENTILE = 0.99
 

@@ -11,14 +11,12 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite, pi
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.runtime.simulation.plant import Plant
 from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, Mode
-
-FloatArray = npt.NDArray[np.float64]
 
 # The loop is this part of the lowest elastic frequency, so that it does not see the elasticity ...
 BANDWIDTH_RATIO = 0.2

@@ -8,8 +8,8 @@ from math import isfinite, pi
 from typing import TypedDict, Unpack
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.keyword_options import with_defaults
 from modelgen.runtime.model.model import Model
@@ -22,8 +22,6 @@ from modelgen.runtime.simulation.closed_loop import (
 )
 from modelgen.runtime.simulation.excitation import SHORTEST_DWELL_S, Excitation, check_band, chirp, trapezoid
 from modelgen.runtime.simulation.plant import Plant, make_plant
-
-FloatArray = npt.NDArray[np.float64]
 
 # Force of the chirp, in multiples of all Coulomb friction; or the acceleration it gives where there is none.
 FORCE_OVER_COULOMB = 10.0

@@ -14,14 +14,12 @@ from types import MappingProxyType
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.keyword_options import with_defaults
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, is_usable, shown_number
 from modelgen.runtime.records.record import Record
-
-FloatArray = npt.NDArray[np.float64]
 
 MOST_STEPS = 5e7  # of a simulation: three hours at 5 kHz
 SHORTEST_DWELL_S = 0.04

@@ -8,8 +8,8 @@ from math import pi
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.write_record import write_record
@@ -17,8 +17,6 @@ from modelgen.runtime.simulation.closed_loop import bandwidth_hz, vibration
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.multisine import multisine
 from modelgen.runtime.simulation.plant import Plant
-
-FloatArray = npt.NDArray[np.float64]
 
 # Linear pieces between samples: what the motion lacks of a sine of f Hz is (pi f / rate)^2 / 3 of it, so that
 # too few of them would look like a wrong force.

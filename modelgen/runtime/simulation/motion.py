@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.records.record import missing_name
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, closed_loop, open_loop
@@ -18,8 +19,6 @@ from modelgen.runtime.stick_slip.compiled_steps import Sampling, follow_controll
 from modelgen.runtime.stick_slip.exact_steps import integrate
 from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, refinement
 from modelgen.runtime.stick_slip.sampled_controller import follow_ticks
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

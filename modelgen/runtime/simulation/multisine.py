@@ -6,9 +6,8 @@ from functools import lru_cache
 from math import pi
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from modelgen.array_types import FloatArray
 
 ROUNDS = 200
 # Clipping comes closer to the peak as the crest falls.

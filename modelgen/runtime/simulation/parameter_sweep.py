@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.threads import usable_threads
@@ -20,8 +21,6 @@ from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.sensor_readings import instrument_keys
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.runtime.stick_slip.compiled_steps import has_numba
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def sweep(

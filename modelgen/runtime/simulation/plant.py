@@ -8,15 +8,13 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import REMEDY, is_usable, shown_number
 from modelgen.runtime.model.model import Friction, Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.stick_slip.linear_mode import CoulombBody, CubicForce, Mode
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

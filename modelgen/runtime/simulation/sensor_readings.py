@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from math import pi
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.directions import wanted_directions
 from modelgen.runtime.records.record import missing_name
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def encoder_step(lines: int) -> float:

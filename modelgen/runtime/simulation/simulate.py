@@ -14,6 +14,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.keyword_options import with_defaults
 from modelgen.runtime.model.model import Model
@@ -26,8 +27,6 @@ from modelgen.runtime.simulation.motion import move, true_signals
 from modelgen.runtime.simulation.plant import Plant, make_plant
 from modelgen.runtime.simulation.sensor_readings import check_levels, readings
 from modelgen.runtime.stick_slip.hybrid_system import Event
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

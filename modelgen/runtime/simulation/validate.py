@@ -12,8 +12,8 @@ from math import isfinite
 from typing import TypedDict, Unpack
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.keyword_options import with_defaults
 from modelgen.runtime.filters.derivatives import differentiate
@@ -26,8 +26,6 @@ from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulation.simulate import simulate
-
-FloatArray = npt.NDArray[np.float64]
 
 ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
 NAMES = ("position", "velocity", "acceleration")

@@ -12,8 +12,8 @@ from typing import Any
 from zlib import crc32
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.numerics.numba_support import kept_code
 from modelgen.runtime.stick_slip.cubic_spring_kernel import dot, expand, product_term, reach, shrink
@@ -44,8 +44,6 @@ from modelgen.runtime.stick_slip.event_kernel import (
 )
 from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, Trajectory, too_many_events, unbounded
 from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, ModeMotion
-
-FloatArray = npt.NDArray[np.float64]
 
 # All modes are tabulated in advance, three a body; with more bodies with friction the table is too large.
 MOST_BODIES = 5

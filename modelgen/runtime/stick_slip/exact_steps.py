@@ -11,11 +11,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.stick_slip.compiled_steps import can_compile, follow_input
 from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, Trajectory, refinement, unbounded
 from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, Mode
-
-FloatArray = npt.NDArray[np.float64]
 
 # Steps propagated at once: few after an event, twice as many after every calm block.
 FIRST_BLOCK = 64

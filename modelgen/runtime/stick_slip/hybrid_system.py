@@ -10,11 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.stick_slip.linear_mode import CoulombBody, CubicForce, FrictionSystem, Mode, ModeMotion
 from modelgen.runtime.stick_slip.root_finding import LARGEST_NORM, power_series, value_at
-
-FloatArray = npt.NDArray[np.float64]
 
 # A step may be divided into as many parts, where the chain has motions much faster than it.
 FINEST_STEP = 1000

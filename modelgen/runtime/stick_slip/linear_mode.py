@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.stick_slip.root_finding import when_negative
 
-FloatArray = npt.NDArray[np.float64]
 Mode = tuple[int, ...]
 
 

@@ -7,9 +7,8 @@ terms while the norm of M is small. A crossing is then a root of a polynomial: n
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from modelgen.array_types import FloatArray
 
 # 2^24 / 24! = 3e-17: up to this norm of M, what the series leaves out is below rounding
 TERMS = 24

@@ -9,15 +9,13 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.stick_slip.compiled_steps import Sampling
 from modelgen.runtime.stick_slip.event_kernel import command
 from modelgen.runtime.stick_slip.exact_steps import to_next_event
 from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, Trajectory
 from modelgen.runtime.stick_slip.linear_mode import Mode
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a motion that grows without bound gets one clear error
