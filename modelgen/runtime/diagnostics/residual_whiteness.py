@@ -125,7 +125,7 @@ def _shapes(
             valid = (at > 0.0) & (at <= 0.5 * fs)
             if not valid.any():
                 continue
-            low_pass = gain(at[valid], choice, 0)
+            low_pass = gain(at[valid], choice, 0, fs)
             for column, terms in enumerate(ways):
                 shapes[valid, column] += (low_pass * np.abs(response(terms, at[valid]))) ** 2
     return shapes[:, shapes.max(axis=0, initial=0.0) > 0.0]

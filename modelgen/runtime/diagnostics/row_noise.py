@@ -21,7 +21,7 @@ def noise_band(record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatA
     """Return frequencies in Hz, and at each the filter's gain in power times the width of its line in Hz."""
     top_hz = min(0.5 * record.fs, HIGHEST * choice.cutoff_hz)
     frequency_hz = top_hz * (np.arange(LINES) + 0.5) / LINES
-    return frequency_hz, gain(frequency_hz, choice, 0) ** 2 * top_hz / LINES
+    return frequency_hz, gain(frequency_hz, choice, 0, record.fs) ** 2 * top_hz / LINES
 
 
 def row_noise(model: Model, record: Record, choice: FilterChoice, row: int, x: FloatArray) -> float:

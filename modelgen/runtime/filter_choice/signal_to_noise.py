@@ -15,7 +15,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, low_pass
+from modelgen.runtime.filters.noise_spectrum import low_pass
 from modelgen.runtime.model.model import Model, Signal
 from modelgen.runtime.records.record import Record
 
@@ -49,27 +49,26 @@ def signal_to_noise(
             channel = signal.sensor or signal.actuator
             if channel is None or channel not in record.signals:
                 continue
-            found.append(_entry(record.name, channel, signal, record.facts.spectrum(channel), choice))
+            found.append(_entry(record, channel, signal, choice))
     return tuple(found)
 
 
-def gain(frequency_hz: FloatArray, choice: FilterChoice, derivative: int) -> FloatArray:
-    """Return the amplitude of the filter, forward and backward, followed by differentiation."""
-    behind = low_pass(frequency_hz, choice.cutoff_hz, choice.filter_order)
+def gain(frequency_hz: FloatArray, choice: FilterChoice, derivative: int, fs: float) -> FloatArray:
+    """Return the amplitude of the filter at `fs` in Hz, forward and backward, then differentiation."""
+    behind = low_pass(frequency_hz, choice.cutoff_hz, choice.filter_order, fs)
     return np.asarray(behind * (2.0 * pi * frequency_hz) ** derivative)
 
 
-def _entry(
-    record: str, channel: str, signal: Signal, spectrum: ReadingSpectrum, choice: FilterChoice
-) -> SignalToNoise:
+def _entry(record: Record, channel: str, signal: Signal, choice: FilterChoice) -> SignalToNoise:
+    spectrum = record.facts.spectrum(channel)
     frequency_hz, density = spectrum.frequency_hz, spectrum.density
     step = float(frequency_hz[1] - frequency_hz[0])
-    squared = gain(frequency_hz, choice, signal.derivative) ** 2
+    squared = gain(frequency_hz, choice, signal.derivative, record.fs) ** 2
     power = float(np.sum(squared * density) * step)
     noise = float(spectrum.noise * np.sum(squared) * step)
     visible = spectrum.visible_to_hz(signal.derivative)
     ratio = power / noise - 1.0 if noise > 0.0 else inf
     snr = 10.0 * log10(ratio) if 0.0 < ratio < inf else None
     return SignalToNoise(
-        record, channel, signal.derivative, signal.unit, sqrt(power), sqrt(noise), snr, visible
+        record.name, channel, signal.derivative, signal.unit, sqrt(power), sqrt(noise), snr, visible
     )

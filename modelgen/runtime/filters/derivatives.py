@@ -1,6 +1,9 @@
-"""Central differences: of order 2 as the paper takes them, and of order 8 for matched filtering."""
+"""Central differences: of order 2 as the paper takes them, and of order 8 and more for matched filtering."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from math import factorial, pi, sin
 
 import numpy as np
 
@@ -8,28 +11,76 @@ from modelgen.array_types import FloatArray
 
 # f'(0) = sum of c_k (f(k) - f(-k)) / dt, exact for polynomials up to degree 8
 EIGHTH_ORDER = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
+# Half-widths to choose from, and the error of one difference that is too small to matter: of a fourth
+# derivative it is four times as large, and the noise of a sensor is not known to 1e-5.
+HALF_WIDTHS = (4, 6, 8, 12, 16, 24, 32)
+LARGEST_ERROR = 1e-5
+# A filter still passes a tenth of the amplitude at this multiple of its cut-off.
+PASSED = 1.3
 
 
-def differentiate(samples: FloatArray, dt: float, times: int = 1) -> FloatArray:
-    """Differentiate with 9-point central differences of order 8, applied `times` times.
+def central_difference(half_width: int) -> tuple[float, ...]:
+    """Return c_1, c_2, ... of f'(0) = sum of c_k (f(k) - f(-k)) / dt, exact up to degree 2 half_width.
 
-    Both ends are continued by their odd mirror image (four samples), as the filters do: values within
-    ``4 * times`` samples of an end are good enough to be filtered further, not to be used.
+    c_k = (-1)^(k + 1) n!^2 / (k (n - k)! (n + k)!) for the half-width n.
+    """
+    n = half_width
+    return tuple(
+        (-1.0) ** (k + 1) * factorial(n) ** 2 / (k * factorial(n - k) * factorial(n + k))
+        for k in range(1, n + 1)
+    )
+
+
+def relative_gain(stencil: Sequence[float], frequency: float) -> float:
+    """Return what a central difference makes of a sine, relative to its derivative.
+
+    Parameters
+    ----------
+    stencil : sequence of float
+    frequency : float
+        As a share of the sampling frequency, above 0.
+    """
+    omega = 2.0 * pi * frequency
+    return sum(2.0 * c * sin(k * omega) for k, c in enumerate(stencil, start=1)) / omega
+
+
+def stencil_for(cutoff_hz: float, fs: float) -> tuple[float, ...]:
+    """Return the shortest central difference that is exact to 1e-5 wherever a low-pass lets anything by.
+
+    Beyond 0.4 of the sampling frequency no difference is: the widest is returned.
+    """
+    frequency = min(PASSED * cutoff_hz / fs, 0.5)
+    for half_width in HALF_WIDTHS:
+        stencil = EIGHTH_ORDER if half_width == len(EIGHTH_ORDER) else central_difference(half_width)
+        if abs(relative_gain(stencil, frequency) - 1.0) <= LARGEST_ERROR:
+            break
+    return stencil
+
+
+def differentiate(
+    samples: FloatArray, dt: float, times: int = 1, stencil: Sequence[float] = EIGHTH_ORDER
+) -> FloatArray:
+    """Differentiate with central differences, applied `times` times.
+
+    Both ends are continued by their odd mirror image, as the filters do: values within half the width of the
+    difference per order of an end are good enough to be filtered further, not to be used.
 
     Parameters
     ----------
     samples : array, shape (n,)
-        At least five samples.
+        More than the half-width of the difference.
     dt : float
         Sampling period in s.
     times : int
         Order of the derivative; 0 returns the samples.
+    stencil : sequence of float
+        See `central_difference`; by default of order 8.
 
     Returns
     -------
     array, shape (n,)
     """
-    reach = len(EIGHTH_ORDER)
+    reach = len(stencil)
     derivative = samples
     for _ in range(times):
         before = 2.0 * derivative[0] - derivative[reach:0:-1]
@@ -37,7 +88,7 @@ def differentiate(samples: FloatArray, dt: float, times: int = 1) -> FloatArray:
         padded = np.concatenate([before, derivative, after])
         n = len(samples)
         derivative = np.zeros(n)
-        for k, coefficient in enumerate(EIGHTH_ORDER, start=1):
+        for k, coefficient in enumerate(stencil, start=1):
             derivative += coefficient * (
                 padded[reach + k : reach + k + n] - padded[reach - k : reach - k + n]
             )

@@ -123,7 +123,10 @@ def mean_spectrum(spectra: Sequence[ReadingSpectrum]) -> ReadingSpectrum:
     return ReadingSpectrum(spectra[0].frequency_hz, density, noise, max(one.trend for one in spectra))
 
 
-def low_pass(frequency_hz: FloatArray, cutoff_hz: float, order: int) -> FloatArray:
-    """Return the gain of a Butterworth run forward and backward, of the shape of `frequency_hz`."""
-    ratio = np.minimum(frequency_hz / cutoff_hz, 1e6)
-    return np.asarray(1.0 / (1.0 + ratio ** (2 * order)))
+def low_pass(frequency_hz: FloatArray, cutoff_hz: float, order: int, fs: float | None = None) -> FloatArray:
+    """Return the amplitude of a Butterworth, forward and backward; sampled at `fs` in Hz, or analogue."""
+    ratio = frequency_hz / cutoff_hz
+    if fs is not None:  # the bilinear transform bends the axis of frequencies
+        below = np.minimum(frequency_hz / fs, 0.5 - 1e-9)
+        ratio = np.tan(np.pi * below) / np.tan(np.pi * cutoff_hz / fs)
+    return np.asarray(1.0 / (1.0 + np.minimum(ratio, 1e6) ** (2 * order)))

@@ -8,12 +8,12 @@ for each sensor and the Chebyshev alone for the rest.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.derivatives import EIGHTH_ORDER
+from modelgen.runtime.filters.derivatives import EIGHTH_ORDER, stencil_for
 from modelgen.runtime.filters.two_sided_kernel import Sections
 from modelgen.runtime.filters.zero_phase import DECIMATE_CUTOFF, DECIMATE_ORDER, DECIMATE_RIPPLE_DB
 
@@ -49,12 +49,20 @@ class Filtering:
     directions: Sections
     stencil: tuple[float, ...] = EIGHTH_ORDER
 
+    @cached_property
+    def largest_gain(self) -> float:
+        """Largest gain of the difference over all frequencies, for a sampling period of 1."""
+        omega = np.linspace(0.0, np.pi, 512)
+        gains = sum(2.0 * c * np.sin(k * omega) for k, c in enumerate(self.stencil, start=1))
+        return float(np.max(np.abs(gains)))
+
 
 def matched_filtering(choice: FilterChoice, fs: float, factor: int) -> Filtering:
-    """Return the filtering of "wls": one Butterworth for everything, differences of order 8."""
+    """Return the filtering of "wls": one Butterworth for everything, differences exact below its cut-off."""
     low_pass = butterworth(choice.filter_order, choice.cutoff_hz, fs)
     directions = butterworth(choice.filter_order, choice.direction_cutoff_hz, fs)
-    return Filtering(fs, factor, low_pass, low_pass, low_pass, directions)
+    stencil = stencil_for(choice.cutoff_hz, fs)
+    return Filtering(fs, factor, low_pass, low_pass, low_pass, directions, stencil)
 
 
 def paper_filtering(order: int, cutoff_hz: float, fs: float, factor: int) -> Filtering:

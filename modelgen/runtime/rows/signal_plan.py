@@ -22,11 +22,11 @@ from modelgen.runtime.filters.two_sided_kernel import Sections, squared_gain
 from modelgen.runtime.model.model import Feature, Model, Signal
 from modelgen.runtime.rows.filter_sections import Filtering
 
-# Rounding error of a filtered channel, relative to its largest reading; and the largest gain of a difference.
+# Rounding error of a filtered channel, relative to its largest reading.
 ROUNDING = 64.0 * float(np.finfo(float).eps)
-DIFFERENCE_GAIN = 1.74
-# An unfiltered derivative is off this near to the ends of what it is made from, per order.
-DIFFERENCE_MARGIN = 8
+# An unfiltered derivative is off this near to the ends of what it is made from, in widths of the difference
+# per order.
+DIFFERENCE_MARGIN = 2
 # A few samples already tell that a derivative is more than rounding error.
 FEW = 101
 
@@ -139,7 +139,7 @@ class SignalPlan:
         """Set a derivative to zero where it is nothing but the rounding error of its channel."""
         if derivative == 0:
             return
-        rounding = ROUNDING * (DIFFERENCE_GAIN * self.filtering.fs) ** derivative * reading
+        rounding = ROUNDING * (self.filtering.largest_gain * self.filtering.fs) ** derivative * reading
         if largest(found[::FEW]) <= rounding and largest(found) <= rounding:
             found[:] = 0.0
 
@@ -160,9 +160,10 @@ class SignalPlan:
 
     def _raw(self, key: str, stretch: Stretch, start: int, stop: int) -> FloatArray:
         signal = next(signal for signal in self.model.signals if signal.key == key)
-        margin = DIFFERENCE_MARGIN * signal.derivative
+        stencil = self.filtering.stencil
+        margin = DIFFERENCE_MARGIN * len(stencil) * signal.derivative
         samples = self._checked(stretch, channel_of(signal), start - margin, stop + margin)
-        slope = differentiate(samples, 1.0 / self.filtering.fs, signal.derivative)
+        slope = differentiate(samples, 1.0 / self.filtering.fs, signal.derivative, stencil)
         return slope[margin : len(slope) - margin]
 
 
@@ -205,7 +206,7 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
             brought = signal.sensor is None and signal.actuator is None
             smooth = None if brought else operator(filtering.directions, (signal.derivative,), 1)
             directions[signal.key] = (channel_of(signal), smooth)
-    deepest = DIFFERENCE_MARGIN * max(signal.derivative for signal in model.signals)
+    deepest = DIFFERENCE_MARGIN * len(filtering.stencil) * max(s.derivative for s in model.signals)
     beside = [one.margins for _, one in directions.values() if one is not None]
     full_rate = np.max([(deepest, deepest), *beside], axis=0) + feature_operator.margins
     margins = np.max([full_rate, *(one.margins for one in operators.values())], axis=0)
