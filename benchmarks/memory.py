@@ -2,13 +2,12 @@
 
     python benchmarks/memory.py
 
-A record of 1e7 samples is written to .npy files (here, deleted afterwards), then identified in a process of
-its own: in chunks from the mapped files, by one thread and by two, and by the chain written by hand
-(`throughput.py`). Printed is how far each process's resident memory rises above what it was before it touched
-the record, and by how much the estimate differs from that of `identify`, which has the record in memory (4 GB
-at 1e7 samples; `--whole 0` leaves it out) and uses the filters that were chosen for the chunks. The cost of a
-sample is that of filtering, masks, solution and covariance; what `identify_stream` adds to that looks at 2^18
-samples at most (the choice of filters) or does the same again (drift, pruning).
+A record of 1e7 samples is written to .npy files (here, deleted afterwards), then identified by
+`modelgen.identify` in a process of its own, from the files, which are never loaded whole: by one thread and
+by two. Printed is how far the process's resident memory rises above what it was before it touched the record,
+and what of that is more than the rows: the samples kept, a line for every column and one for Y of each row of
+the model, 8 bytes each. Beside it stands the chain written by hand (`throughput.py`), which loads the files.
+The estimate must be that of the record in memory (`--whole 0` leaves that out).
 """
 
 from __future__ import annotations
@@ -27,26 +26,24 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from modelgen.runtime.identification.identify_stream import identify_stream, stream_choice
-from modelgen.runtime.least_squares.hac_covariance_chunks import stream_hac_covariance
-from modelgen.runtime.least_squares.triangle_fit import fit_factors
-from modelgen.runtime.rows.record_factors import record_factors
-from throughput import FS, by_hand, made_record, processor_seconds, two_bodies
+from throughput import FACTOR, FS, by_hand, made_record, processor_seconds, two_bodies
 
+import modelgen
 from modelgen.runtime.files.npy_channels import open_npy
-from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.record_rows import matched_rows
+from modelgen.runtime.rows import record_rows
 
 CHANNELS = ("q_m", "q_c", "Gamma_m")
 PIECE = 1_000_000
+SETTINGS = {"cutoff_hz": 400.0, "filter_order": 4, "decimation": FACTOR}
+# Samples of the record with which a process begins.
+SHORT = 20_000
 
 
 def write_record(folder: Path, n: int) -> None:
@@ -60,33 +57,27 @@ def write_record(folder: Path, n: int) -> None:
         target.flush()
 
 
-def resident_mb(field: str) -> float:
-    """Return a field of the process's memory, in MB (Linux)."""
-    for line in Path("/proc/self/status").read_text().splitlines():
-        if line.startswith(field):
-            return int(line.split()[1]) / 1000.0
-    raise RuntimeError(f"no {field} in /proc/self/status")
+def rows_mb(n: int) -> float:
+    """Return what the rows of a record of n samples take, in MB."""
+    model = two_bodies()
+    return 8e-6 * (n // FACTOR) * len(model.rows) * (len(model.base_parameters) + 1)
 
 
-def in_chunks(folder: Path, threads: int = 1) -> Estimate:
-    """Identify from the mapped files, masks, both covariances and all."""
+def from_files(folder: Path, threads: int = 1) -> modelgen.Estimate:
+    """Identify from the files; a process of many would otherwise take one thread, any other all cores."""
+    record_rows.usable_threads = lambda: threads
     source = open_npy({channel: folder / f"{channel}.npy" for channel in CHANNELS}, FS)
-    settings = {"cutoff_hz": 400.0, "filter_order": 4, "decimation": 10}
-    return identify_stream(two_bodies(), [source], **settings, threads=threads)
-
-
-def once_through(folder: Path) -> object:
-    """Filter, mask and solve, and find the covariance, with settings that are given."""
-    model, source = two_bodies(), open_npy({channel: folder / f"{channel}.npy" for channel in CHANNELS}, FS)
-    choice = stream_choice(model, [source], 400.0, 4, 10, None)
-    task = matched_rows(model, source, choice, 10)
-    fit = fit_factors(model, [record_factors(task)])
-    return stream_hac_covariance(fit, [task])
+    return modelgen.identify(two_bodies(), source, **SETTINGS)
 
 
 def loaded(folder: Path) -> Record:
     """Return the record of the files."""
     return Record({channel: np.load(folder / f"{channel}.npy") for channel in CHANNELS}, FS)
+
+
+def from_memory(folder: Path) -> modelgen.Estimate:
+    """Load the files and identify."""
+    return modelgen.identify(two_bodies(), loaded(folder), **SETTINGS)
 
 
 def all_at_once(folder: Path) -> object:
@@ -95,39 +86,73 @@ def all_at_once(folder: Path) -> object:
 
 
 def difference(folder: Path) -> float:
-    """Return by how much in chunks and from memory differ, in standard deviations; the largest."""
-    chunked = in_chunks(folder)
-    used = chunked.filtering
-    whole = identify(
-        two_bodies(),
-        [loaded(folder)],
-        **values_of(
-            cutoff_hz=used.cutoff_hz,
-            filter_order=used.filter_order,
-            decimation=used.decimation[0],
-            direction_cutoff_hz=used.direction_cutoff_hz,
-        ),
-    )
-    return max(abs(chunked.params[name] - whole.params[name]) / whole.bse[name] for name in whole.params)
+    """Return by how much files and memory differ, in standard deviations; the largest of all parameters."""
+    one, other = from_files(folder), from_memory(folder)
+    return max(abs(one.params[name] - other.params[name]) / other.bse[name] for name in other.params)
 
 
-def fresh(work: Callable[..., float], *arguments: object) -> float:
+def fresh(work: Callable[..., Any], *arguments: object) -> Any:
     """Return what a process of its own answers."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         return pool.apply(work, arguments)
 
 
-def rise_mb(work: Callable[[Path], object], folder: Path, warm: Path) -> float:
-    """Return how far the memory of a fresh process rises, in MB, once a short record has loaded the code."""
-    return fresh(_rise, work, folder, warm)
+def resident_mb(field: str) -> float:
+    """Return a field of the process's memory, in MB (Linux)."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith(field):
+            return int(line.split()[1]) / 1000.0
+    raise RuntimeError(f"no {field} in /proc/self/status")
 
 
-def _rise(work: Callable[[Path], object], folder: Path, warm: Path) -> float:
-    work(warm)
+def rise_mb(work: Callable[[], object]) -> float:
+    """Return how far the memory of this process rises during a call, in MB."""
     Path("/proc/self/clear_refs").write_text("5")  # the high-water mark starts from here
     before = resident_mb("VmRSS")
-    work(folder)
+    work()
     return resident_mb("VmHWM") - before
+
+
+def warm_rise_mb(work: Callable[[Path], object], folder: Path, warm: Path) -> float:
+    """Return the rise of a call on a record, once a short one has loaded the code."""
+    work(warm)
+    return rise_mb(partial(work, folder))
+
+
+def print_memory(samples: int, whole: bool) -> None:
+    """Print how far the memory rises, and whether files and memory give the same."""
+    rows = rows_mb(samples)
+    with tempfile.TemporaryDirectory() as name:
+        folder, warm = Path(name) / "long", Path(name) / "short"
+        for place, n in ((folder, samples), (warm, SHORT)):
+            place.mkdir()
+            write_record(place, n)
+        sides = {f"{k} thread(s)": partial(from_files, threads=k) for k in (1, 2)}
+        for side, work in (sides | {"by hand": all_at_once}).items():
+            rise = fresh(warm_rise_mb, work, folder, warm)
+            beyond = f"{rise - rows:7.1f} MB more than the rows ({rows:.0f} MB)"
+            wanted = "  (wanted: at most 64)" if side in sides else ""
+            print(f"{side:12s} {rise:7.1f} MB above the start, {beyond}{wanted}", flush=True)
+        if whole:
+            differ = fresh(difference, folder)
+            print(
+                f"from files and from memory: {differ:.1e} standard deviations apart  (wanted: at most 1e-6)"
+            )
+
+
+def print_cost(sizes: list[int]) -> None:
+    """Print what a sample costs in records of these lengths."""
+    cost = []
+    for n in sizes:
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            write_record(folder, n)
+            from_files(folder)
+            runs = max(1, min(5, 3_000_000 // n))
+            found = [processor_seconds(partial(from_files, folder)) for _ in range(runs)]
+        cost.append(statistics.median(found) / n)
+        print(f"{n:.0e} samples: {1e9 * cost[-1]:6.1f} ns of the processor's time a sample", flush=True)
+    print(f"largest / smallest cost a sample: {max(cost) / min(cost):.2f}  (wanted: flat)")
 
 
 def main() -> None:
@@ -136,37 +161,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
     parser.add_argument("--samples", type=int, default=10_000_000)
     parser.add_argument("--whole", type=int, default=1, help="0: do not identify it from memory")
-    parser.add_argument("--largest", type=int, default=100_000_000, help="record of the cost per sample")
+    parser.add_argument("--largest", type=int, default=10_000_000, help="record of the cost per sample")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as name:
-        folder, warm = Path(name) / "long", Path(name) / "short"
-        for place, n in ((folder, options.samples), (warm, 20_000)):
-            place.mkdir()
-            write_record(place, n)
-        chunked = rise_mb(in_chunks, folder, warm)
-        print(f"in chunks:    {chunked:7.1f} MB above the start  (wanted: under 64)")
-        both = rise_mb(partial(in_chunks, threads=2), folder, warm)
-        print(f"two threads:  {both:7.1f} MB above the start  (wanted: under 64)")
-        whole = rise_mb(all_at_once, folder, warm)
-        print(f"by hand:      {whole:7.1f} MB, {whole / chunked:.0f} times as much")
-        if options.whole:
-            differ = fresh(difference, folder)
-            print(f"in chunks and from memory: {differ:.1e} standard deviations apart  (wanted: 1e-6)")
-    sizes = [10**k for k in range(5, round(math.log10(options.largest)) + 1)]
-    cost = {}
-    for n in sizes:
-        with tempfile.TemporaryDirectory() as name:
-            write_record(Path(name), n)
-            runs = max(1, min(7, 20_000_000 // n))
-            once_through(Path(name))
-            works = [lambda folder=Path(name): once_through(folder)] * runs
-            cost[n] = statistics.median(processor_seconds(work) for work in works) / n
-            whole = processor_seconds(lambda folder=Path(name): in_chunks(folder)) / n
-            print(
-                f"{n:.0e} samples: {1e9 * cost[n]:6.1f} ns of the processor's time a sample, "
-                f"{1e9 * whole:6.1f} with everything"
-            )
-    print(f"largest / smallest cost a sample: {max(cost.values()) / min(cost.values()):.2f}  (wanted: flat)")
+    print_memory(options.samples, bool(options.whole))
+    print_cost([10**k for k in range(5, round(math.log10(options.largest)) + 1)])
 
 
 if __name__ == "__main__":

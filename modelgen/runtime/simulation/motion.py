@@ -115,9 +115,8 @@ def _sampled(
     steps = (excitation.reference.size - 1) * refine
     stride = oversample * refine
     if further:
-        fine, nodes = np.arange(steps + 1) / refine, np.arange(excitation.reference.size)
-        known = np.column_stack([np.interp(fine, nodes, samples) for samples in further.values()])
-        path, commands = follow_ticks(flow, initial, sampling, known, stride)
+        known = np.column_stack(list(further.values()))
+        path, commands = follow_ticks(flow, initial, sampling, known, stride, refine)
     else:
         path, commands = follow_controller(flow, initial, sampling, stride, steps)
     command = commands[k // sampling.per_tick]

@@ -32,6 +32,7 @@ from modelgen.runtime.stick_slip.event_kernel import (
     EVENTS_FULL,
     TOO_MANY,
     UNBOUNDED,
+    between,
     command,
     cross,
     first_root,
@@ -64,6 +65,7 @@ PARTS = (
     cross,
     release,
     command,
+    between,
     from_input,
     add_multiple,
     add_states,
@@ -108,10 +110,12 @@ def has_numba() -> bool:
     return find_spec("numba") is not None
 
 
-def follow_input(flow: Flow, initial: FloatArray, w: FloatArray, stride: int) -> Trajectory:
-    """Return the motion under an input known at every step, shape (steps + 1,), linear in between."""
-    nothing = Sampling((0.0,) * 7 + (1.0, 1.0), np.zeros((1, 3)), 1, 0)
-    return _run(flow, initial, np.ascontiguousarray(w), nothing, stride, len(w) - 1)[0]
+def follow_input(
+    flow: Flow, initial: FloatArray, w: FloatArray, stride: int, steps_a_node: int = 1
+) -> Trajectory:
+    """Return the motion under an input known every so many steps, shape (nodes,), linear in between."""
+    nothing = Sampling((0.0,) * 7 + (1.0, 1.0), np.zeros((1, 3)), steps_a_node, 0)
+    return _run(flow, initial, np.ascontiguousarray(w), nothing, stride, (len(w) - 1) * steps_a_node)[0]
 
 
 def follow_controller(

@@ -196,14 +196,22 @@ def command(x: Any, seen: Any, law: Any, reference: Any, tick: int) -> float:
     return float(min(max(force, -limit), limit))
 
 
+def between(inputs: Any, k: int, parts: int, w: Any) -> None:
+    """Fill w with the piecewise linear input from step k on, at so many steps between two nodes."""
+    for j in range(len(w)):
+        place = (k + j) / parts
+        i = min(int(place), len(inputs) - 2)
+        w[j] = inputs[i] + (place - i) * (inputs[i + 1] - inputs[i])
+
+
 def run(
     x: Any, m: int, tables: Any, inputs: Any, sampling: Any, stride: int, steps: int, outputs: Any
 ) -> tuple[int, int, int]:
     """Take all steps; fill states (SI), modes, commands and events.
 
-    `inputs` is the known input at every node (linear in between), or empty: then `sampling` is (law,
-    reference at the ticks, steps per tick, delay in steps, what the controller has seen). Return a status,
-    the number of events, and the step reached.
+    `sampling` is (law, reference at the ticks, steps per tick, delay in steps, what the controller has seen).
+    `inputs` is empty, or the known input at its nodes (linear in between), and the ticks are these nodes.
+    Return a status, the number of events, and the step reached.
     """
     ahead, guard_count, springs, signs, scale = tables[0], tables[5], len(tables[7]), tables[10], tables[11]
     commands, events = outputs[2], outputs[3]
@@ -213,7 +221,7 @@ def run(
     z[:nx] = x
     path = np.zeros(((nx + LANES - 1) // LANES * LANES, CALM + 1))
     path[:nx, 0] = x
-    foreseen, held = np.zeros((LANES, CALM)), np.zeros(0 if known else CALM + 1)
+    foreseen, held = np.zeros((LANES, CALM)), np.zeros(CALM + 1)
     tick, acting, until_tick, until_acting = 0, -1, 0, delay
     row, until_row = keep(path, 0, 1, signs[m], scale, stride, 0, 0, outputs)
     while True:
@@ -226,7 +234,10 @@ def run(
         if k == steps:
             return DONE, count, k
         number = min(CALM, steps - k)
-        w = inputs[k:] if known else held
+        w = inputs[k:] if known and per_tick == 1 else held
+        if known and per_tick > 1:
+            # where springs are, each step is taken for itself
+            between(inputs, k, per_tick, held[: (1 if springs > 0 else number) + 1])
         if not known:
             number = min(number, until_tick, until_acting)
             z[nx], z[nx + 1] = held[0], 0.0

@@ -57,8 +57,7 @@ def integrate(
     step_s, stride, steps = step_s / refine, stride * refine, (len(inputs) - 1) * refine
     flow = Flow(system, step_s)
     if system.springs or (can_compile(system) if compiled is None else compiled):
-        w = _between(inputs, np.arange(steps + 1) / refine) if refine > 1 else inputs
-        return follow_input(flow, initial, w[:, 0], stride)
+        return follow_input(flow, initial, inputs[:, 0], stride, refine)
     states = np.empty((steps // stride + 1, initial.size))
     modes = np.empty((len(states), len(system.bodies)), dtype=np.int8)
     x = initial * flow.scale
@@ -67,7 +66,7 @@ def integrate(
     events: list[Event] = []
     k, block = 0, FIRST_BLOCK
     while k < steps:
-        w = _between(inputs, np.arange(k, k + min(block, steps - k) + 1) / refine)
+        w = between(inputs, k, min(k + block, steps), refine)
         k, x, mode, found = to_next_event(flow, k, x, mode, w, stride, states, modes)
         events += found
         block = FIRST_BLOCK if found else min(2 * block, LARGEST_BLOCK)
@@ -107,10 +106,11 @@ def to_next_event(
     return k + calm + 1, x, mode, found
 
 
-def _between(inputs: FloatArray, k: FloatArray) -> FloatArray:
-    """Return the piecewise linear inputs at the fractional steps k."""
-    i = np.minimum(k.astype(int), len(inputs) - 2)
-    values: FloatArray = inputs[i] + (k - i)[:, None] * (inputs[i + 1] - inputs[i])
+def between(inputs: FloatArray, start: int, stop: int, steps_a_node: int) -> FloatArray:
+    """Return the piecewise linear inputs, shape (nodes, m), at the steps from start to stop inclusive."""
+    place = np.arange(start, stop + 1) / steps_a_node
+    i = np.minimum(place.astype(int), len(inputs) - 2)
+    values: FloatArray = inputs[i] + (place - i)[:, None] * (inputs[i + 1] - inputs[i])
     return values
 
 

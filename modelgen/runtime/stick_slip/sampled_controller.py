@@ -13,14 +13,19 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.stick_slip.compiled_steps import Sampling
 from modelgen.runtime.stick_slip.event_kernel import command
-from modelgen.runtime.stick_slip.exact_steps import to_next_event
+from modelgen.runtime.stick_slip.exact_steps import LARGEST_BLOCK, between, to_next_event
 from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, Trajectory
 from modelgen.runtime.stick_slip.linear_mode import Mode
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a motion that grows without bound gets one clear error
 def follow_ticks(
-    flow: Flow, initial: FloatArray, sampling: Sampling, further: FloatArray, stride: int
+    flow: Flow,
+    initial: FloatArray,
+    sampling: Sampling,
+    further: FloatArray,
+    stride: int,
+    steps_a_node: int = 1,
 ) -> tuple[Trajectory, FloatArray]:
     """Return the motion under a sampled controller and further forces, and its commands at the ticks.
 
@@ -31,17 +36,18 @@ def follow_ticks(
     initial : ndarray, shape (states,)
         SI.
     sampling : Sampling
-    further : ndarray, shape (steps + 1, m)
-        Forces at every step of the flow.
+    further : ndarray, shape (nodes, m)
+        Forces at every `steps_a_node`-th step of the flow, linear in between.
     stride : int
         Keep every `stride`-th step.
+    steps_a_node : int
 
     Raises
     ------
     DataError
         When the motion grows without bound, or sticks and slips too often.
     """
-    x, steps, law = initial * flow.scale, len(further) - 1, sampling.law
+    x, steps, law = initial * flow.scale, (len(further) - 1) * steps_a_node, sampling.law
     # positions before the start, which the controller needs: at the constant initial speed
     seen = x[int(law[5])] - np.array([1.0, 2.0]) * law[7] * initial[int(law[6])]
     mode = flow.start(x, np.r_[0.0, further[0]])
@@ -57,12 +63,12 @@ def follow_ticks(
         if k == steps:
             break
         held = commands[late // sampling.per_tick] if late >= 0 else 0.0
-        w = np.column_stack((np.full(end - k + 1, held), further[k : end + 1]))
-        mode, released = _released(flow, mode, x, w[0], k)
+        mode, released = _released(flow, mode, x, np.r_[held, between(further, k, k, steps_a_node)[0]], k)
         events += released
-        place = k
-        while place < end:
-            place, x, mode, found = to_next_event(flow, place, x, mode, w[place - k :], stride, states, modes)
+        while k < end:
+            w = between(further, k, min(k + LARGEST_BLOCK, end), steps_a_node)
+            w = np.column_stack((np.full(len(w), held), w))
+            k, x, mode, found = to_next_event(flow, k, x, mode, w, stride, states, modes)
             events += found
     return Trajectory(states / flow.scale, modes, tuple(events)), commands
 

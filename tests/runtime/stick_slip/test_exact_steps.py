@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Callable
 from functools import partial
 from itertools import product
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj
 
 from modelgen.errors import DataError
+from modelgen.runtime.stick_slip.compiled_steps import follow_input, has_numba
+from modelgen.runtime.stick_slip.exact_steps import LARGEST_BLOCK
 from modelgen.runtime.stick_slip.exact_steps import integrate as integrate_by_any
-from modelgen.runtime.stick_slip.hybrid_system import Flow
+from modelgen.runtime.stick_slip.hybrid_system import Flow, refinement
 from modelgen.runtime.stick_slip.linear_mode import CoulombBody, CubicForce, FrictionSystem, Mode
 
 STEP = 1e-3
@@ -432,3 +437,57 @@ def test_a_spring_that_softens_until_it_gives_way_is_no_motion() -> None:
     system = chain((1.0, 1.0), (10.0,), cubic=(-100.0,))
     with pytest.raises(DataError, match="grows without bound"):
         integrate(system, np.array([0.5, -0.5, 0.0, 0.0]), np.zeros((2001, 1)), 1e-2)
+
+
+def peak_bytes(work: Callable[[], object]) -> int:
+    """Return how far the memory of NumPy and Python rises during a call."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def stiff_chain(damping: float) -> FrictionSystem:
+    return chain((1.0, 1.0), (50.0,), (damping,), ground=20.0, coulomb={0: (0.5, 0.3)})
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@given(damping=st.floats(1e4, 0.95e6))
+@settings(max_examples=8, deadline=None)
+def test_a_stiff_chain_takes_no_more_memory_for_more_steps(compiled: bool, damping: float) -> None:
+    if compiled and not has_numba():
+        compiled, damping = False, min(damping, 1e5)  # each step by the interpreter would take too long
+    system = stiff_chain(damping)
+    parts = refinement(system, STEP)
+    assert parts > 1
+
+    def work(steps: int) -> Callable[[], object]:
+        nodes = 1 + steps // parts
+        w = 4.0 * np.sin(np.linspace(0.0, 6.0, nodes))[:, None]
+        return lambda: integrate_by_any(system, np.zeros(4), w, STEP, nodes - 1, compiled=compiled)
+
+    work(parts)()  # loads what is loaded once
+    few, many = peak_bytes(work(6 * LARGEST_BLOCK)), peak_bytes(work(24 * LARGEST_BLOCK))
+    # the input alone, at every step, would take 8 bytes a step more
+    assert many < few + 8 * 18 * LARGEST_BLOCK // 2
+
+
+@given(damping=st.floats(1e3, 2e4), seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=10, deadline=None)
+def test_an_input_between_its_nodes_is_that_at_every_step_to_the_bit(damping: float, seed: int) -> None:
+    system = stiff_chain(damping)
+    parts = refinement(system, STEP)
+    w = np.random.default_rng(seed).normal(scale=4.0, size=(41, 1))
+    place = np.arange(40 * parts + 1) / parts
+    i = np.minimum(place.astype(int), 39)
+    every = w[i, 0] + (place - i) * (w[i + 1, 0] - w[i, 0])
+    flow = Flow(system, STEP / parts)
+    known, between = (
+        follow_input(flow, np.zeros(4), every, 7),
+        follow_input(flow, np.zeros(4), w[:, 0], 7, parts),
+    )
+    assert np.array_equal(known.states, between.states)
+    assert np.array_equal(known.modes, between.modes)
+    assert known.events == between.events
