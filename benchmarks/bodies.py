@@ -137,7 +137,8 @@ def compare(bodies: int, samples: int, runs: int) -> None:
     model, record = chain_model(bodies), made_record(bodies, samples)
     sides: dict[str, Callable[[], object]] = {"by hand": partial(by_hand, model, record)}
     for name, checks in (("all it does", True), ("no checks", False)):
-        sides[f"identify, {name}"] = partial(at_the_door, model, record, drift_check=checks)
+        options = modelgen.CheckOptions(drift_check=checks)
+        sides[f"identify, {name}"] = partial(at_the_door, model, record, checks=options)
     medians, busy = compared(sides, runs), compared(sides, runs, processor_seconds)
     errors = largest_error(by_hand(model, record)), largest_error(at_the_door(model, record).params)
     print(f"{bodies} bodies: largest error {errors[0]:.2g} % by hand, {errors[1]:.2g} % by identify")

@@ -41,7 +41,7 @@ from modelgen.runtime.rows import record_rows
 
 CHANNELS = ("q_m", "q_c", "Gamma_m")
 PIECE = 1_000_000
-SETTINGS = {"cutoff_hz": 400.0, "filter_order": 4, "decimation": FACTOR}
+SETTINGS = {"filters": modelgen.Filters(cutoff_hz=400.0, filter_order=4, decimation=FACTOR)}
 # Samples of the record with which a process begins.
 SHORT = 20_000
 
