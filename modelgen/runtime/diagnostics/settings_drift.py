@@ -37,7 +37,8 @@ def cutoff_drift(
     fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Fit]
 ) -> FloatArray:
     """Return the mean square of X's drift with the cut-off, shape (c, c); parameters as `other_cutoffs`."""
-    return _mean_square(fit, [other for _, other in other_cutoffs(choice, lowest_fs, again)])
+    others = other_cutoffs(choice, lowest_fs, lambda setting: _found(again(setting)))
+    return _mean_square(fit, [other for _, other in others])
 
 
 def other_cutoffs(
@@ -74,7 +75,8 @@ def direction_drift(
     fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Fit]
 ) -> FloatArray:
     """Return the square of X's drift with the cut-off of directions, shape (c, c); parameters as above."""
-    return _mean_square(fit, [other for _, other in other_direction(choice, lowest_fs, again)])
+    others = other_direction(choice, lowest_fs, lambda setting: _found(again(setting)))
+    return _mean_square(fit, [other for _, other in others])
 
 
 def other_direction(
@@ -96,13 +98,18 @@ def load_row_drift(fit: Fit, observation: Observation) -> FloatArray:
     if all(block.has_force for block in fit.blocks):
         return _mean_square(fit, ())
     return _mean_square(
-        fit, [fit_matched(observation, factor * LOAD_ROW_SHARE) for factor in LOAD_ROW_FACTORS]
+        fit, [_found(fit_matched(observation, factor * LOAD_ROW_SHARE)) for factor in LOAD_ROW_FACTORS]
     )
 
 
-def _mean_square(fit: Fit, others: Sequence[Fit]) -> FloatArray:
-    """Return the mean outer product of the differences of X; fits to other columns do not count."""
-    moves = [other.solution.x - fit.solution.x for other in others if other.columns == fit.columns]
+def _found(fit: Fit) -> tuple[tuple[str, ...], FloatArray]:
+    """Return columns and solution, shape (c,), of a fit, whose rows need not stay in memory."""
+    return fit.columns, fit.solution.x
+
+
+def _mean_square(fit: Fit, others: Sequence[tuple[tuple[str, ...], FloatArray]]) -> FloatArray:
+    """Return the mean outer product of the differences of X; solutions in other columns do not count."""
+    moves = [x - fit.solution.x for columns, x in others if columns == fit.columns]
     total = np.zeros((len(fit.columns), len(fit.columns)))
     for move in moves:
         total += np.outer(move, move) / len(moves)

@@ -25,7 +25,7 @@ LARGEST_CORRELATION = 0.97
 # came out at 0.94 to 1.12 of the exact ones with twice that bandwidth, at 0.97 to 1.07 with three times it.
 WIDER = 3.0
 # Numbers of an influence that are held at a time.
-PART = 1 << 20
+PART = 1 << 18
 
 
 def printed_covariance(fit: Fit, residual_dof: str = "r-c") -> tuple[float, FloatArray]:

@@ -8,7 +8,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.numerics.qr_update import compiled_take_in
 
 # Numbers that are worked on at a time.
-TALL = 1 << 20
+TALL = 1 << 18
 
 # Rows to one factorisation: with eight columns they stay in the innermost cache.
 ROWS_AT_A_TIME = 1024

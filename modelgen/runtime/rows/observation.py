@@ -103,7 +103,9 @@ class RowBlock:
     def chosen(self, columns: Sequence[int]) -> RowBlock:
         """Return the block with these of all columns only, in their order."""
         if self.touched is None:
-            return replace(self, W=self.W[:, columns])
+            # all of them in their order need no copy
+            whole = list(columns) == list(range(self.W.shape[1]))
+            return self if whole else replace(self, W=self.W[:, columns])
         place = {int(column): index for index, column in enumerate(self.touched)}
         kept = [index for index, column in enumerate(columns) if column in place]
         W = self.W[:, [place[columns[index]] for index in kept]]
@@ -221,7 +223,10 @@ class _Kept:
 
     def __init__(self, rows: RecordRows) -> None:
         self.rows, self.count = rows, len(rows.grid)
-        self.lines = [np.empty((len(terms.columns) + 1, self.count)) for terms in rows.terms]
+        columns = len(rows.plan.model.base_parameters)
+        self.wide = columns >= WIDE
+        sizes = [len(terms.columns) if self.wide else columns for terms in rows.terms]
+        self.lines = [np.zeros((size + 1, self.count)) for size in sizes]
         self.masked = np.zeros((len(rows.masks), self.count), dtype=bool)
         self.force_power: dict[int, float] = {}
 
@@ -229,7 +234,8 @@ class _Kept:
         """Fill in the samples of a chunk; return the power of its forces. Chunks may come from threads."""
         signals, part = chunk.signals(), slice(chunk.index, chunk.index + chunk.count)
         for terms, lines in zip(self.rows.terms, self.lines, strict=True):
-            terms.fill(lines[:, part], signals)
+            places = range(len(terms.columns)) if self.wide else terms.columns
+            terms.fill([*(lines[place, part] for place in places), lines[-1, part]], signals)
             signals.forget(terms.row)
         for mask, masked in zip(self.rows.masks, self.masked, strict=True):
             masked[part] = mask.of(chunk, self.rows.survey.thresholds)
@@ -255,20 +261,20 @@ def _blocks(rows: RecordRows, index: int) -> Iterator[RowBlock]:
     """Yield the blocks of one record, the `index`-th."""
     kept = _Kept(rows)
     kept.all()
-    columns = rows.plan.model.base_parameters
+    every = np.arange(kept.count)
     for terms, info in zip(rows.terms, rows.plan.model.rows, strict=True):
         place = kept.place(terms.row)
         lines = kept.lines[terms.row] if place is None else kept.lines[terms.row][:, place]
-        kept.lines[terms.row] = lines[:0]  # one row at a time stands in memory twice
+        kept.lines[terms.row] = lines[:0].copy()  # one row at a time stands in memory twice
         force_scale = float(np.sqrt(kept.force_power.get(info.differentiated, 0.0) / kept.count)) / info.lever
         n = lines.shape[1]
-        block = RowBlock(
+        yield RowBlock(
             record=index,
             row=terms.row,
             record_name=rows.source.name,
             row_name=info.name,
             unit=info.unit,
-            place=np.arange(kept.count) if place is None else place,
+            place=every if place is None else place,
             grid=kept.count,
             Y=lines[-1],
             W=lines[:-1].T,
@@ -277,6 +283,5 @@ def _blocks(rows: RecordRows, index: int) -> Iterator[RowBlock]:
             force_scale=force_scale,
             differentiated=info.differentiated,
             start=rows.grid[0],
-            touched=np.array(terms.columns, dtype=np.int64),
+            touched=np.array(terms.columns, dtype=np.int64) if kept.wide else None,
         )
-        yield block if len(columns) >= WIDE else block.dense(len(columns))

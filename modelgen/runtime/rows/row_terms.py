@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +19,8 @@ class RowTerms:
     columns: tuple[int, ...]
     entries: tuple[Terms, ...]
 
-    def fill(self, lines: FloatArray, signals: Mapping[str, FloatArray]) -> None:
-        """Fill in the columns touched, and y, one a line of the array, shape (columns + 1, n)."""
+    def fill(self, lines: FloatArray | Sequence[FloatArray], signals: Mapping[str, FloatArray]) -> None:
+        """Fill in the columns touched, and y, one a line, shape (n,) each."""
         for line, terms in zip(lines, self.entries, strict=True):
             _sum_into(line, terms, signals)
 
