@@ -29,8 +29,8 @@ for channel, samples in record.signals.items():
     np.save(paths[channel], samples)
 
 # %% [markdown]
-# Channels go where a record goes: filters are chosen, intervals and checks are made as always. What is in memory
-# are the rows at the samples kept.
+# Channels go where a record goes: filters are chosen, intervals and checks are made as always. What is in
+# memory are the rows at the samples kept.
 
 # %%
 source = open_npy(paths, fs=record.fs, name="long")
@@ -51,5 +51,5 @@ assert read.params == whole.params
 assert read.bse == whole.bse
 
 # %% [markdown]
-# `modelgen fleet` does the same for each of many machines, on the workers of a dask cluster, and tests whether
-# the machines differ.
+# `modelgen fleet` does the same for each of many machines, on the workers of a dask cluster, and tests
+# whether the machines differ.
