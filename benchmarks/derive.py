@@ -78,7 +78,9 @@ def main() -> None:
     """Print the table."""
     raw = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
-    parser.add_argument("--largest", type=int, default=10_000, help="bodies of the longest chain, at least 300")
+    parser.add_argument(
+        "--largest", type=int, default=10_000, help="bodies of the longest chain, at least 300"
+    )
     largest = parser.parse_args().largest
 
     spec = chain(100)
