@@ -196,7 +196,7 @@ def main() -> None:
     parser.add_argument("--bodies", type=int, nargs="+", default=[10, 20, 40, 100])
     parser.add_argument("--by-hand", type=int, nargs="*", default=[10, 20], help="bodies of chains compared")
     parser.add_argument("--runs", type=int, default=3)
-    parser.add_argument("--profile", action="store_true", help="list what grows from the last but two")
+    parser.add_argument("--profile", action="store_true", help="list what grows; three lengths or more")
     options = parser.parse_args()
     for bodies in options.by_hand:
         compare(bodies, options.samples, options.runs)
