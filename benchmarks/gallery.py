@@ -1,6 +1,6 @@
 """The pictures of the gallery, drawn anew into docs/; needs chromium and matplotlib.
 
-    python -P benchmarks/gallery.py
+    python benchmarks/gallery.py
 
 The paper's bench, lightly damped, with encoder and accelerometer: identified from a chirp and a trapezoid,
 simulated in closed loop beside them.

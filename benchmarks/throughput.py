@@ -26,7 +26,7 @@ import sys
 import time
 from collections.abc import Callable
 from functools import cache, partial
-from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -42,21 +42,7 @@ from modelgen.runtime.rows import record_rows
 
 FloatArray = npt.NDArray[np.float64]
 
-
-def _has_numba() -> bool:
-    """Import numba while this folder is not looked at: its coverage.py is not the package numba asks for."""
-    places = list(sys.path)
-    sys.path[:] = [place for place in places if Path(place).resolve() != Path(__file__).resolve().parent]
-    try:
-        import_module("numba")
-    except ImportError:
-        return False
-    finally:
-        sys.path[:] = places
-    return True
-
-
-HAS_NUMBA = _has_numba()
+HAS_NUMBA = find_spec("numba") is not None
 
 FS, CUTOFF_HZ, ORDER, FACTOR = 5000.0, 400.0, 4, 10
 # samples at both ends that neither side uses: the reach of both filters to 1e-12

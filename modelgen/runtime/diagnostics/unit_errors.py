@@ -9,9 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
-from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
@@ -85,12 +83,14 @@ def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | N
     None where too few bands are coherent, or where the ratio changes with the frequency.
     """
     # of a long record, the stretch that moves most
-    parts = zip(*(record.facts.stretches(sensor.key) for sensor in (one, other)), strict=True)
-    samples = max(parts, key=lambda pair: float(np.ptp(pair[0])))
-    first, second = map(_spectrum, samples)
+    parts = record.facts.stretches(one.key)
+    moves = [float(np.ptp(part)) for part in parts]
+    most = moves.index(max(moves))
+    first, second = (record.facts.lines(sensor.key)[most] for sensor in (one, other))
     derivatives = ORDERS[other.measures] - ORDERS[one.measures]
-    omega = 2.0 * np.pi * record.fs / len(samples[0]) * np.maximum(np.arange(len(first)), 1)
-    first *= omega**derivatives
+    if derivatives:
+        omega = 2.0 * np.pi * record.fs / len(parts[most]) * np.maximum(np.arange(len(first)), 1)
+        first = first * omega**derivatives
     ratios: list[float] = []
     low = FIRST_BIN
     while low < len(first) and len(ratios) < BANDS:
@@ -104,9 +104,3 @@ def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | N
     if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios):
         return None
     return float(np.median(ratios))
-
-
-def _spectrum(samples: FloatArray) -> npt.NDArray[np.complex128]:
-    """Return the spectrum under a Hann window of what is left of the line from first to last sample."""
-    line = np.linspace(samples[0], samples[-1], len(samples))
-    return np.asarray(np.fft.rfft((samples - line) * np.hanning(len(samples))))

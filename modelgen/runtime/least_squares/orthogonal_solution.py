@@ -55,7 +55,8 @@ def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
 def polished(triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]]) -> LeastSquares:
     """Return the solution of R = `triangle` of [W Y], freed of what rounding has moved.
 
-    `parts` are W and Y themselves, cut into pieces of shape (n, c) and (n,).
+    `parts` are W and Y themselves, cut into pieces of shape (n, c) and (n,); none where rounding is no
+    matter.
     """
     c = triangle.shape[1] - 1
     scale = np.linalg.norm(triangle[:, :c], axis=0)
@@ -67,7 +68,7 @@ def polished(triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]
     inverse = (V / s[kept] ** 2) @ V.T / np.outer(scale, scale)
     undetermined = np.any(np.abs(Vt[~kept]) > NULL_SHARE, axis=0)
     raw = float(np.linalg.cond(triangle[:c, :c]))
-    if s[-1] * REFINABLE > s[0]:
+    if parts and s[-1] * REFINABLE > s[0]:
         # corrected seminormal equations (Björck, Linear Algebra Appl. 88, 1987, 31-48): undoes what rounding
         # in QR, and with it the order of the rows, has moved
         gradient = np.zeros(c)

@@ -254,9 +254,9 @@ class _Weighted(Sequence[tuple[FloatArray, FloatArray]]):
 
 
 def _weighted(blocks: Sequence[RowBlock], weights: Sequence[float], columns: int) -> FloatArray:
-    """Return the solution of the weighted rows, from the triangles of the blocks."""
-    stacked = triangle_rows(blocks, weights, columns)
-    return least_squares(stacked[:, :-1], stacked[:, -1]).x
+    """Return the solution of the weighted rows, from the triangles of the blocks; good enough for weights."""
+    triangle = np.asarray(np.linalg.qr(triangle_rows(blocks, weights, columns), mode="r"))
+    return polished(triangle, ()).x
 
 
 def _rms(blocks: Sequence[RowBlock], x: FloatArray) -> list[float]:
@@ -277,6 +277,8 @@ def _force_scales(blocks: tuple[RowBlock, ...]) -> list[float]:
 
 def _runaway_notes(fit: Fit, scales: list[float]) -> tuple[str, ...]:
     """Return one note per load row whose terms would shrink if its weight were not bounded."""
+    if all(block.has_force for block in fit.blocks):
+        return ()
     freely = tuple(
         1.0 / max(rms, SMALLEST_RESIDUAL * scale)
         for rms, scale in zip(_rms(fit.blocks, fit.solution.x), scales, strict=True)

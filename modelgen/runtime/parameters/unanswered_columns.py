@@ -80,7 +80,8 @@ def offsets_of_encoder_zeros(model: Model, records: Sequence[Record], fit: Fit) 
         largest = max((record.facts.extent(key).peak for key in forces), default=0.0)
         for index, name in enumerate(fit.columns):
             role = model.roles.get(name)
-            if role is None or role.role != "stiffness":
+            untouched = block.touched is not None and index not in block.touched
+            if role is None or role.role != "stiffness" or untouched:
                 continue
             mean = abs(float(fit.solution.x[index] * np.mean(block.column(index))))
             if mean <= largest:

@@ -9,11 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, mean_spectrum, reading_spectrum
 from modelgen.runtime.filters.power_spectrum import power_spectrum
 from modelgen.runtime.records.channels import Channels, in_stretches
+
+ComplexArray = npt.NDArray[np.complex128]
 
 # A record of so many samples is looked at as a whole; of a longer one, so many stretches.
 WHOLE = 1 << 18
@@ -47,6 +50,7 @@ class RecordFacts:
         self._spectra: dict[str, ReadingSpectrum] = {}
         self._powers: dict[tuple[str, int, bool], tuple[FloatArray, FloatArray]] = {}
         self._extents: dict[str, Extent] = {}
+        self._lines: dict[str, tuple[ComplexArray, ...]] = {}
         self._stretches: dict[str, tuple[FloatArray, ...]] = {}
 
     def stretches(self, channel: str) -> tuple[FloatArray, ...]:
@@ -58,6 +62,20 @@ class RecordFacts:
                 for part in stretches_of(source.n)
             )
         return self._stretches[channel]
+
+    def lines(self, channel: str) -> tuple[ComplexArray, ...]:
+        """Return the Fourier transform of each stretch, less the line from its first to its last sample.
+
+        Under a Hann window, shape (m // 2 + 1,) each.
+        """
+        if channel not in self._lines:
+            self._lines[channel] = tuple(
+                np.asarray(
+                    np.fft.rfft((part - np.linspace(part[0], part[-1], len(part))) * np.hanning(len(part)))
+                )
+                for part in self.stretches(channel)
+            )
+        return self._lines[channel]
 
     def extent(self, channel: str) -> Extent:
         """Return the extent of a channel.

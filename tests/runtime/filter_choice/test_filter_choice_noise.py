@@ -182,7 +182,7 @@ def test_a_long_record_gets_its_filter_from_stretches(monkeypatch: pytest.Monkey
 
 @lru_cache
 def loud_records() -> tuple[Record, ...]:
-    """The lightly damped axis, with fifty times the noise of the encoders in benchmarks/coverage.py."""
+    """The lightly damped axis, with fifty times the encoder noise of benchmarks/interval_coverage.py."""
     return tuple(
         simulate(
             CHAIN,

@@ -58,7 +58,7 @@ def test_without_noise_the_truth_comes_out(sensors: str, model: Model) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("sensors", "model", "parameters"), [("qc", QC, "table_1"), ("ac", AC, "light")])
 def test_bias_and_coverage(sensors: str, model: Model, parameters: str) -> None:
-    """The short version of benchmarks/coverage.py."""
+    """The short version of benchmarks/interval_coverage.py."""
     truth = np.array(list(model.parameter_sets[parameters].values()))
     values, spreads = [], []
     for seed in range(RECORDS):

@@ -1,6 +1,6 @@
 """Bias and coverage of the estimates over many simulated records whose truth is known.
 
-    python benchmarks/coverage.py [--records 400] [--methods wls iv] [--case plain half_sample encoder]
+    python benchmarks/interval_coverage.py [--records 400] [--methods wls iv] [--case plain encoder]
 
 The emps300 axis in closed loop, 5 kHz, a chirp and a trapezoid of 2 s each, with true stick and slip; white
 noise of 2e-5 rad, 2 rad/s^2 and 1e-4 N m rms. Cases: "plain" as that; "half_sample" with a force record that
