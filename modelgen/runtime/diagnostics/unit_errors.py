@@ -6,7 +6,7 @@ Only a wrong unit explains them.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -23,6 +23,8 @@ THIRD_OCTAVE, SMALLEST_BAND, FIRST_BIN = 1.26, 8, 4
 COHERENCE, BANDS = 0.9, 3
 # The ratio may change so much from band to band; far above a resonance it falls with the frequency.
 FLAT = 3.0
+# Every two of so many sensors are compared.
+FEW = 10
 ORDERS = {"position": 0, "velocity": 1, "acceleration": 2}
 
 
@@ -31,7 +33,9 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
     levers = {row.bodies[0]: row.lever for row in model.rows}
     levers |= {actuator.body: actuator.lever for actuator in model.actuators}
     sensors = [sensor for sensor in model.sensors if sensor.body in levers and sensor.key in keys]
-    for one, other in combinations(sensors, 2):
+    # along a long chain a wrong unit shows between neighbours
+    pairs = combinations(sensors, 2) if len(sensors) <= FEW else pairwise(sensors)
+    for one, other in pairs:
         ratio = low_frequency_ratio(record, one, other)
         if ratio is None:
             continue

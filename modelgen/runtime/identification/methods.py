@@ -67,7 +67,7 @@ def run_wls(job: Job) -> tuple[Observation, Fit]:
     """Weighted least squares on matched-filtered rows."""
 
     def run(records: tuple[Record, ...], _: Fit | None) -> tuple[Observation, Fit]:
-        observation = job.observed(records, turns=False)
+        observation = job.observed(records)
         return observation, fit_matched(observation)
 
     return fit_with_delays(job.records, job.late, run, job.rates) if job.late else run(job.records, None)

@@ -26,6 +26,8 @@ LARGEST_CORRELATION = 0.97
 WIDER = 3.0
 # Numbers of an influence that are held at a time.
 PART = 1 << 18
+# Up to so many numbers are kept between passes, else computed again.
+KEPT = 1 << 20
 
 
 def printed_covariance(fit: Fit, residual_dof: str = "r-c") -> tuple[float, FloatArray]:
@@ -81,9 +83,13 @@ def _kept(series: Series | FloatArray) -> Series | FloatArray:
     """Return a short series as an array, so that it is computed once."""
     if not callable(series):
         return series
-    parts = series()
-    first = next(parts)
-    return series if next(parts, None) is not None else first
+    found, held = [], 0
+    for psi in series():
+        found.append(psi)
+        held += psi.size
+        if held > KEPT:
+            return series
+    return np.concatenate(found)
 
 
 def _in_parts(series: Series | FloatArray) -> Iterator[FloatArray]:

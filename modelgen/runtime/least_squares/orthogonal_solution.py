@@ -67,8 +67,10 @@ def polished(triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]
     x = V @ (U[:, kept].T @ triangle[:c, c] / s[kept]) / scale
     inverse = (V / s[kept] ** 2) @ V.T / np.outer(scale, scale)
     undetermined = np.any(np.abs(Vt[~kept]) > NULL_SHARE, axis=0)
-    raw = float(np.linalg.cond(triangle[:c, :c]))
-    if parts and s[-1] * REFINABLE > s[0]:
+    condition = float(s[0] / s[-1]) if s[-1] > 0.0 else np.inf
+    if not parts:
+        return LeastSquares(x, inverse, undetermined, condition, np.nan)
+    if s[-1] * REFINABLE > s[0]:
         # corrected seminormal equations (Björck, Linear Algebra Appl. 88, 1987, 31-48): undoes what rounding
         # in QR, and with it the order of the rows, has moved
         gradient = np.zeros(c)
@@ -78,7 +80,8 @@ def polished(triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]
         rounding = _rounding(s, float(np.linalg.norm(x * scale)), float(np.abs(triangle[c:, c]).sum()))
         if sum(len(Y) for _, Y in parts) <= FEW_ROWS or rounding > ROUNDING:
             x = refined(parts, x, inverse)
-    return LeastSquares(x, inverse, undetermined, float(s[0] / s[-1]) if s[-1] > 0.0 else np.inf, raw)
+    raw = float(np.linalg.cond(triangle[:c, :c]))
+    return LeastSquares(x, inverse, undetermined, condition, raw)
 
 
 def _rounding(s: FloatArray, size: float, residual: float) -> float:

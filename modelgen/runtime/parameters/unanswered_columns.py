@@ -78,10 +78,10 @@ def offsets_of_encoder_zeros(model: Model, records: Sequence[Record], fit: Fit) 
         record = records[block.record]
         forces = [actuator.key for actuator in model.actuators if actuator.key in record.signals]
         largest = max((record.facts.extent(key).peak for key in forces), default=0.0)
-        for index, name in enumerate(fit.columns):
-            role = model.roles.get(name)
-            untouched = block.touched is not None and index not in block.touched
-            if role is None or role.role != "stiffness" or untouched:
+        touched = range(len(fit.columns)) if block.touched is None else block.touched.tolist()
+        for index in touched:
+            role = model.roles.get(fit.columns[index])
+            if role is None or role.role != "stiffness":
                 continue
             mean = abs(float(fit.solution.x[index] * np.mean(block.column(index))))
             if mean <= largest:
