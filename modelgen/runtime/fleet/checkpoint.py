@@ -42,6 +42,8 @@ class Checkpoint:
             if saved["format"] != FORMAT or saved["machine"] != machine:
                 return None
             looks = {name: np.array(samples, dtype=float) for name, samples in saved["looks"].items()}
+            if not all(one.ndim == 1 and one.size and np.isfinite(one).all() for one in looks.values()):
+                return None
             estimate = saved["estimate"]
             document = None if estimate is None else checked_estimate(estimate, str(path))
             failed = {str(name): str(reason) for name, reason in saved["failed"].items()}

@@ -54,7 +54,7 @@ class Covariances:
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class PhysicalSolution:
     """Values of physical parameters, their gradients by the identified base ones, and which are determined.
 
     `misfit` is the weighted sum of squares that the composites leave, zero where they only just suffice.
@@ -161,7 +161,7 @@ def all_from_composites(model: Model) -> bool:
     return bool(model.composites) and len(model.identifiable) == len(model.parameters)
 
 
-def _direct(model: Model, base: FloatArray) -> Solved:
+def _direct(model: Model, base: FloatArray) -> PhysicalSolution:
     """Take the model's own formula; what it makes of a base parameter not identified does not count."""
     identified = np.flatnonzero(np.isfinite(base))
     names = [model.base_parameters[index] for index in identified]
@@ -170,7 +170,9 @@ def _direct(model: Model, base: FloatArray) -> Solved:
     filled = np.where(np.isfinite(base), base, 0.0) if model.composites else base
     values = model.physical_from_base(filled)
     determined = [name for name in model.identifiable if name in safe and np.isfinite(values[name])]
-    return Solved(values, _differences(model, filled, identified, determined), frozenset(determined), 0.0)
+    return PhysicalSolution(
+        values, _differences(model, filled, identified, determined), frozenset(determined), 0.0
+    )
 
 
 def _differences(
@@ -200,7 +202,7 @@ def _filled(model: Model, base: FloatArray, nuisance: Mapping[str, float]) -> Fl
 
 def fit_composites(
     model: Model, base: FloatArray, covariance: FloatArray, start: Mapping[str, float]
-) -> Solved:
+) -> PhysicalSolution:
     """Fit all physical parameters to the identified base ones, weighted by their covariance, from a start."""
     identified = np.flatnonzero(np.isfinite(base))
     p = np.array([start[name] for name in model.parameters])
@@ -228,7 +230,7 @@ def fit_composites(
     weighted = slope(p)
     gradients = size[:, None] * (np.linalg.pinv(weighted, rcond=RANK_TOLERANCE) @ whiten)
     determined = [name for name, known in zip(model.parameters, _known(weighted), strict=True) if known]
-    return Solved(
+    return PhysicalSolution(
         dict(zip(model.parameters, p.tolist(), strict=True)),
         dict(zip(model.parameters, gradients, strict=True)),
         frozenset(determined),

@@ -290,8 +290,5 @@ def split(record: Record, share: float) -> tuple[Record, Record]:
     if not 0.0 < share < 1.0:
         raise DataError.at("split", f"is {share:g}", "give a share between 0 and 1")
     cut = round(share * record.n)
-    parts = [
-        {key: array[part] for key, array in record.signals.items()} for part in (slice(cut), slice(cut, None))
-    ]
-    first, rest = (replace(record, signals=signals) for signals in parts)
+    first, rest = (record.part(*ends, record.name) for ends in ((0, cut), (cut, record.n)))
     return replace(first, name=f"{record.name}_first"), replace(rest, name=f"{record.name}_rest")

@@ -171,9 +171,18 @@ def test_a_run_that_was_stopped_goes_on(client: Any, sources: list[NpyChannels],
     identify_fleet(client, TEXT, changed, SETTINGS, kept)
     assert [len(list(folder.iterdir())) for folder in folders] == [before[0] + 1, before[1], before[2] + 1]
     # a damaged file is no reason to stop
-    for file in kept.iterdir():
-        file.write_text('{"format": "modelgen fleet machine", "machine": "a", "estimate": {"params": 3}}')
-    assert identify_fleet(client, TEXT, fleet, SETTINGS, kept) == found
+    whole = {file: file.read_text() for file in kept.iterdir()}
+    for damage in (
+        lambda text: text[: len(text) // 2],
+        lambda text: text.replace('"params"', '"param"'),
+        lambda text: json.dumps({**json.loads(text), "looks": {"run 0": [[1.0]], "run 1": []}}),
+        lambda text: json.dumps({**json.loads(text), "looks": [1], "failed": 3}),
+        lambda text: json.dumps({**json.loads(text), "machine": "c"}),
+        lambda _: "[" * 50_000,
+    ):
+        for file, text in whole.items():
+            file.write_text(damage(text))
+        assert identify_fleet(client, TEXT, fleet, SETTINGS, kept) == found
 
 
 def test_a_copy_of_a_record_is_refused_with_both_names(
