@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
+from typing import Any
 
 from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import REMEDY, SMALLEST
@@ -115,15 +116,21 @@ def as_records(records: Record | Channels | Sequence[Record | Channels]) -> tupl
     DataError
         When there is none, or something is neither.
     """
-    several = tuple(records) if isinstance(records, Sequence) else (records,)
+    given: Any = records
+    single = isinstance(given, Record) or _is_channels(given) or not isinstance(given, Iterable)
+    several = (given,) if single else tuple(given)
     if not several:
         raise DataError.at("records", "there are none", "give at least one Record")
-    # a mapping of signals, say, has no read()
-    strange = [one for one in several if not isinstance(one, Record) and not hasattr(one, "read")]
+    strange = [one for one in several if not isinstance(one, Record) and not _is_channels(one)]
     if strange:
         problems = [Problem("records", f"hold a {type(one).__name__}", "give Records") for one in strange]
         raise DataError(*problems)
     return tuple(one if isinstance(one, Record) else Record.over(one) for one in several)
+
+
+def _is_channels(one: object) -> bool:
+    """Tell whether something can be read as `Channels` can; a mapping of signals, say, cannot."""
+    return all(hasattr(one, name) for name in ("keys", "name", "fs", "n", "read"))
 
 
 def _check(

@@ -1,12 +1,14 @@
 """RecordFacts: what many ask of one record, computed once and then kept with it.
 
-A long record is looked at in stretches that are spread evenly over it: its spectra are their means. What a
-single sample can decide (extremes, the mean) is asked of all of them.
+Spectra of a long record are the means of those of some stretches, spread evenly over where the record is
+active: an experiment may take a minute of a log of an hour. What a single sample can decide (extremes, the
+mean) is asked of all of them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +23,8 @@ ComplexArray = npt.NDArray[np.complex128]
 # A record of so many samples is looked at as a whole; of a longer one, so many stretches.
 WHOLE = 1 << 18
 PIECES = 4
+# The record is active where its channels change by this share of what they do where they change most.
+ACTIVE = 0.36
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ class RecordFacts:
         self._source = source
         self._spectra: dict[str, ReadingSpectrum] = {}
         self._powers: dict[tuple[str, int, bool], tuple[FloatArray, FloatArray]] = {}
-        self._extents: dict[str, Extent] = {}
+        self._extents: dict[str, tuple[Extent, FloatArray]] = {}
         self._lines: dict[str, tuple[ComplexArray, ...]] = {}
         self._stretches: dict[str, tuple[FloatArray, ...]] = {}
 
@@ -58,10 +62,27 @@ class RecordFacts:
         if channel not in self._stretches:
             source = self._source
             self._stretches[channel] = tuple(
-                np.asarray(source.read(channel, part.start, part.stop), dtype=float)
-                for part in stretches_of(source.n)
+                np.asarray(source.read(channel, part.start, part.stop), dtype=float) for part in self.parts
             )
         return self._stretches[channel]
+
+    @cached_property
+    def parts(self) -> tuple[slice, ...]:
+        """What is looked at for spectra: all of the record, or stretches of equal length where it is active.
+
+        A stretch counts by the steps from sample to sample (rms), each channel relative to where they are
+        largest.
+        """
+        n = self._source.n
+        if n <= WHOLE:
+            return (slice(0, n),)
+        steps = [self._walked(channel)[1] for channel in self._source.keys]
+        activity = np.sum([one / one.max() for one in steps if one.max() > 0.0], axis=0)
+        active = np.flatnonzero(activity >= ACTIVE * np.max(activity)) if np.ndim(activity) else [0]
+        places = np.linspace(0, len(active) - 1, PIECES).round().astype(int)
+        length = WHOLE // PIECES
+        starts = [min(int(active[place]) * length, n - length) for place in dict.fromkeys(places.tolist())]
+        return tuple(slice(start, start + length) for start in starts)
 
     def lines(self, channel: str) -> tuple[ComplexArray, ...]:
         """Return the Fourier transform of each stretch, less the line from its first to its last sample.
@@ -85,13 +106,18 @@ class RecordFacts:
         DataError
             When a sample is not finite.
         """
+        return self._walked(channel)[0]
+
+    def _walked(self, channel: str) -> tuple[Extent, FloatArray]:
+        """Return the extent of a channel, and the rms of its steps in every stretch, shape (stretches,)."""
         if channel not in self._extents:
-            parts = [
-                (float(part.min()), float(part.max()), float(part.sum()))
-                for part in in_stretches(self._source, channel)
+            found = [
+                (float(part.min()), float(part.max()), float(part.sum()), _rms_step(part))
+                for part in in_stretches(self._source, channel, WHOLE // PIECES)
             ]
-            least, greatest, sums = zip(*parts, strict=True)
-            self._extents[channel] = Extent(min(least), max(greatest), sum(sums) / self._source.n)
+            least, greatest, sums, steps = zip(*found, strict=True)
+            extent = Extent(min(least), max(greatest), sum(sums) / self._source.n)
+            self._extents[channel] = extent, np.array(steps)
         return self._extents[channel]
 
     def spectrum(self, channel: str) -> ReadingSpectrum:
@@ -117,10 +143,6 @@ class RecordFacts:
         return self._powers[asked]
 
 
-def stretches_of(n: int) -> tuple[slice, ...]:
-    """Return the stretches of a record of n samples that are looked at: all of it, or pieces."""
-    if n <= WHOLE:
-        return (slice(0, n),)
-    length = WHOLE // PIECES
-    starts = [round(k * (n - length) / (PIECES - 1)) for k in range(PIECES)]
-    return tuple(slice(start, start + length) for start in starts)
+def _rms_step(samples: FloatArray) -> float:
+    """Return the rms of the steps from sample to sample."""
+    return float(np.sqrt(np.mean(np.diff(samples) ** 2))) if len(samples) > 1 else 0.0

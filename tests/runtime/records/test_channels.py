@@ -60,6 +60,29 @@ def test_facts_of_a_record_do_not_depend_on_where_it_is() -> None:
     assert extent.mean == pytest.approx(samples.mean())
 
 
+def test_a_long_record_is_looked_at_where_it_is_active(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An experiment of one minute in a log of an hour, behind noise of the sensors all the time."""
+    monkeypatch.setattr("modelgen.runtime.records.record_facts.WHOLE", 4096)
+    n, first, last = 60_000, 30_700, 34_000
+    t = np.arange(n) / 100.0
+    moves = (t >= first / 100.0) & (t < last / 100.0)
+    rng = np.random.default_rng(0)
+    signals = {
+        "q": np.sin(2.0 * np.pi * 3.0 * t) * moves + 1e-4 * rng.normal(size=n),
+        "F": np.cos(2.0 * np.pi * 3.0 * t) * moves,
+        "temperature": rng.normal(size=n),
+    }
+    facts = Record(signals, 100.0).facts
+    assert all(first - 1024 < part.start and part.stop < last + 1024 for part in facts.parts)
+    assert facts.spectrum("q").moves
+    # where it is active throughout, stretches are spread evenly
+    even = Record({"q": np.sin(t), "F": np.cos(t)}, 100.0).facts
+    assert [part.start // 10_000 for part in even.parts] == [0, 1, 3, 5]
+    assert {part.stop - part.start for part in even.parts} == {1024}
+    still = Record({"q": np.zeros(n), "F": np.ones(n)}, 100.0).facts
+    assert len(still.parts) == 1
+
+
 class Named:
     """A source with one label or number that cannot be used."""
 
