@@ -99,6 +99,14 @@ def test_units_of_files_are_those_of_identify(tmp_path: Path) -> None:
     assert found["params"]["K"] == pytest.approx(MODEL.parameter_sets["table_2"]["K"], rel=1e-2)
 
 
+def test_files_that_are_not_there_are_said_before_workers_start(tmp_path: Path) -> None:
+    absent = [str(tmp_path / f"{k}.csv") for k in range(5)]
+    result = CliRunner().invoke(app, ["fleet", *absent, "--model", str(MODULE)])
+    assert result.exit_code == 2
+    assert f"DATA: there is no {absent[0]}, {absent[1]}, {absent[2]}, ...; check the paths" in result.stderr
+    assert "workers" not in result.stderr
+
+
 def test_what_is_missing_is_said(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["fleet", str(tmp_path), "--model", str(MODULE), "--cutoff-hz", "300"])
     assert result.exit_code == 2

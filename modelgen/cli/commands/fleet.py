@@ -167,6 +167,9 @@ def _records(data: Sequence[Path], model: Model, options: DataOptions) -> list[F
     from modelgen.runtime.records.read_record import read_record
 
     how = reading_options(model, options)
+    if not any(path.exists() for path in data):  # before workers are started for nothing
+        listed = ", ".join(str(path) for path in data[:3]) + (", ..." if len(data) > 3 else "")
+        raise DataError.at("DATA", f"there is no {listed}", "check the paths")
     records = []
     given: dict[tuple[int, int], Path] = {}
     for path in data:
