@@ -165,7 +165,9 @@ def fit_paper(observation: Observation) -> Fit:
     if len(blocks) == 1:
         return _solve(blocks, columns, absent, (1.0,))
     tiny = float(np.finfo(float).tiny)
-    rms = _rms(blocks, _weighted(blocks, [1.0] * len(blocks), len(columns)))
+    # rows of different orders differ by many powers of ten here: what rounding moves has to be undone
+    rows = triangle_rows(blocks, [1.0] * len(blocks), len(columns))
+    rms = _rms(blocks, least_squares(rows[:, :-1], rows[:, -1]).x)
     return _solve(blocks, columns, absent, tuple(1.0 / max(one, tiny) for one in rms))
 
 
