@@ -130,16 +130,17 @@ def read_continued(source: Channels, channel: str, start: int, stop: int) -> Flo
         return np.pad(samples, (low - start, stop - high), mode="reflect", reflect_type="odd")
 
 
-def in_stretches(source: Channels, channel: str, length: int = READ_SAMPLES) -> Iterator[FloatArray]:
-    """Yield the samples of a channel, one stretch of so many samples after the other.
+def in_stretches(source: Channels, channel: str, length: int | None = None) -> Iterator[FloatArray]:
+    """Yield the samples of a channel, one stretch of so many samples (by default 2^18) after the other.
 
     Raises
     ------
     DataError
         When a sample is not finite, or beyond what can be calculated.
     """
-    for start in range(0, source.n, length):
-        stop = min(start + length, source.n)
+    step = length or READ_SAMPLES
+    for start in range(0, source.n, step):
+        stop = min(start + step, source.n)
         samples = np.asarray(source.read(channel, start, stop), dtype=float)
         # a sum of squares would overflow where the largest of them does not
         if not max(samples.max(), -samples.min()) <= LARGEST:

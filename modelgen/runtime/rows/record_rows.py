@@ -98,7 +98,7 @@ class RecordRows:
         """Return filtered derivatives of a force's channel at the samples kept, shape (grid, orders)."""
         filtering = self.plan.filtering
         operator = fused_operator(
-            filtering.forces,
+            filtering.low_pass,
             filtering.fs,
             tuple(orders),
             filtering.factor,

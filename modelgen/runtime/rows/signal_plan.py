@@ -182,23 +182,21 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
 
     orders: dict[str, list[int]] = {}
     signals: dict[str, tuple[str, int]] = {}
-    sections: dict[str, Sections] = {}
     for signal in model.signals:
         if signal.key not in used:
             continue
         channel = channel_of(signal)
         signals[signal.key] = (channel, len(orders.setdefault(channel, [])))
         orders[channel].append(signal.derivative)
-        sections[channel] = filtering.sensors if signal.sensor else filtering.forces
     forces: dict[str, dict[int, int]] = {}
     counts = tuple(dict.fromkeys(row.differentiated for row in model.rows))
     for force in dict.fromkeys(s.actuator for s in model.signals if s.actuator in orders):
         own = orders[str(force)]
         own += [times for times in counts if times not in own]
         forces[str(force)] = {times: own.index(times) for times in counts}
-    operators = {c: operator(sections[c], tuple(orders[c]), filtering.factor) for c in orders}
+    operators = {c: operator(filtering.low_pass, tuple(orders[c]), filtering.factor) for c in orders}
     features = {feature.key: feature for feature in model.features if feature.key in used}
-    feature_operator = operator(filtering.features, (0,), filtering.factor)
+    feature_operator = operator(filtering.low_pass, (0,), filtering.factor)
     directions: dict[str, tuple[str, FusedOperator | None]] = {}
     direction_keys = frozenset(model.direction_keys)
     for signal in model.signals:
@@ -211,7 +209,7 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
     full_rate = np.max([(deepest, deepest), *beside], axis=0) + feature_operator.margins
     margins = np.max([full_rate, *(one.margins for one in operators.values())], axis=0)
     # a constant times one pass forward and one backward
-    gain = float(squared_gain(np.asarray(filtering.features, dtype=float), np.zeros(1))[0])
+    gain = float(squared_gain(np.asarray(filtering.low_pass, dtype=float), np.zeros(1))[0])
     return SignalPlan(
         model,
         filtering,
