@@ -20,8 +20,8 @@ import numpy as np
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.diagnostics.settings_drift import FARTHER_FACTORS, other_cutoffs, other_direction
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import influence, long_run_covariance
-from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 
 # A move of more standard deviations of the difference than this is no chance.

@@ -13,9 +13,9 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
 from modelgen.runtime.least_squares.orthogonal_solution import RANK_TOLERANCE
-from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
@@ -69,18 +69,15 @@ def _one_more(fit: Fit, extra: Sequence[FloatArray]) -> tuple[float, float] | No
     What the regressors leave of the column is what it is fitted with (Frisch and Waugh 1933): nothing else
     has to be solved again.
     """
-    places = [
-        slice(None) if fit.projected or block.touched is None else block.touched for block in fit.blocks
-    ]
-    regressors = fit.projected or tuple(block.W for block in fit.blocks)
-    parts = list(zip(fit.weights, regressors, places, extra, strict=True))
+    regressors = [fit.regressor(index) for index in range(len(fit.blocks))]
+    parts = list(zip(fit.weights, regressors, extra, strict=True))
     shared = np.zeros(len(fit.columns))
-    for weight, regressor, place, column in parts:
+    for weight, (regressor, place), column in parts:
         shared[place] += weight**2 * (regressor.T @ column)
     share = fit.solution.inverse @ shared
-    left = [column - regressor @ share[place] for _, regressor, place, column in parts]
+    left = [column - regressor @ share[place] for _, (regressor, place), column in parts]
     power = sum(w**2 * float(own @ own) for w, own in zip(fit.weights, left, strict=True))
-    whole = sum(w**2 * float(column @ column) for w, _, _, column in parts)
+    whole = sum(w**2 * float(column @ column) for w, _, column in parts)
     if power <= RANK_TOLERANCE * whole:
         return None
     own_residuals = zip(fit.weights, left, fit.residuals, strict=True)

@@ -11,8 +11,8 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.rows.observation import Observation
 

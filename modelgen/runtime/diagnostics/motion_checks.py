@@ -14,8 +14,8 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.noise_spectrum import LEAST_TREND
 from modelgen.runtime.filters.zero_phase import DECIMATE_CUTOFF
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import andrews_bandwidth, influence_parts
-from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.parameters.unanswered_columns import columns_that_vanish
 from modelgen.runtime.records.record import Record

@@ -16,7 +16,7 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
 from modelgen.runtime.diagnostics.row_noise import noise_band
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record

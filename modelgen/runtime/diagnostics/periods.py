@@ -17,8 +17,8 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filters.power_spectrum import quick_length
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import influence_parts
-from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import READ_SAMPLES, in_stretches
 from modelgen.runtime.records.record import Record, missing_name

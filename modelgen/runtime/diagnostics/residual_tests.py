@@ -16,7 +16,7 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.residual_whiteness import CONFIDENCE, Coloured, coloured, whiteness
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.power_spectrum import quick_length
-from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
@@ -179,10 +179,9 @@ def _correlation(fit: Fit, index: int, colour: Coloured, step_s: float) -> Corre
     """Return the largest correlation, against its bound, of a stretch of a residual with past inputs."""
     from scipy.stats import norm
 
-    block, e = fit.blocks[index], fit.residuals[index][colour.samples]
+    e = fit.residuals[index][colour.samples]
     e = e - e.mean()
-    regressor = fit.projected[index] if fit.projected else block.W
-    touched = range(len(fit.columns)) if fit.projected or block.touched is None else block.touched.tolist()
+    regressor, touched = fit.regressor(index)
     n = len(e)
     lags = min(LAGS, n // 4)
     size = quick_length(2 * n)
@@ -193,7 +192,7 @@ def _correlation(fit: Fit, index: int, colour: Coloured, step_s: float) -> Corre
     best: tuple[float, Correlation] | None = None
     inputs = regressor[colour.samples] * fit.solution.x[touched]
     least = 1e-9 * max(float(inputs.max()), -float(inputs.min()))
-    for column, u in zip(touched, inputs.T, strict=True):
+    for column, u in zip(touched.tolist(), inputs.T, strict=True):
         name, u = fit.columns[column], u - u.mean()
         power = float(e @ e) * float(u @ u)
         if power <= 0.0 or np.ptp(u) < least:

@@ -9,8 +9,9 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
-from modelgen.runtime.least_squares.wls import Fit, refit
+from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.parameters.other_solutions import other_solutions, solution_notes
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import (
@@ -190,7 +191,7 @@ def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
     hac = METHODS[solved.method].covariance_kind == "hac"
     drifts = dict(zip(fit.columns, np.diag(solved.drift).tolist(), strict=True))
 
-    if fit.series:
+    if fit.carried is not None:
         # fitted in the physical parameters: without one of its composites the fit would be another model's
         place = [fit.columns.index(name) for name in identified]
         found = fit.solution.x[place]

@@ -11,8 +11,9 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.delays import delay_rates, fit_with_delays
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.total_least_squares import fit_total
-from modelgen.runtime.least_squares.wls import Fit, fit_matched, fit_paper
+from modelgen.runtime.least_squares.wls import fit_matched, fit_paper
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.record import Record

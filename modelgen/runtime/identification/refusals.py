@@ -17,8 +17,8 @@ from modelgen.runtime.diagnostics.motion_checks import (
 )
 from modelgen.runtime.diagnostics.noise_bias import lost_in_noise
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.dependence import HIGHEST_INDEX, LARGEST_INDEX, dependences
 from modelgen.runtime.parameters.unanswered_columns import not_identifiable

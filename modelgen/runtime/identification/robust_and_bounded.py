@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 from modelgen.errors import Problem
 from modelgen.runtime.identification.methods import Job
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.huber import huber, huber_notes
-from modelgen.runtime.least_squares.wls import Fit, refit
+from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import PHYSICAL, BoundCost, bounded_fit, bounded_physical
 
@@ -49,7 +50,7 @@ class Treatment:
 
     def __call__(self, fit: Fit) -> Fit:
         """Return the fit so treated."""
-        if fit.linear is not None:
+        if fit.carried is not None:
             return fit
         found = fit
         if self.columns is not None and self.columns != fit.columns:
@@ -69,8 +70,9 @@ def treat(
     fit: Fit, model: Model, robust: str | None, bounds: str | None
 ) -> tuple[Fit, Treatment, BoundCost | None]:
     """Return the treated fit, what was done to it, and what bounds cost (None without any)."""
-    if fit.linear is not None:
-        cost = bounded_physical(fit.linear, model, hac_covariance(fit.linear))[1] if bounds else None
+    if fit.carried is not None:
+        linear = fit.carried.linear
+        cost = bounded_physical(linear, model, hac_covariance(linear))[1] if bounds else None
         return fit, Treatment(at_zero=tuple(name for name, _ in cost.active) if cost else ()), cost
     treatment = Treatment(robust)
     found = treatment(fit)
@@ -85,8 +87,6 @@ def treat(
 
 def unweighted(fit: Fit, plain: Fit) -> Fit:
     """Return a treated fit on the rows as they were, without robust weights."""
-    there = [plain.columns.index(name) for name in fit.columns]
-    blocks = tuple(block.chosen(there) for block in plain.blocks)
-    projected = tuple(array[:, there] for array in plain.projected)
+    blocks, projected = plain.rows(fit.columns)
     residuals = tuple(block.residual(fit.solution.x) for block in blocks)
     return replace(fit, blocks=blocks, projected=projected, residuals=residuals, weights=plain.weights)

@@ -43,8 +43,8 @@ from modelgen.runtime.identification.solution import Solution
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.least_squares.delays import advanced
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.parameters.bounds import BoundCost, bound_advice
 from modelgen.runtime.parameters.dependence import dependences
 from modelgen.runtime.results.checks import Checks, Periods

@@ -23,7 +23,7 @@ from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.robust_and_bounded import Treatment, treat, unweighted
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.least_squares.delays import advanced
-from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.parameters.bounds import BoundCost, bound_reasons
 from modelgen.runtime.rows.observation import Observation
 

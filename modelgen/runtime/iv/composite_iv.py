@@ -22,7 +22,8 @@ from modelgen.runtime.iv.gauss_newton_step import Rules, Unknowns, in_base_colum
 from modelgen.runtime.iv.instrumental_variables import Setting, diverged, simulation_parameters
 from modelgen.runtime.iv.starting_values import physical_starts
 from modelgen.runtime.least_squares.delays import SMALLEST_STEP, advanced
-from modelgen.runtime.least_squares.wls import Fit, fit_matched
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import bounded_names
 from modelgen.runtime.records.record import Record

@@ -14,11 +14,12 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments_at
 from modelgen.runtime.least_squares.delays import advanced, delay_rates
+from modelgen.runtime.least_squares.fit import CarriedOver, Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
 from modelgen.runtime.least_squares.huber import huber, huber_notes
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.whitening import whitener
-from modelgen.runtime.least_squares.wls import Fit, refit
+from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import bounded_physical
 
@@ -149,11 +150,10 @@ def in_base_columns(step: Step, delays: Mapping[str, float], rounds: int) -> Fit
         solution=solution,
         weights=weights,
         projected=projected,
-        series=tuple(psi[:, :c] @ slope.T for psi in influence(white)),
         delays=tuple(
             (channel, delay, float(std))
             for (channel, delay), std in zip(delays.items(), late_std, strict=True)
         ),
         notes=(f"instruments and physical parameters agreed after {rounds} rounds", *step.notes),
-        linear=step.linear,
+        carried=CarriedOver(step.linear, tuple(psi[:, :c] @ slope.T for psi in influence(white))),
     )

@@ -19,8 +19,8 @@ from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.companion_simulation import nearest_sensor, possible
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.output_error import fit_response
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
-from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.simulation.closed_loop import vibration
 from modelgen.runtime.simulation.plant import Plant, make_plant

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.least_squares.fit import Fit
 
 # influence of the instants of one record, shape (n, c) each, from the first on
 Series = Callable[[], Iterator[FloatArray]]
@@ -211,8 +211,8 @@ def influence(fit: Fit) -> list[FloatArray]:
 
 def influence_parts(fit: Fit) -> list[Series]:
     """Return the same as one function a record, which yields it in parts, again whenever called."""
-    if fit.series:
-        return [partial(_whole, psi) for psi in fit.series]
+    if fit.carried is not None:
+        return [partial(_whole, psi) for psi in fit.carried.series]
     records: dict[int, list[int]] = {}
     for index, block in enumerate(fit.blocks):
         records.setdefault(block.record, []).append(index)
@@ -225,22 +225,22 @@ def _whole(psi: FloatArray) -> Iterator[FloatArray]:
 
 def _parts(fit: Fit, indices: Sequence[int]) -> Iterator[FloatArray]:
     """Yield the influence of one record, whose blocks of the fit these are."""
-    c, inverse = len(fit.columns), fit.solution.inverse
+    c = len(fit.columns)
     grid = fit.blocks[indices[0]].grid
     step = max(1, PART // c)
+    regressors = {index: fit.regressor(index) for index in indices}
     for start in range(0, grid, step):
         stop = min(start + step, grid)
         psi = np.zeros((stop - start, c))
         for index in indices:
             block = fit.blocks[index]
             rows = slice(*np.searchsorted(block.place, (start, stop)))
-            regressor, gain = block.W[rows], block.own(inverse)
-            if fit.projected:
-                regressor, gain = fit.projected[index][rows], inverse
+            regressor, touched = regressors[index]
+            change = regressor[rows] @ fit.solution.inverse[touched]
             error = fit.weights[index] ** 2 * fit.residuals[index][rows]
             # where nothing is masked the places follow each other
             whole = rows.stop - rows.start == stop - start
-            psi[slice(None) if whole else block.place[rows] - start] += error[:, None] * (regressor @ gain)
+            psi[slice(None) if whole else block.place[rows] - start] += error[:, None] * change
         yield psi
 
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
-from modelgen.runtime.least_squares.wls import Fit
 
 TUNING = 1.345
 # median |e| of normal noise, as a share of its standard deviation
@@ -81,8 +81,8 @@ def _weighted(fit: Fit, weights: tuple[FloatArray, ...]) -> Fit:
         for block, root in zip(fit.blocks, roots, strict=True)
     )
     Z = tuple(root[:, None] * r for root, r in zip(roots, fit.regressors, strict=True))
-    solved = two_stage(replace(fit, blocks=blocks, projected=()), Z)
-    return solved if fit.projected else replace(solved, projected=())
+    solved = two_stage(replace(fit, blocks=blocks), Z)
+    return solved if fit.projected is not None else replace(solved, projected=None)
 
 
 def _with_sandwich(fit: Fit, found: Fit, weights: tuple[FloatArray, ...]) -> Fit:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
-from modelgen.runtime.least_squares.wls import Fit
 
 
 def two_stage(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
@@ -32,4 +32,4 @@ def with_regressors(fit: Fit, projected: tuple[FloatArray, ...]) -> Fit:
     Y = np.concatenate([w * b.Y for w, b in zip(fit.weights, fit.blocks, strict=True)])
     solution = least_squares(R, Y)
     residuals = tuple(block.residual(solution.x) for block in fit.blocks)
-    return replace(fit, solution=solution, residuals=residuals, projected=projected, series=())
+    return replace(fit, solution=solution, residuals=residuals, projected=projected)

@@ -9,16 +9,15 @@ residual, scaled by the forces, would give: enough to settle what the rows with 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, Problem
-from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares, least_squares, polished
-from modelgen.runtime.numerics.qr_triangle import triangle_of
+from modelgen.runtime.least_squares.fit import Fit, triangle_rows
+from modelgen.runtime.least_squares.orthogonal_solution import least_squares, polished
 from modelgen.runtime.rows.observation import Observation, RowBlock
 
 ROUNDS = 3
@@ -31,99 +30,6 @@ SMALLEST_RESIDUAL = 1e-12
 LOAD_ROW_SHARE = 0.2
 # A load row whose terms shrink to less than this when it is weighted freely is on its way to zero.
 RUNAWAY_SHRINKAGE = 0.8
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """A weighted least-squares fit of an observation.
-
-    Attributes
-    ----------
-    columns : tuple of str
-        Columns in the fit; `absent` are those that are zero in every row used.
-    solution : LeastSquares
-        In the order of `columns`, of the weighted rows.
-    blocks : tuple of RowBlock
-        The blocks used, with the columns of the fit; `weights` holds one weight each.
-    residuals : tuple of array
-        Unweighted Y - W X, one array a block.
-    notes : tuple of str
-        What the weighting met.
-    projected : tuple of array
-        With instrumental variables their projection on W, one array a block: the solution is then that of
-        least squares on these columns. Empty for least squares.
-    delays : tuple of (str, float, float)
-        Channel of a force, by how many s it is late, and the standard deviation of that.
-    series : tuple of array
-        What each instant of each record contributes to X's error, shape (grid, columns), where it does not
-        follow from the residuals and regressors.
-    lost : int
-        Degrees of freedom that went into making the rows white, beside the columns.
-    linear : Fit, optional
-        The fit, linear at the estimate and without bounds, that this one was carried over from (physical
-        parameters fitted in place of composites).
-    """
-
-    columns: tuple[str, ...]
-    absent: tuple[str, ...]
-    solution: LeastSquares
-    blocks: tuple[RowBlock, ...]
-    weights: tuple[float, ...]
-    residuals: tuple[FloatArray, ...]
-    notes: tuple[str, ...] = ()
-    projected: tuple[FloatArray, ...] = ()
-    delays: tuple[tuple[str, float, float], ...] = ()
-    series: tuple[FloatArray, ...] = ()
-    lost: int = 0
-    linear: Fit | None = None
-
-    @property
-    def regressors(self) -> tuple[FloatArray, ...]:
-        """What each block's Y was regressed on, shape (n, c): W, or its instruments."""
-        return self.projected or tuple(block.dense(len(self.columns)).W for block in self.blocks)
-
-    def dense(self) -> Fit:
-        """Return the fit with every column in every block."""
-        return replace(self, blocks=tuple(block.dense(len(self.columns)) for block in self.blocks))
-
-    @cached_property
-    def triangle(self) -> FloatArray:
-        """R of the weighted [regressors Y], shape (c + 1, c + 1)."""
-        if not self.projected:
-            return triangle_of(triangle_rows(self.blocks, self.weights, len(self.columns)))
-        R = np.concatenate([w * r for w, r in zip(self.weights, self.projected, strict=True)])
-        return triangle_of(np.column_stack([R, self.weighted_measurement]))
-
-    @property
-    def weighted_residual(self) -> FloatArray:
-        """Weighted residual of all blocks, shape (r,)."""
-        return np.concatenate([w * e for w, e in zip(self.weights, self.residuals, strict=True)])
-
-    @property
-    def weighted_measurement(self) -> FloatArray:
-        """Weighted Y of all blocks, shape (r,)."""
-        return np.concatenate([w * b.Y for w, b in zip(self.weights, self.blocks, strict=True)])
-
-    def physical(self, names: Sequence[str]) -> dict[str, float] | None:
-        """Return the physical parameters of the linear fit, None if the fit was not made in them.
-
-        What bounds hold at zero may be negative here.
-        """
-        if self.linear is None:
-            return None
-        values = dict(zip(self.linear.columns, self.linear.solution.x.tolist(), strict=True))
-        return {name: values[name] for name in names}
-
-    def all_parameters(self, names: Sequence[str]) -> FloatArray:
-        """Return the solution in the order of these names, zero for those that are no columns of the fit."""
-        values = dict(zip(self.columns, self.solution.x.tolist(), strict=True))
-        return np.array([values.get(name, 0.0) for name in names])
-
-    @property
-    def relative_error(self) -> float:
-        """Norm of Y - W X relative to that of Y, both weighted."""
-        measured = float(np.linalg.norm(self.weighted_measurement))
-        return float(np.linalg.norm(self.weighted_residual)) / measured if measured > 0.0 else np.inf
 
 
 def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE) -> Fit:
@@ -173,23 +79,8 @@ def fit_paper(observation: Observation) -> Fit:
 
 def refit(fit: Fit, columns: Sequence[str]) -> Fit:
     """Fit the same rows with the same weights to some of the columns only."""
-    chosen = [fit.columns.index(name) for name in columns]
-    blocks = tuple(block.chosen(chosen) for block in fit.blocks)
-    projected = tuple(array[:, chosen] for array in fit.projected)
+    blocks, projected = fit.rows(columns)
     return _solve(blocks, tuple(columns), fit.absent, fit.weights, projected)
-
-
-def triangle_rows(blocks: Sequence[RowBlock], weights: Sequence[float], columns: int) -> FloatArray:
-    """Return rows that are as good as the weighted [W Y] of the blocks, shape (few, columns + 1)."""
-    parts = []
-    for weight, block in zip(weights, blocks, strict=True):
-        rows = weight * triangle_of(block.triangle[:, 1:])
-        if block.touched is not None:
-            wide = np.zeros((len(rows), columns + 1))
-            wide[:, [*block.touched, columns]] = rows
-            rows = wide
-        parts.append(rows)
-    return np.concatenate(parts)
 
 
 def _used(observation: Observation) -> tuple[tuple[RowBlock, ...], tuple[str, ...], tuple[str, ...]]:
@@ -221,10 +112,10 @@ def _solve(
     columns: tuple[str, ...],
     absent: tuple[str, ...],
     weights: tuple[float, ...],
-    projected: tuple[FloatArray, ...] = (),
+    projected: tuple[FloatArray, ...] | None = None,
 ) -> Fit:
     c = len(columns)
-    if projected:
+    if projected is not None:
         R = np.concatenate([weight * array for weight, array in zip(weights, projected, strict=True)])
         Y = np.concatenate([weight * block.Y for weight, block in zip(weights, blocks, strict=True)])
         solution = least_squares(R, Y)

@@ -15,7 +15,8 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.least_squares.wls import Fit, refit
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
 
 PHYSICAL = "physical"

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
-from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.least_squares.fit import Fit
 
 # A condition index above this is a near dependence (Belsley, Kuh and Welsch: 30 and more), and a parameter
 # takes part in it if it owes this share of its variance to it.

@@ -12,7 +12,7 @@ import numpy as np
 
 from modelgen.runtime.filter_choice.filter_choice import ORDER_OF, FilterChoice
 from modelgen.runtime.filters.power_spectrum import share_below
-from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
 

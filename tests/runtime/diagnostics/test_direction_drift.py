@@ -9,7 +9,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
 from modelgen.runtime.identification.options import values_of
-from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.least_squares.fit import Fit
 from tests.runtime.rigid_motion import CHOICE, FS, RIGID, SETTINGS, TRUTH, rigid_record, swings
 
 # at each reversal the fast term moves the crossing that the low-passed velocity shows

@@ -12,7 +12,8 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_fi
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
 from modelgen.runtime.identification.options import values_of
-from modelgen.runtime.least_squares.wls import Fit, fit_matched
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation, RowBlock
 from tests.runtime.measured_records import bench

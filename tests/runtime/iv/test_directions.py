@@ -19,7 +19,7 @@ from modelgen.runtime.filters.reversals import turns
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
 from modelgen.runtime.identification.options import values_of
-from modelgen.runtime.least_squares.wls import Fit
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate

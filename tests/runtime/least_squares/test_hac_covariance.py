@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import (
     WIDER,
     andrews_bandwidth,
@@ -10,7 +11,7 @@ from modelgen.runtime.least_squares.hac_covariance import (
     influence,
     printed_covariance,
 )
-from modelgen.runtime.least_squares.wls import Fit, fit_paper
+from modelgen.runtime.least_squares.wls import fit_paper
 from modelgen.runtime.rows.observation import Observation, RowBlock
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import (
     LARGEST_CORRELATION,
     WIDER,
@@ -24,7 +25,6 @@ from modelgen.runtime.least_squares.hac_covariance import (
     window_width,
 )
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
-from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.rows.observation import RowBlock
 
 RNG = np.random.default_rng(8)

@@ -7,9 +7,10 @@ from modelgen.errors import DataError
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.identification.robust_and_bounded import unweighted
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.huber import huber
-from modelgen.runtime.least_squares.wls import Fit, fit_matched
+from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation, RowBlock
 from tests.runtime.rigid_motion import FS, RIGID, SETTINGS, TRUTH, rigid_record

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.nist_data import Problem, exact_solution, problems
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import printed_covariance
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
-from modelgen.runtime.least_squares.wls import Fit
 from modelgen.runtime.numerics.iterative_refinement import refined
 from modelgen.runtime.rows.observation import RowBlock
 

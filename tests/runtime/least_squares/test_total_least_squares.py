@@ -8,9 +8,10 @@ import pytest
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.total_least_squares import fit_total
-from modelgen.runtime.least_squares.wls import Fit, fit_matched
+from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.rows.observation import Observation, RowBlock
 from tests.runtime.rigid_motion import RIGID, SETTINGS, TRUTH, rigid_record
 

@@ -9,14 +9,9 @@ import numpy.typing as npt
 import pytest
 
 from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.orthogonal_solution import FEW_ROWS, _rounding, least_squares
-from modelgen.runtime.least_squares.wls import (
-    SMALLEST_RESIDUAL,
-    Fit,
-    fit_matched,
-    fit_paper,
-    refit,
-)
+from modelgen.runtime.least_squares.wls import SMALLEST_RESIDUAL, fit_matched, fit_paper, refit
 from modelgen.runtime.numerics.iterative_refinement import Parts
 from modelgen.runtime.rows.observation import Observation, RowBlock
 from tests.runtime.least_squares.row_blocks import block
@@ -125,7 +120,7 @@ def test_every_fit_names_its_columns(solve: object, count: int) -> None:
     blocks = tuple(map(with_zero_column, two_rows((0.1, 0.2))[:count]))
     fit = solve(Observation(("a", "never", "b"), blocks))  # type: ignore[operator]
     assert (fit.columns, fit.absent) == (("a", "b"), ("never",))
-    assert (fit.notes, fit.projected, fit.delays) == ((), (), ())
+    assert (fit.notes, fit.projected, fit.delays) == ((), None, ())
     assert [one.W.shape for one in fit.blocks] == [(400, 2)] * count
     assert [one.tolist() for one in fit.regressors] == [one.W.tolist() for one in fit.blocks]
 
@@ -133,7 +128,7 @@ def test_every_fit_names_its_columns(solve: object, count: int) -> None:
 def test_refit_keeps_what_is_absent_and_the_instruments() -> None:
     blocks = tuple(map(with_zero_column, two_rows((0.1, 0.2))))
     fit = fit_matched(Observation(("a", "never", "b"), blocks))
-    assert refit(fit, ["b"]).projected == ()
+    assert refit(fit, ["b"]).projected is None
     halved = tuple(0.5 * one.W for one in fit.blocks)  # instruments half as large: x twice as large
     reduced = refit(replace(fit, projected=halved), ["b"])
     assert (reduced.columns, reduced.absent, reduced.weights) == (("b",), ("never",), fit.weights)

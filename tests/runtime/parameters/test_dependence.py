@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from generated import emps300_qm_qc
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.wls import Fit, fit_matched
+from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.parameters.dependence import HIGHEST_INDEX, dependences
 from modelgen.runtime.rows.observation import Observation, RowBlock

@@ -5,7 +5,8 @@ import pytest
 
 from generated import emps_rigid_qm, three_mass_qa_qb_ac, two_mass_bench_qm_qc
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
-from modelgen.runtime.least_squares.wls import Fit, fit_matched
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.parameters.unanswered_columns import (
     columns_that_vanish,

@@ -1,0 +1,148 @@
+"""Fit: weighted rows, their solution and residuals; what every method makes of an observation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares
+from modelgen.runtime.numerics.qr_triangle import triangle_of
+from modelgen.runtime.rows.observation import RowBlock
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedOver:
+    """Where a fit in base columns came from: a fit of physical parameters, linear at the estimate.
+
+    Attributes
+    ----------
+    linear : Fit
+        That fit, in the physical parameters and without bounds.
+    series : tuple of array
+        What each instant of each record contributes to X's error, shape (grid, columns): it follows from the
+        residuals of `linear`, not from those in base columns.
+    """
+
+    linear: Fit
+    series: tuple[FloatArray, ...]
+
+    def physical(self, names: Sequence[str]) -> dict[str, float]:
+        """Return the physical parameters by name; what bounds hold at zero may be negative here."""
+        values = dict(zip(self.linear.columns, self.linear.solution.x.tolist(), strict=True))
+        return {name: values[name] for name in names}
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A weighted least-squares fit of an observation.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Columns in the fit; `absent` are those that are zero in every row used.
+    solution : LeastSquares
+        In the order of `columns`, of the weighted rows.
+    blocks : tuple of RowBlock
+        The blocks used, with the columns of the fit; `weights` holds one weight each.
+    residuals : tuple of array
+        Unweighted Y - W X, one array a block.
+    notes : tuple of str
+        What the weighting met.
+    projected : tuple of array, optional
+        What Y was regressed on in place of W, shape (n, columns) a block: with instrumental variables their
+        projection on W. None for least squares. Ask `regressor`, which is right for both.
+    delays : tuple of (str, float, float)
+        Of each force whose delay was estimated: its channel, by how many s it is late, and the standard
+        deviation of that.
+    lost : int
+        Degrees of freedom that went into making the rows white, in addition to the columns.
+    carried : CarriedOver, optional
+        The fit of physical parameters that this one was carried over from; None where the columns were
+        fitted themselves.
+    """
+
+    columns: tuple[str, ...]
+    absent: tuple[str, ...]
+    solution: LeastSquares
+    blocks: tuple[RowBlock, ...]
+    weights: tuple[float, ...]
+    residuals: tuple[FloatArray, ...]
+    notes: tuple[str, ...] = ()
+    projected: tuple[FloatArray, ...] | None = None
+    delays: tuple[tuple[str, float, float], ...] = ()
+    lost: int = 0
+    carried: CarriedOver | None = None
+
+    def regressor(self, index: int) -> tuple[FloatArray, IntArray]:
+        """Return what a block's Y was regressed on, shape (n, k), and the places of these k columns."""
+        block, every = self.blocks[index], np.arange(len(self.columns))
+        if self.projected is not None:
+            return self.projected[index], every
+        return block.W, every if block.touched is None else block.touched
+
+    @property
+    def regressors(self) -> tuple[FloatArray, ...]:
+        """What each block's Y was regressed on, all columns of the fit, shape (n, c) each."""
+        if self.projected is not None:
+            return self.projected
+        return tuple(block.dense(len(self.columns)).W for block in self.blocks)
+
+    def dense(self) -> Fit:
+        """Return the fit with every column in every block."""
+        return replace(self, blocks=tuple(block.dense(len(self.columns)) for block in self.blocks))
+
+    @cached_property
+    def triangle(self) -> FloatArray:
+        """R of the weighted [regressors Y], shape (c + 1, c + 1)."""
+        if self.projected is None:
+            return triangle_of(triangle_rows(self.blocks, self.weights, len(self.columns)))
+        R = np.concatenate([w * r for w, r in zip(self.weights, self.projected, strict=True)])
+        return triangle_of(np.column_stack([R, self.weighted_measurement]))
+
+    @property
+    def weighted_residual(self) -> FloatArray:
+        """Weighted residual of all blocks, shape (r,)."""
+        return np.concatenate([w * e for w, e in zip(self.weights, self.residuals, strict=True)])
+
+    @property
+    def weighted_measurement(self) -> FloatArray:
+        """Weighted Y of all blocks, shape (r,)."""
+        return np.concatenate([w * b.Y for w, b in zip(self.weights, self.blocks, strict=True)])
+
+    def physical(self, names: Sequence[str]) -> dict[str, float] | None:
+        """Return the physical parameters of the fit that this was carried over from, None without one."""
+        return None if self.carried is None else self.carried.physical(names)
+
+    def rows(self, columns: Sequence[str]) -> tuple[tuple[RowBlock, ...], tuple[FloatArray, ...] | None]:
+        """Return the blocks, and what Y was regressed on in place of W, with some of the columns only."""
+        chosen = [self.columns.index(name) for name in columns]
+        blocks = tuple(block.chosen(chosen) for block in self.blocks)
+        return blocks, None if self.projected is None else tuple(part[:, chosen] for part in self.projected)
+
+    def all_parameters(self, names: Sequence[str]) -> FloatArray:
+        """Return the solution in the order of these names, zero for those that are no columns of the fit."""
+        values = dict(zip(self.columns, self.solution.x.tolist(), strict=True))
+        return np.array([values.get(name, 0.0) for name in names])
+
+    @property
+    def relative_error(self) -> float:
+        """Norm of Y - W X relative to that of Y, both weighted."""
+        measured = float(np.linalg.norm(self.weighted_measurement))
+        return float(np.linalg.norm(self.weighted_residual)) / measured if measured > 0.0 else np.inf
+
+
+def triangle_rows(blocks: Sequence[RowBlock], weights: Sequence[float], columns: int) -> FloatArray:
+    """Return rows that are as good as the weighted [W Y] of the blocks, shape (few, columns + 1)."""
+    parts = []
+    for weight, block in zip(weights, blocks, strict=True):
+        rows = weight * triangle_of(block.triangle[:, 1:])
+        if block.touched is not None:
+            wide = np.zeros((len(rows), columns + 1))
+            wide[:, [*block.touched, columns]] = rows
+            rows = wide
+        parts.append(rows)
+    return np.concatenate(parts)
