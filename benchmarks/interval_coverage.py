@@ -137,7 +137,7 @@ def trial(sensors: str, parameters: str, case: str, method: str, seed: int) -> T
         estimate = identify(model_of(sensors), records, method)
     except ModelgenError as error:
         return Trial({}, {}, str(error))
-    found = estimate.physical_parameters
+    found = estimate.parameters.physical
     return Trial({p.name: p.value for p in found}, {p.name: p.std for p in found})
 
 

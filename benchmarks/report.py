@@ -42,7 +42,7 @@ def main() -> None:
         started = time.perf_counter()
         page = report_page(model, [record], estimate)
         made = time.perf_counter() - started
-        kept = estimate.filtering.decimation[0]
+        kept = estimate.fit.filtering.decimation[0]
         print(f"{record.n} samples, every {kept}: {len(page.encode()) / 1e6:.2f} MB, made in {made:.1f} s")
         show(page)
 

@@ -118,7 +118,7 @@ def _compare(model: Model, true: Mapping[str, float], estimates: Mapping[str, Es
             }
         rows.append({"parameter": name, "unit": model.units[name], "true": true[name], "methods": methods})
     filters = {
-        method: {"cutoff_hz": e.filtering.cutoff_hz, "decimation": list(e.filtering.decimation)}
+        method: {"cutoff_hz": e.fit.filtering.cutoff_hz, "decimation": list(e.fit.filtering.decimation)}
         for method, e in estimates.items()
     }
     return {"sensor_set": model.sensor_set, "filters": filters, "rows": rows}
@@ -133,7 +133,7 @@ def _write_records(records: Sequence[Record], folder: Path) -> list[Path]:
 
 def _panel(model: Model, record: Record, estimate: Estimate, parameter_set: str) -> Panel:
     """Return force and W x of the undifferentiated row, filtered as for the estimate, at the full rate."""
-    choice = replace(estimate.filtering, decimation=(1,))
+    choice = replace(estimate.fit.filtering, decimation=(1,))
     row = next(index for index, info in enumerate(model.rows) if not info.differentiated)
     rows = matched_rows(model, record, choice, factor=1)
     block = observe(model, [record], choice).blocks[row]

@@ -76,7 +76,7 @@ def report_page(
         _environment()
         .get_template("report.html.j2")
         .render(
-            title=f"{estimate.chain}, sensors {estimate.sensor_set}",
+            title=str(estimate.model),
             estimate=estimate,
             model=model,
             style=Markup(style),
@@ -89,7 +89,7 @@ def report_page(
             symbols={name: symbol(name) for name in (*model.base_parameters, *model.parameters)},
             interval=estimate.conf_int(),
             physical=_physical_rows(estimate),
-            interval_kind=INTERVAL_KINDS[estimate.covariance_kind],
+            interval_kind=INTERVAL_KINDS[estimate.fit.covariance_kind],
             sensor_sets=sensor_sets,
             residuals=_residuals(rows, estimate, records),
             checks=check_tables(estimate.checks),
@@ -153,9 +153,9 @@ def _unit(text: str) -> Markup:
 
 def _physical_rows(estimate: Estimate) -> Sequence[Parameter]:
     """Return the physical parameters, unless they would repeat the base parameters."""
-    if all(entry.name in estimate.params for entry in estimate.physical_parameters):
+    if all(entry.name in estimate.params for entry in estimate.parameters.physical):
         return ()
-    return estimate.physical_parameters
+    return estimate.parameters.physical
 
 
 def _residuals(rows: Sequence[Rebuilt], estimate: Estimate, records: Sequence[Record]) -> list[Description]:
@@ -208,14 +208,14 @@ def _reading(item: Reading | Record) -> Description:
 def _provenance(model: Model, estimate: Estimate, options: Mapping[str, str]) -> list[tuple[str, str]]:
     import scipy
 
-    filtering = estimate.filtering
+    filtering = estimate.fit.filtering
     return [
-        ("chain", f"{estimate.chain}: {model.title}"),
-        ("sensor set", estimate.sensor_set),
+        ("chain", f"{estimate.model.chain}: {model.title}"),
+        ("sensor set", estimate.model.sensor_set),
         ("SHA-256 of the spec", model.spec_sha256),
         ("modelgen", modelgen.__version__),
         ("Python, NumPy, SciPy", f"{platform.python_version()}, {np.__version__}, {scipy.__version__}"),
-        ("method", f"{estimate.method}: {estimate.method_title}"),
+        ("method", f"{estimate.fit.method}: {estimate.fit.method_title}"),
         ("filter order, cut-off", f"{filtering.filter_order}, {filtering.cutoff_hz:.6g} Hz"),
         ("cut-off of directions", f"{filtering.direction_cutoff_hz:.6g} Hz"),
         ("decimation", ", ".join(str(factor) for factor in filtering.decimation)),

@@ -106,7 +106,7 @@ def response_plots(found: Response, estimate: Estimate) -> tuple[Markup, Markup,
 
 def _marks(estimate: Estimate) -> list[tuple[float, str]]:
     """Return the frequencies to mark in Hz, each once, with all its words."""
-    filtering = estimate.filtering
+    filtering = estimate.fit.filtering
     named = [(filtering.cutoff_hz, "cut-off"), (filtering.direction_cutoff_hz, "directions")]
     if filtering.dynamics_hz is not None:
         named.append((filtering.dynamics_hz, "dynamics"))
@@ -127,12 +127,14 @@ def _phase(H: ComplexArray, coherence: FloatArray, name: str) -> FloatArray:
 
 def correlation_plot(estimate: Estimate) -> Markup | None:
     """Return the correlation of the parameters as a map of colours; None for fewer than two."""
-    if len(estimate.parameters) < 2:
+    if len(estimate.parameters.identified) < 2:
         return None
-    spread = np.sqrt(np.diag(estimate.covariance))
+    spread = np.sqrt(np.diag(estimate.covariances.total))
     spread = np.where(spread > 0.0, spread, 1.0)
-    names = [entry.name for entry in estimate.parameters]
-    return heat_map(names, estimate.covariance / np.outer(spread, spread), "correlation of the parameters")
+    names = [entry.name for entry in estimate.parameters.identified]
+    return heat_map(
+        names, estimate.covariances.total / np.outer(spread, spread), "correlation of the parameters"
+    )
 
 
 def singular_value_plot(values: FloatArray) -> Markup | None:
@@ -153,5 +155,5 @@ def whiteness(found: Autocorrelation) -> float:
 
 def filter_reach_ms(estimate: Estimate, fs: float) -> float:
     """Return the reach of the low-pass in ms: it correlates residuals closer to each other than that."""
-    filtering = estimate.filtering
+    filtering = estimate.fit.filtering
     return 1e3 * support_samples(filtering.filter_order, filtering.cutoff_hz, fs, 0, 0.01) / fs

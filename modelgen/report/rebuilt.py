@@ -55,10 +55,10 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     """
     records = [record for record in records if record.name in estimate.records]
     x = _solution(model, estimate)
-    weights = {(entry.record, entry.row): entry.weight for entry in estimate.rows}
-    fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.nuisance))
-    observe_as = observe_paper if estimate.method == "pham2002" else observe
-    observation = observe_as(model, records, estimate.filtering).dense()
+    weights = {(entry.record, entry.row): entry.weight for entry in estimate.fit.rows}
+    fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.parameters.nuisance))
+    observe_as = observe_paper if estimate.fit.method == "pham2002" else observe
+    observation = observe_as(model, records, estimate.fit.filtering).dense()
     found: list[Rebuilt] = []
     stacked: list[FloatArray] = []
     for block in observation.blocks:
@@ -101,12 +101,12 @@ def _solution(model: Model, estimate: Estimate) -> FloatArray:
     x = np.array(estimate.base, dtype=float)
     for index, name in enumerate(model.base_parameters):
         if not np.isfinite(x[index]):
-            x[index] = estimate.nuisance.get(name, 0.0)
+            x[index] = estimate.parameters.nuisance.get(name, 0.0)
     return x
 
 
 def _rebuilt(model: Model, record: Record, estimate: Estimate, block: RowBlock, x: FloatArray) -> Rebuilt:
-    factor = estimate.filtering.decimation[block.record]
+    factor = estimate.fit.filtering.decimation[block.record]
     measured, rebuilt = np.full(block.grid, np.nan), np.full(block.grid, np.nan)
     measured[block.place] = block.Y
     rebuilt[block.place] = block.W @ x

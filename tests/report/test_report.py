@@ -100,8 +100,8 @@ def test_the_same_inputs_give_the_same_bytes(case: tuple[Model, Record, Estimate
 def hostile_page(case: tuple[Model, Record, Estimate]) -> str:
     model, record, estimate = case
     renamed = Record(dict(record.signals), record.fs, HOSTILE, HOSTILE)
-    rows = tuple(replace(row, record=HOSTILE) for row in estimate.rows)
-    noted = replace(estimate, records=(HOSTILE,), notes=(HOSTILE,), rows=rows)
+    rows = tuple(replace(row, record=HOSTILE) for row in estimate.fit.rows)
+    noted = replace(estimate, records=(HOSTILE,), fit=replace(estimate.fit, notes=(HOSTILE,), rows=rows))
     titled = replace(model, title=HOSTILE)
     return report_page(titled, [renamed], noted, {HOSTILE: HOSTILE}, [dict.fromkeys(KEYS, HOSTILE)])
 
@@ -118,7 +118,7 @@ def test_names_in_the_data_stay_names(case: tuple[Model, Record, Estimate]) -> N
 def test_rebuilt_rows_are_those_of_the_estimate(case: tuple[Model, Record, Estimate]) -> None:
     model, record, estimate = case
     rows, singular = rebuild(model, [record], estimate)
-    for row, entry in zip(rows, estimate.rows, strict=True):
+    for row, entry in zip(rows, estimate.fit.rows, strict=True):
         rms = float(np.sqrt(np.nanmean(row.residual**2)))
         assert rms == pytest.approx(entry.residual_rms, rel=1e-6)
     assert singular[0] / singular[-1] == pytest.approx(estimate.condition_number, rel=1e-6)

@@ -99,9 +99,9 @@ def _modes(
 def _of_estimate(estimate: Estimate, seconds: float) -> Yardstick:
     z = NormalDist().inv_cdf(0.975)
     rows = tuple(
-        (p.name, p.value, p.value - z * p.std, p.value + z * p.std) for p in estimate.physical_parameters
+        (p.name, p.value, p.value - z * p.std, p.value + z * p.std) for p in estimate.parameters.physical
     )
-    return Yardstick(estimate.method, seconds, rows)
+    return Yardstick(estimate.fit.method, seconds, rows)
 
 
 def _of_response(name: str, response: Response, seconds: float) -> Yardstick:

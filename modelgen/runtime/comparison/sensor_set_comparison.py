@@ -83,7 +83,7 @@ def conditioning(
     values = model.parameter_sets[parameter_set]
     records = [simulate(model, values, kind, fs=fs, duration_s=duration_s).record for kind in EXCITATIONS]
     estimate = identify(model, records, checks=CheckOptions(drift_check=False))
-    choice = estimate.filtering
+    choice = estimate.fit.filtering
     gains = noise_gains(model, choice.filter_order, choice.cutoff_hz, fs)
     return Conditioning(
         parameter_set, estimate.condition_number, choice.cutoff_hz, choice.filter_order, gains

@@ -21,7 +21,13 @@ from modelgen.runtime.parameters.physical_parameters import (
     physical_parameters,
 )
 from modelgen.runtime.parameters.pruning import Pruning, prune
-from modelgen.runtime.results.estimate import Estimate, RowDiagnostics
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.results.estimate_parts import (
+    EstimatedFit,
+    EstimatedModel,
+    EstimatedParameters,
+    RowDiagnostics,
+)
 from modelgen.runtime.rows.observation import Observation
 
 # Drifts that are worth a note: in standard deviations of the noise, and relative to the value.
@@ -87,23 +93,12 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     physical, unanswered = _physical(solved, base, covariances)
     others = other_solutions(model, base, covariances, physical)
     residual = fit.weighted_residual
-    return Estimate(
-        chain=model.chain,
-        sensor_set=model.sensor_set,
-        title=model.title,
+    described = EstimatedFit(
         method=solved.method,
         method_title=method.title,
-        records=tuple(record.name for record in solved.job.records),
-        parameters=parameters,
-        physical_parameters=physical,
-        covariance=covariances.total,
-        noise_covariance=covariances.noise,
-        printed_covariance=covariances.printed,
         covariance_kind=method.covariance_kind,
-        base=base,
-        nuisance=solved.nuisance,
-        not_identifiable={**model.absent, **solved.refused, **unanswered},
-        other_solutions=others,
+        filtering=solved.job.choice,
+        rows=row_diagnostics(solved.observation, fit),
         resid=residual,
         condition_number=fit.solution.condition_number,
         condition_number_raw=fit.solution.condition_number_raw,
@@ -111,15 +106,27 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         error_norm=float(np.linalg.norm(residual)),
         sigma=sigma,
         residual_dof=residual_dof,
+        pruning=_prune(solved, residual_dof, prune_percent),
         delays={channel: value for channel, value, _ in fit.delays},
         delay_std={channel: std for channel, _, std in fit.delays},
-        rows=row_diagnostics(solved.observation, fit),
-        pruning=_prune(solved, residual_dof, prune_percent),
-        filtering=solved.job.choice,
         notes=solved.observation.notes
         + fit.notes
         + (() if method.consistent else drift_notes(parameters))
         + solution_notes(others),
+    )
+    return Estimate(
+        EstimatedModel(model.chain, model.sensor_set, model.title),
+        tuple(record.name for record in solved.job.records),
+        described,
+        covariances,
+        EstimatedParameters(
+            parameters,
+            physical,
+            base,
+            solved.nuisance,
+            {**model.absent, **solved.refused, **unanswered},
+            others,
+        ),
     )
 
 

@@ -136,7 +136,8 @@ def examine(
 ) -> Checks:
     """Return all checks of an estimate and of the fit behind it; `drift` has the shape (c, c)."""
     model, records, choice = task.model, task.records, task.choice
-    method, fit, percent = task.method, solution.as_measured, estimate.pruning.percent
+    method, fit, percent = task.method, solution.as_measured, estimate.fit.pruning.percent
+    identified = estimate.parameters.identified
     noise = hac_covariance(fit)
     signals = signal_to_noise(model, records, choice)
     residuals = residual_tests(model, records, choice, fit, task.period_s) if method.matched else ()
@@ -152,13 +153,16 @@ def examine(
         *short_records(records, choice, fit, slowest_hz),
         *(() if method.matched else band_above_filter(records, choice)),
         *null_solution(fit, model, records, choice),
-        *negative_values(model, estimate.parameters),
+        *negative_values(model, identified),
         *dependence_advice(
-            dependences(fit, noise + drift), estimate.parameters, percent, dependent_columns(fit, (), drift)
+            dependences(fit, noise + drift),
+            identified,
+            percent,
+            dependent_columns(fit, (), drift),
         ),
-        *uncertain_parameters(model, fit, estimate.parameters, percent, slowest_hz, choice.dynamics_hz),
+        *uncertain_parameters(model, fit, identified, percent, slowest_hz, choice.dynamics_hz),
         *(() if method.consistent else noisy_derivatives(model, signals)),
-        *(bias_advice(fit, extras.bias, noise, estimate.parameters) if extras.bias is not None else ()),
+        *(bias_advice(fit, extras.bias, noise, identified) if extras.bias is not None else ()),
         *(bound_advice(bounds) if bounds else ()),
         *(period_advice(periods, noise, fit.columns) if periods else ()),
         *(hold_out_advice(extras.held_out) if extras.held_out else ()),
@@ -179,6 +183,6 @@ def examine(
 def _periods(found: PeriodSpread | None, fit: Fit, estimate: Estimate) -> Periods | None:
     if found is None:
         return None
-    place = [fit.columns.index(entry.name) for entry in estimate.parameters]
+    place = [fit.columns.index(entry.name) for entry in estimate.parameters.identified]
     covariance = found.covariance[np.ix_(place, place)].tolist()
     return Periods(found.count, tuple(found.period_s.items()), tuple(tuple(row) for row in covariance))

@@ -123,7 +123,7 @@ class ChainEstimator:
     def _solution(self) -> FloatArray:
         if not hasattr(self, "estimate_"):
             raise DataError.at("ChainEstimator", "is not fitted", "call fit(records) first")
-        nuisance = self.estimate_.nuisance
+        nuisance = self.estimate_.parameters.nuisance
         names = self._model().base_parameters
         stand_in = np.array([nuisance.get(name, 0.0) for name in names])
         return np.where(np.isfinite(self.coef_), self.coef_, stand_in)
@@ -132,7 +132,8 @@ class ChainEstimator:
         self._solution()
         from dataclasses import replace
 
-        choice = replace(self.estimate_.filtering, decimation=self.estimate_.filtering.decimation[:1])
+        filtering = self.estimate_.fit.filtering
+        choice = replace(filtering, decimation=filtering.decimation[:1])
         blocks = observe(self._model(), [record], choice).dense().blocks
         return [(b.Y, b.W) for b in blocks if b.place.size and (b.has_force or not forces_only)]
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
+from modelgen.frozen_values import FrozenValues
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 
@@ -33,7 +34,7 @@ SMALLEST_SPREAD = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Covariances:
+class Covariances(FrozenValues):
     """Covariances of the identified base parameters, shape (identified, identified) each.
 
     `total` is the sum of `noise` (residuals) and `drift` (settings); `printed` is the paper's, eq. (11).

@@ -149,13 +149,13 @@ def _physical(planned: Experiment, found: Information, estimates: Sequence[Estim
 
 def _alike(estimates: Sequence[Estimate]) -> list[Estimate]:
     """Return the estimates that hold the same base parameters as the first."""
-    return [one for one in estimates if one.covariance.shape == estimates[0].covariance.shape]
+    return [one for one in estimates if len(one.params) == len(estimates[0].params)]
 
 
 def _average_weight(estimates: Sequence[Estimate]) -> FloatArray:
     """Return the covariance that composites are weighted with on average."""
     alike = _alike(estimates)
-    return sum((one.covariance for one in alike), np.zeros_like(alike[0].covariance)) / len(alike)
+    return np.asarray(np.mean([one.cov_params() for one in alike], axis=0))
 
 
 def _own_and_averaged(
@@ -173,7 +173,8 @@ def _own_and_averaged(
     average = Covariances(weight, weight, weight, weight)
     pairs: dict[str, list[tuple[float, float]]] = {}
     for one in alike:
-        solved = physical_parameters(model, one.base, average, one.not_identifiable, one.nuisance)[0]
+        found = one.parameters
+        solved, _ = physical_parameters(model, found.base, average, found.not_identifiable, found.nuisance)
         for entry in solved:
             if entry.name in one.physical:
                 pairs.setdefault(entry.name, []).append((one.physical[entry.name], entry.value))

@@ -33,7 +33,7 @@ def latex_table(estimate: Estimate) -> str:
     lines.append(r"Parameter & Unit & Value & $\sigma$ & $\sigma$ in \% & 95\,\% interval \\")
     lines.append(r"\midrule")
     intervals = estimate.conf_int()
-    for entry in estimate.parameters:
+    for entry in estimate.parameters.identified:
         low, high = intervals[entry.name]
         cells = [
             _latex_symbol(entry.name),
@@ -63,7 +63,7 @@ def html_table(estimate: Estimate) -> str:
     rows = "".join(
         "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in _rows(estimate)
     )
-    title = html.escape(f"{estimate.chain}, sensors {estimate.sensor_set}: {estimate.method_title}")
+    title = html.escape(f"{estimate.model}: {estimate.fit.method_title}")
     refused = "".join(
         f"<li>{html.escape(name)}: {html.escape(why)}</li>" for name, why in estimate.not_identifiable.items()
     )
@@ -94,7 +94,7 @@ def data_frame(estimate: Estimate) -> Any:
             "drift_std": entry.drift_std,
             "printed_std": entry.printed_std,
         }
-        for entry in estimate.parameters
+        for entry in estimate.parameters.identified
     }
     return pandas.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
 
@@ -111,7 +111,7 @@ def _rows(estimate: Estimate) -> list[Sequence[str]]:
             f"{intervals[entry.name][0]:.6g}",
             f"{intervals[entry.name][1]:.6g}",
         )
-        for entry in estimate.parameters
+        for entry in estimate.parameters.identified
     ]
 
 

@@ -27,14 +27,14 @@ def summary_text(estimate: Estimate) -> str:
     parts = [
         _heading(estimate),
         _table(_parameter_rows(estimate)),
-        textwrap.wrap(INTERVAL_KINDS[estimate.covariance_kind], WIDTH, break_on_hyphens=False),
+        textwrap.wrap(INTERVAL_KINDS[estimate.fit.covariance_kind], WIDTH, break_on_hyphens=False),
         _physical(estimate),
         _quality(estimate),
         _refused(estimate),
         _rows(estimate),
         _pruning(estimate),
-        _sentences("Filters", estimate.filtering.sentences),
-        _sentences("Notes", estimate.filtering.notes + estimate.notes),
+        _sentences("Filters", estimate.fit.filtering.sentences),
+        _sentences("Notes", estimate.fit.filtering.notes + estimate.fit.notes),
         *(_titled(table) for table in check_tables(estimate.checks)),
         _sentences("Warnings", [advice.sentence for advice in estimate.checks.advice]),
     ]
@@ -43,19 +43,19 @@ def summary_text(estimate: Estimate) -> str:
 
 def _heading(estimate: Estimate) -> list[str]:
     return [
-        f"{estimate.chain}, sensors {estimate.sensor_set}: {estimate.method} ({estimate.method_title})",
+        f"{estimate.model}: {estimate.fit.method} ({estimate.fit.method_title})",
         f"Records: {', '.join(estimate.records)}",
     ]
 
 
 def _parameter_rows(estimate: Estimate) -> list[list[str]]:
     intervals = estimate.conf_int()
-    detailed = estimate.covariance_kind == "hac"
+    detailed = estimate.fit.covariance_kind == "hac"
     header = ["parameter", "unit", "value", "std. dev.", "%", "95 % from", "to"]
     periods = estimate.checks.periods
     named = (["noise", "drift", "eq. (11)"] if detailed else []) + (["periods"] if periods else [])
     rows = [header + named]
-    for index, entry in enumerate(estimate.parameters):
+    for index, entry in enumerate(estimate.parameters.identified):
         parts = [entry.noise_std, entry.drift_std, entry.printed_std] if detailed else []
         parts += [periods.std[index]] if periods else []
         interval = [_number(bound) for bound in intervals[entry.name]]
@@ -70,18 +70,19 @@ def _leading(entry: Parameter) -> list[str]:
 
 def _physical(estimate: Estimate) -> list[str]:
     """Return the table of physical parameters, unless it would repeat the base parameters."""
-    if all(entry.name in estimate.params for entry in estimate.physical_parameters):
+    if all(entry.name in estimate.params for entry in estimate.parameters.physical):
         return []
     rows = [["physical", "unit", "value", "std. dev.", "%"]]
-    return _table(rows + [_leading(entry) for entry in estimate.physical_parameters])
+    return _table(rows + [_leading(entry) for entry in estimate.parameters.physical])
 
 
 def _quality(estimate: Estimate) -> list[str]:
+    fit = estimate.fit
     return [
         f"Samples r = {estimate.nobs}, condition number {estimate.condition_number:.4f} with columns of unit "
-        f"length, {estimate.condition_number_raw:.4f} as they are",
-        f"Error norm {estimate.error_norm:.4f}, relative error {100.0 * estimate.relative_error:.4f} %, "
-        f"sigma {estimate.sigma:.4f} over {DEGREES_OF_FREEDOM[estimate.residual_dof]}",
+        f"length, {fit.condition_number_raw:.4f} as they are",
+        f"Error norm {fit.error_norm:.4f}, relative error {100.0 * fit.relative_error:.4f} %, "
+        f"sigma {fit.sigma:.4f} over {DEGREES_OF_FREEDOM[fit.residual_dof]}",
         *(_delay(name, delay, estimate.delay_std.get(name)) for name, delay in estimate.delays.items()),
     ]
 
@@ -98,7 +99,7 @@ def _refused(estimate: Estimate) -> list[str]:
 
 def _rows(estimate: Estimate) -> list[str]:
     rows = [["record", "row", "unit", "used", "masked", "weight", "residual rms", "error %"]]
-    for entry in estimate.rows:
+    for entry in estimate.fit.rows:
         error = None if entry.relative_error is None else 100.0 * entry.relative_error
         numbers = [_number(entry.weight, 4), _number(entry.residual_rms, 4), _number(error, 4)]
         rows.append([entry.record, entry.row, entry.unit, str(entry.used), str(entry.masked), *numbers])
@@ -106,7 +107,7 @@ def _rows(estimate: Estimate) -> list[str]:
 
 
 def _pruning(estimate: Estimate) -> list[str]:
-    pruning = estimate.pruning
+    pruning = estimate.fit.pruning
     if not pruning.steps:
         return [f"No parameter has a relative standard deviation of {pruning.percent:g} % or more."]
     lines = [f"Without parameters of {pruning.percent:g} % and more, largest first:"]

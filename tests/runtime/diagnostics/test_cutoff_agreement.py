@@ -57,7 +57,7 @@ def test_the_bench_agrees_over_cutoffs_and_periods(bench: Record) -> None:
         # every interval overlaps every other, and none is blown up
         assert max(one.conf_int()[name][0] for one in found) < min(one.conf_int()[name][1] for one in found)
         assert all(1.96 * one.relative_std[name] < 10.0 for one in found)
-    assert all(any("model error" in note for note in one.notes) for one in found)
+    assert all(any("model error" in note for note in one.fit.notes) for one in found)
 
 
 def test_a_record_without_samples_at_the_other_cutoff_is_compared_with_nothing() -> None:
@@ -94,7 +94,7 @@ def test_the_bench_agrees_over_periods_and_names_its_model_error(bench: Record) 
         assert second.conf_int()[name][0] < first.params[name] < second.conf_int()[name][1]
         # the intervals are not blown up
         assert 1.96 * first.relative_std[name] < 10.0
-    assert any("model error" in note for note in first.notes)
+    assert any("model error" in note for note in first.fit.notes)
 
 
 def test_a_drift_of_physical_parameters_is_not_seen_through() -> None:

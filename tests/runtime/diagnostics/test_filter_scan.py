@@ -43,7 +43,7 @@ def test_every_point_is_the_estimate_with_that_filter() -> None:
         same = identify(RIGID, record, **values_of(**options))
         assert dict(zip(scan.names, point.values, strict=True)) == pytest.approx(dict(same.params), rel=1e-9)
         assert dict(zip(scan.names, point.stds, strict=True)) == pytest.approx(dict(same.bse), rel=1e-9)
-        assert point.relative_error == pytest.approx(same.relative_error)
+        assert point.relative_error == pytest.approx(same.fit.relative_error)
     table = estimate.summary().split("Scan of the filter:")[1].splitlines()
     assert [line.split()[0] for line in table if line.strip().startswith("*  ")] == ["*"]
 

@@ -21,7 +21,7 @@ def test_symmetric_friction_is_not_called_asymmetric() -> None:
     noisy = {"q_m": 1e-7, "F": 1.0}
     signals = {key: s + noisy[key] * rng.standard_normal(record.n) for key, s in record.signals.items()}
     estimate = identify(RIGID, Record(signals, 1000.0, "axis"), **values_of(drift_check=False))
-    assert not any("direction of motion" in note for note in estimate.notes)
+    assert not any("direction of motion" in note for note in estimate.fit.notes)
 
 
 def test_emps_prefers_asymmetric_friction(emps: Record) -> None:

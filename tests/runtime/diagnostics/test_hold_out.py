@@ -26,8 +26,8 @@ def test_a_held_out_record_that_agrees_changes_nothing_but_the_report() -> None:
     assert found is not None
     (row,) = found.rows
     assert (row.record, row.row) == ("two", "m")
-    assert row.relative_error == pytest.approx(estimate.relative_error, rel=0.1)
-    assert row.fitted_error == pytest.approx(estimate.relative_error, rel=1e-9)
+    assert row.relative_error == pytest.approx(estimate.fit.relative_error, rel=0.1)
+    assert row.fitted_error == pytest.approx(estimate.fit.relative_error, rel=1e-9)
     assert not any(one.significant for one in found.moves)
     assert estimate.checks.advice == ()
 
@@ -43,7 +43,7 @@ def test_a_held_out_record_that_disagrees_widens_the_interval_and_is_named() -> 
     assert estimate.bse["M"] == pytest.approx(5.0 / np.sqrt(2.0), rel=0.02)
     assert estimate.bse["Fc"] == pytest.approx(alone.bse["Fc"], rel=1e-6)
     assert [one.kind for one in estimate.checks.advice] == ["held-out records disagree"]
-    assert found.rows[0].relative_error > 1.5 * estimate.relative_error
+    assert found.rows[0].relative_error > 1.5 * estimate.fit.relative_error
     assert "M +5.3 %" in estimate.summary()
 
 

@@ -87,4 +87,4 @@ def test_columns_that_are_nothing_but_noise_are_told() -> None:
     drowned = rigid_record(swings((0.02, 0.05), (0.01, 0.11)), n=40000, noise=3e-3)
     estimate = identify(RIGID, drowned, **values_of(cutoff_hz=10.0, direction_cutoff_hz=5.0))
     assert "M" not in estimate.params
-    assert all(np.isfinite(entry.std) for entry in estimate.parameters)
+    assert all(np.isfinite(entry.std) for entry in estimate.parameters.identified)

@@ -47,7 +47,7 @@ def test_a_motion_that_is_too_slow_for_the_inertia_is_named() -> None:
 
 def test_a_stiffness_below_its_mode_is_called_too_slow() -> None:
     estimate = identify(RIGID, rigid_record(), **values_of(**SETTINGS))
-    entry = replace(estimate.parameters[0], name="K", value=1.0, std=0.5)
+    entry = replace(estimate.parameters.identified[0], name="K", value=1.0, std=0.5)
     fit = _fit_of_two_rows(1e-6)
     (slow,) = uncertain_parameters(TWO_MASS, fit, [entry], 10.0, 106.0, 5.0)
     assert slow.kind == "too slow"
@@ -109,7 +109,7 @@ def test_a_row_that_noise_drowns_is_no_null_solution() -> None:
         for seed, kind in enumerate(("chirp", "trapezoid"))
     ]
     estimate = identify(model, records, **values_of(drift_check=False))
-    (row,) = [one for one in estimate.rows if (one.record, one.row) == ("trapezoid", "m")]
+    (row,) = [one for one in estimate.fit.rows if (one.record, one.row) == ("trapezoid", "m")]
     assert row.relative_error is not None
     assert row.relative_error > 0.95
     assert "null solution" not in kinds(estimate)

@@ -111,7 +111,7 @@ def test_the_estimate_carries_the_third_covariance() -> None:
     assert periods is not None
     assert periods.period_s == (("run", pytest.approx(PERIOD_S)),)
     np.testing.assert_allclose(np.sqrt(np.diag(estimate.cov_params("periods"))), periods.std)
-    for entry, spread in zip(estimate.parameters, periods.std, strict=True):
+    for entry, spread in zip(estimate.parameters.identified, periods.std, strict=True):
         assert 0.2 < spread / entry.noise_std < 5.0
         assert entry.value == pytest.approx(TRUTH[entry.name], abs=6.0 * entry.std)
     assert re.search(r"eq\. \(11\) +periods$", estimate.summary(), re.MULTILINE)

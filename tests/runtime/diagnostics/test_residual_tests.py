@@ -135,4 +135,4 @@ def test_the_bench_shows_more_than_noise_and_the_same_in_every_period(shared_dat
         assert not test.is_white
     # and nothing else is found fault with
     assert {advice.kind for advice in estimate.checks.advice} == {"more than noise"}
-    assert choose_filter(model, [record]) == estimate.filtering
+    assert choose_filter(model, [record]) == estimate.fit.filtering

@@ -200,7 +200,7 @@ def loud_records() -> tuple[Record, ...]:
 def test_least_squares_errs_less_where_the_noise_sets_the_cutoff() -> None:
     truth = CHAIN.parameter_sets["light"]
     chosen = identify(CHAIN, loud_records(), **values_of(drift_check=False))
-    dynamics = chosen.filtering.dynamics_hz
+    dynamics = chosen.fit.filtering.dynamics_hz
     assert dynamics is not None
     before = identify(
         CHAIN, loud_records(), **values_of(drift_check=False, cutoff_hz=distortion_bound_hz(dynamics, 4))

@@ -51,27 +51,27 @@ def test_every_row_is_reported_also_those_without_samples() -> None:
 def test_the_estimate_holds_the_truth_and_adds_the_drift() -> None:
     plain, drifting = judge(solved(), "r-c", 10.0), judge(solved(drift=0.3), "r-c", 10.0)
     np.testing.assert_allclose(list(plain.params.values()), TRUTH, atol=0.02)
-    for entry in drifting.parameters:
+    for entry in drifting.parameters.identified:
         assert entry.drift_std == pytest.approx(0.3)
         assert entry.std == pytest.approx(np.hypot(entry.noise_std, 0.3))
     np.testing.assert_allclose(
         drifting.cov_params() - drifting.cov_params("noise"), 0.09 * np.eye(6), atol=1e-12
     )
-    assert not any("other cut-offs" in note for note in plain.notes)
-    assert any("other cut-offs and weights" in note for note in drifting.notes)
+    assert not any("other cut-offs" in note for note in plain.fit.notes)
+    assert any("other cut-offs and weights" in note for note in drifting.fit.notes)
 
 
 def test_pruning_counts_the_drift_and_leaves_the_estimate_alone() -> None:
     estimate = judge(solved(drift=0.06), "r-c", 10.0)
-    assert [step.removed for step in estimate.pruning.steps] == ["J_c"]  # 0.06 of 0.5
+    assert [step.removed for step in estimate.fit.pruning.steps] == ["J_c"]  # 0.06 of 0.5
     assert "J_c" in estimate.params
-    assert [name for name, _, _ in estimate.pruning.kept] == ["J_m", "F_vm", "F_sm", "F_vmc", "K"]
+    assert [name for name, _, _ in estimate.fit.pruning.kept] == ["J_m", "F_vm", "F_sm", "F_vmc", "K"]
 
 
 def test_what_is_refused_stays_in_the_fit_as_a_nuisance() -> None:
     whole, part = judge(solved(), "r-c", 10.0), judge(solved(refused={"F_sm": "no motion"}), "r-c", 10.0)
     assert part.params["K"] == whole.params["K"]
-    assert dict(part.nuisance) == {"F_sm": whole.params["F_sm"]}
+    assert dict(part.parameters.nuisance) == {"F_sm": whole.params["F_sm"]}
     assert dict(part.not_identifiable) == {"F_sm": "no motion"}
     assert "F_sm" not in part.params
     assert "F_sm" not in part.physical

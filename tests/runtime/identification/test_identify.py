@@ -62,13 +62,13 @@ def test_emps_agrees_with_the_published_result(emps: Record) -> None:
     }
     for name, (value, spread) in published.items():
         assert abs(estimate.params[name] - value) < 0.3 * spread
-    assert 29.0 < estimate.filtering.direction_cutoff_hz < 31.0
-    assert 42.0 < estimate.filtering.cutoff_hz < 45.0
-    assert estimate.filtering.decimation == (9,)
+    assert 29.0 < estimate.fit.filtering.direction_cutoff_hz < 31.0
+    assert 42.0 < estimate.fit.filtering.cutoff_hz < 45.0
+    assert estimate.fit.filtering.decimation == (9,)
     # friction is identifiable here, and the record's quick reversals are no reason to mask anything
     assert not estimate.not_identifiable
-    assert [row.masked for row in estimate.rows] == [0]
-    assert not estimate.pruning.steps
+    assert [row.masked for row in estimate.fit.rows] == [0]
+    assert not estimate.fit.pruning.steps
 
 
 def test_emps_asymmetric_friction_fits_better(emps: Record) -> None:
@@ -82,12 +82,12 @@ def test_emps_asymmetric_friction_fits_better(emps: Record) -> None:
     }
     for name, value in published.items():
         assert asymmetric.params[name] == pytest.approx(value, rel=2e-3)
-    assert asymmetric.relative_error < 0.8 * symmetric.relative_error
+    assert asymmetric.fit.relative_error < 0.8 * symmetric.fit.relative_error
 
 
 def test_emps_intervals_know_that_the_residual_is_coloured(emps: Record) -> None:
     estimate = identify(RIGID, emps)
-    for entry in estimate.parameters:
+    for entry in estimate.parameters.identified:
         assert entry.noise_std > 2.0 * entry.printed_std
 
 
@@ -100,13 +100,13 @@ def test_bench_agrees_with_its_frequency_response(bench: Record) -> None:
     resonance = np.sqrt(found["K"] * (1.0 / found["Jm"] + 1.0 / found["Jc"])) / (2.0 * np.pi)
     assert antiresonance == pytest.approx(53.66, abs=0.5)
     assert resonance == pytest.approx(76.0, abs=1.0)
-    assert 130.0 < (estimate.filtering.dynamics_hz or 0.0) < 137.0
+    assert 130.0 < (estimate.fit.filtering.dynamics_hz or 0.0) < 137.0
 
 
 def test_bench_friction_and_offsets_are_refused(bench: Record) -> None:
     estimate = identify(BENCH, bench)
     assert sorted(estimate.not_identifiable) == ["Fsc", "Fsm", "Fvc", "Fvm", "Oc", "Om"]
-    assert sorted(estimate.nuisance) == sorted(estimate.not_identifiable)
+    assert sorted(estimate.parameters.nuisance) == sorted(estimate.not_identifiable)
     for name in ("Fvm", "Fsm", "Fvc", "Fsc"):
         assert "no constant-velocity motion" in estimate.not_identifiable[name]
     assert "encoders' zeros are unrelated" in estimate.not_identifiable["Om"]
@@ -126,7 +126,7 @@ def test_bench_intervals_hold_what_other_cutoffs_give(bench: Record) -> None:
         )
     assert low < 557.0 < high
     # eq. (11) promises a tenth of that
-    parameter = {entry.name: entry for entry in estimate.parameters}["K"]
+    parameter = {entry.name: entry for entry in estimate.parameters.identified}["K"]
     assert parameter.printed_std < 0.15 * parameter.std
 
 
@@ -160,10 +160,11 @@ def test_intervals_hold_the_truth_with_noise(model: Model, parameters: str) -> N
     held, noise_held, printed_held = [], [], []
     for seed in range(60):
         estimate = identify(model, [with_noise(record, seed) for record in clean])
-        error = np.abs(np.array([entry.value for entry in estimate.parameters]) - truth)
-        held.append(error < 1.96 * np.array([entry.std for entry in estimate.parameters]))
-        noise_held.append(error < 1.96 * np.array([entry.noise_std for entry in estimate.parameters]))
-        printed_held.append(error < 1.96 * np.array([entry.printed_std for entry in estimate.parameters]))
+        found = estimate.parameters.identified
+        error = np.abs(np.array([entry.value for entry in found]) - truth)
+        held.append(error < 1.96 * np.array([entry.std for entry in found]))
+        noise_held.append(error < 1.96 * np.array([entry.noise_std for entry in found]))
+        printed_held.append(error < 1.96 * np.array([entry.printed_std for entry in found]))
     assert np.mean(held) > 0.95
     assert 0.88 < np.mean(noise_held) < 0.99
     # eq. (11) promises too much for the inertia of the motor
@@ -188,7 +189,7 @@ def test_the_check_of_the_drift_can_be_left_out() -> None:
     assert dict(full.params) == dict(quick.params)
     for name in full.params:
         assert quick.bse[name] <= full.bse[name]
-    assert all(entry.drift_std == 0.0 for entry in quick.parameters)
+    assert all(entry.drift_std == 0.0 for entry in quick.parameters.identified)
     np.testing.assert_allclose(quick.cov_params(), quick.cov_params("noise"))
 
 

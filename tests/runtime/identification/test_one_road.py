@@ -81,12 +81,12 @@ def same(found: Estimate | str, expected: Estimate | str) -> None:
         return
     assert found.not_identifiable == expected.not_identifiable
     assert found.checks.advice == expected.checks.advice
-    assert found.notes == expected.notes
-    assert found.filtering == expected.filtering
+    assert found.fit.notes == expected.fit.notes
+    assert found.fit.filtering == expected.fit.filtering
     assert found.nobs == expected.nobs
     for got, wanted in (
-        (found.parameters, expected.parameters),
-        (found.physical_parameters, expected.physical_parameters),
+        (found.parameters.identified, expected.parameters.identified),
+        (found.parameters.physical, expected.parameters.physical),
     ):
         assert [one.name for one in got] == [one.name for one in wanted]
         for one, other in zip(got, wanted, strict=True):
@@ -158,7 +158,7 @@ def test_long_records_are_looked_at_in_stretches(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr("modelgen.runtime.records.record_facts.WHOLE", 8192)
     estimate = identify(model, records)
     truth = model.parameter_sets["table_2"]
-    for entry in estimate.parameters:
+    for entry in estimate.parameters.identified:
         assert abs(entry.value - truth[entry.name]) < 5.0 * entry.std
     again = [Record(dict(record.signals), record.fs, record.name) for record in records]
     sources = [in_files(record, tmp_path / record.name) for record in again]

@@ -38,7 +38,7 @@ def test_a_method_by_name_is_the_value_without_options(case: Case, method: Metho
     by_value = modelgen.identify(model, records, method, Filters(cutoff_hz=300.0), QUICK)
     by_name = modelgen.identify(model, records, method.name, checks=QUICK, cutoff_hz=300.0)
     assert by_value.to_json() == by_name.to_json()
-    assert by_value.method == method.name
+    assert by_value.fit.method == method.name
     assert METHODS[method.name] is type(method)
 
 

@@ -96,10 +96,10 @@ def test_pruning_can_be_undone() -> None:
     slow = rigid_record(swings((2e-2, 0.05), (1e-2, 0.11)), noise=1e-5, n=40000)
     options = {"cutoff_hz": 10.0, "direction_cutoff_hz": 5.0}
     pruned = identify(RIGID, slow, **values_of(**options))
-    assert [step.removed for step in pruned.pruning.steps] == ["M"]
+    assert [step.removed for step in pruned.fit.pruning.steps] == ["M"]
     undone = identify(RIGID, slow, **values_of(keep=("M",), **options))
-    assert "M" not in [step.removed for step in undone.pruning.steps]
-    assert "M" in [name for name, _, _ in undone.pruning.kept]
+    assert "M" not in [step.removed for step in undone.fit.pruning.steps]
+    assert "M" in [name for name, _, _ in undone.fit.pruning.kept]
     # the full estimate is the same in both
     assert undone.params == pruned.params
 

@@ -107,7 +107,7 @@ def test_bias_and_coverage_from_the_motor_alone() -> None:
     for name, value in truth.items():
         errors, spreads = [], []
         for one in found:
-            (entry,) = (entry for entry in one.physical_parameters if entry.name == name)
+            (entry,) = (entry for entry in one.parameters.physical if entry.name == name)
             errors.append(entry.value - value)
             spreads.append(entry.std)
         assert abs(np.mean(errors)) < (0.25 + 3.0 / np.sqrt(RECORDS)) * np.std(errors, ddof=1)
@@ -118,7 +118,7 @@ def test_bias_and_coverage_from_the_motor_alone() -> None:
 def test_an_overdamped_load_is_found_where_the_delay_is_known() -> None:
     truth = motor_only("emps300").parameter_sets["table_1"]
     found = estimate("table_1", 0, delays="none", drift_check=False)
-    for entry in found.physical_parameters:
+    for entry in found.parameters.physical:
         assert abs(entry.value - truth[entry.name]) < 3.5 * entry.std
         assert entry.relative_std < 10.0
     assert not found.not_identifiable
@@ -129,7 +129,7 @@ def test_what_an_unknown_delay_hides_is_refused_with_all_that_hangs_on_it() -> N
     found = estimate("table_1", 0, drift_check=False)
     assert set(found.not_identifiable) == {"J_m", "J_c", "F_vmc", "K"}
     assert "cannot be told from" in found.not_identifiable["J_m"]
-    for entry in found.physical_parameters:
+    for entry in found.parameters.physical:
         assert abs(entry.value - truth[entry.name]) < 3.5 * entry.std
 
 
@@ -169,7 +169,7 @@ def test_a_row_without_a_force_is_not_biased_by_noise() -> None:
     # a cut-off that lets the noise in; the chosen one, 169 Hz, keeps the bias of least squares small as well
     options: dict[str, Any] = {"drift_check": False, "cutoff_hz": 254.0}
     by = {method: identify(model, records, **values_of(method, **options)) for method in ("wls", "iv")}
-    for entry in by["iv"].physical_parameters:
+    for entry in by["iv"].parameters.physical:
         assert abs(entry.value - truth[entry.name]) < 4.0 * entry.std
     assert abs(by["wls"].physical["Kt"] / truth["Kt"] - 1.0) > 0.01
     assert abs(by["iv"].physical["Kt"] / truth["Kt"] - 1.0) < 0.005
@@ -208,8 +208,8 @@ def test_model_error_reaches_the_physical_parameters() -> None:
     ]
     model = motor_only("emps300")
     found = identify(model, late, **values_of("iv", delays="none"))
-    (note,) = (note for note in found.notes if note.startswith("model error"))
-    entries = {entry.name: entry for entry in found.physical_parameters}
+    (note,) = (note for note in found.fit.notes if note.startswith("model error"))
+    entries = {entry.name: entry for entry in found.parameters.physical}
     for name in ("J_c", "K"):
         said = search(rf"\b{name} ([0-9.]+) %", note)
         assert said is not None

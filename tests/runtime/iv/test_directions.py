@@ -82,7 +82,7 @@ def test_what_the_positioning_bench_moves_by_is_named(emps: Record) -> None:
     estimate = identify(
         EMPS[emps_rigid_qm.__name__], emps, **values_of("iv", cutoff_hz=43.0, direction_cutoff_hz=10.0)
     )
-    (note,) = [note for note in estimate.notes if note.startswith("model error")]
+    (note,) = [note for note in estimate.fit.notes if note.startswith("model error")]
     assert "offset" in note
     assert "with directions below 20 Hz" in note
     assert "with directions below 20 Hz" in " ".join(estimate.summary().split())
@@ -91,10 +91,10 @@ def test_what_the_positioning_bench_moves_by_is_named(emps: Record) -> None:
 def test_directions_that_bend_the_estimate_are_in_its_interval_and_named() -> None:
     record = rigid_record(VIBRATING)
     estimate = identify(RIGID, record, **values_of("iv", cutoff_hz=40.0, direction_cutoff_hz=2.0))
-    (offset,) = [entry for entry in estimate.parameters if entry.name == "offset"]
+    (offset,) = [entry for entry in estimate.parameters.identified if entry.name == "offset"]
     error = abs(offset.value - TRUTH["offset"])
     assert 3.0 * offset.noise_std < error < 1.96 * offset.std
-    assert any("offset" in note and "with directions below 4 Hz" in note for note in estimate.notes)
+    assert any("offset" in note and "with directions below 4 Hz" in note for note in estimate.fit.notes)
 
 
 def test_where_directions_are_clear_nothing_is_added() -> None:
@@ -102,8 +102,8 @@ def test_where_directions_are_clear_nothing_is_added() -> None:
         estimate = identify(
             RIGID, record, **values_of("iv", cutoff_hz=40.0, direction_cutoff_hz=direction_hz)
         )
-        assert not any(entry.drift_std for entry in estimate.parameters)
-        assert not any("model error" in note for note in estimate.notes)
+        assert not any(entry.drift_std for entry in estimate.parameters.identified)
+        assert not any("model error" in note for note in estimate.fit.notes)
 
 
 def test_directions_are_changed_where_the_model_has_any_and_the_records_allow_it() -> None:

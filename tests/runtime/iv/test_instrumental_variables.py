@@ -65,8 +65,8 @@ def test_bias_and_coverage(sensors: str, model: Model, parameters: str) -> None:
         rng = np.random.default_rng(seed)
         records = [with_noise(record, rng) for record in clean(sensors, parameters)]
         estimate = identify(model, records, **values_of("iv", delays="none", drift_check=False))
-        values.append([entry.value for entry in estimate.parameters])
-        spreads.append([entry.std for entry in estimate.parameters])
+        values.append([entry.value for entry in estimate.parameters.identified])
+        spreads.append([entry.std for entry in estimate.parameters.identified])
     error = np.array(values) - truth
     bias = error.mean(axis=0) / error.std(axis=0, ddof=1)
     # 0.25 and three standard deviations of a mean
@@ -107,7 +107,7 @@ def test_with_noise_in_the_force_alone_the_force_still_fixes_the_scale(parameter
         for record in clean("qc", parameters)
     ]
     estimate = identify(QC, records, **values_of("iv", drift_check=False))
-    for entry in estimate.parameters:
+    for entry in estimate.parameters.identified:
         assert abs(entry.value - QC.parameter_sets[parameters][entry.name]) < 3.5 * entry.std
 
 

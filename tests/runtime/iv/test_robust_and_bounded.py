@@ -93,9 +93,9 @@ def test_spikes_of_an_encoder_weigh_less() -> None:
             estimate = identify(model, records, **values_of("iv", robust=robust, drift_check=False, **AXIS))
             errors[robust].append([estimate.physical[name] / truth[name] - 1.0 for name in names])
             spreads[robust] += [
-                e.std / truth[e.name] for e in estimate.physical_parameters if e.name in names
+                e.std / truth[e.name] for e in estimate.parameters.physical if e.name in names
             ]
-            assert any(note.startswith("robust (Huber") for note in estimate.notes) == bool(robust)
+            assert any(note.startswith("robust (Huber") for note in estimate.fit.notes) == bool(robust)
     plain, weighed = (np.sqrt(np.mean(np.square(found), axis=0)) for found in errors.values())
     # J_m gains least: without weights it is off by a tenth of what the others are
     assert np.all(weighed < np.array([0.85, 0.6, 0.6, 0.6]) * plain)
@@ -105,7 +105,7 @@ def test_spikes_of_an_encoder_weigh_less() -> None:
 
 def test_normal_noise_is_weighed_as_it_should_be() -> None:
     plain, robust = of_slick(0), of_slick(0, robust="huber")
-    (note,) = [note for note in robust.notes if note.startswith("robust")]
+    (note,) = [note for note in robust.fit.notes if note.startswith("robust")]
     share = float(note.split("(")[2].split(" %")[0])
     assert share == pytest.approx(18.0, abs=4.0)
     for name in plain.params:
@@ -138,14 +138,14 @@ def test_friction_below_zero_is_zero_and_its_cost_is_told() -> None:
         assert cost.deviations == pytest.approx(100.0 / plain.relative_std["F_vc/K"], rel=0.1)
         assert cost.residual_increase > 0.0
         # values of columns; of a physical parameter at its bound the reason tells
-        assert bounded.nuisance["F_vc/K"] == 0.0
-        assert "F_vc" not in bounded.nuisance
+        assert bounded.parameters.nuisance["F_vc/K"] == 0.0
+        assert "F_vc" not in bounded.parameters.nuisance
         assert bounded.not_identifiable["F_vc"].startswith("lies at its bound, 0")
         assert bounded.not_identifiable["F_vc/K"] == "is zero with F_vc at the bound"
         assert "F_vc/K" not in bounded.params
-        for entry in bounded.physical_parameters:
+        for entry in bounded.parameters.physical:
             assert abs(entry.value - truth[entry.name]) < 3.5 * entry.std
-        assert {entry.name for entry in bounded.physical_parameters} == {*truth} - {"F_vc"}
+        assert {entry.name for entry in bounded.parameters.physical} == {*truth} - {"F_vc"}
         # what is known of the load makes the rest more certain
         assert bounded.bse["F_sm"] < plain.bse["F_sm"]
         assert "at its bound" in bounded.summary()
@@ -157,7 +157,7 @@ def test_friction_a_little_below_zero_takes_nothing_else_away() -> None:
     seed = next(seed for seed in range(4) if of_slick(seed).params["F_vc/K"] < 0.0)
     estimate = of_slick(seed)
     assert set(estimate.physical) == {*truth} - {"F_vc"}
-    for entry in estimate.physical_parameters:
+    for entry in estimate.parameters.physical:
         assert abs(entry.value - truth[entry.name]) < 3.5 * entry.std
     assert "standard deviation" in estimate.not_identifiable["F_vc"]
     # nor the comparison with other cut-offs
@@ -174,7 +174,7 @@ def test_friction_a_little_below_zero_takes_nothing_else_away() -> None:
 def test_a_bound_lets_damping_go_to_zero() -> None:
     found = of_slick(1, damped=True, bounds="physical")
     truth = slick(damped=True).parameter_sets["truth"]
-    for entry in found.physical_parameters:
+    for entry in found.parameters.physical:
         assert abs(entry.value - truth[entry.name]) < 3.5 * entry.std
     assert {"J_m", "J_c", "F_vc", "K"} <= set(found.physical)
     assert "D" in found.not_identifiable
@@ -187,7 +187,7 @@ def test_bounds_and_weights_hold_at_other_settings() -> None:
     cost = found.checks.bounds
     assert cost is not None
     assert [name for name, _ in cost.active] == ["F_vc"]
-    assert any(note.startswith("robust") for note in found.notes)
+    assert any(note.startswith("robust") for note in found.fit.notes)
     scan = found.checks.scan
     assert scan is not None
     assert "F_vc/K" not in scan.names
@@ -208,5 +208,5 @@ def test_what_is_held_at_zero_stays_there_whatever_the_records_say() -> None:
     assert spread[held] == 0.0
     assert np.all(np.delete(spread, held) > 0.0)
     # without bounds it would not be zero
-    assert fit.linear is not None
-    assert fit.linear.solution.x[model.parameters.index("F_vc")] > 0.0
+    assert fit.carried is not None
+    assert fit.carried.linear.solution.x[model.parameters.index("F_vc")] > 0.0

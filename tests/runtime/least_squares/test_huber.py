@@ -78,7 +78,7 @@ def test_spikes_in_the_force_no_longer_move_the_estimate() -> None:
     assert abs(plain.params["offset"] - TRUTH["offset"]) > 3.0 * abs(
         robust.params["offset"] - TRUTH["offset"]
     )
-    assert any(note.startswith("robust (Huber, 1.345)") for note in robust.notes)
+    assert any(note.startswith("robust (Huber, 1.345)") for note in robust.fit.notes)
 
 
 def test_what_the_estimate_leaves_of_the_rows_themselves_is_not_weighed() -> None:

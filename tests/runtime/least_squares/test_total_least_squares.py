@@ -103,7 +103,7 @@ def test_the_method_says_what_it_is() -> None:
     estimate = identify(RIGID, rigid_record(), **values_of("tls", **SETTINGS))
     for name, truth in TRUTH.items():
         assert estimate.params[name] == pytest.approx(truth, rel=0.02)
-    assert any("a comparison, not an estimate to rely on" in note for note in estimate.notes)
+    assert any("a comparison, not an estimate to rely on" in note for note in estimate.fit.notes)
     # what pruning keeps is estimated by the same method
-    kept = {name: value for name, value, _ in estimate.pruning.kept}
+    kept = {name: value for name, value, _ in estimate.fit.pruning.kept}
     assert kept == pytest.approx(dict(estimate.params), rel=1e-9)

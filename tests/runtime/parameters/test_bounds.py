@@ -58,7 +58,7 @@ def test_a_parameter_at_its_bound_has_no_number_and_its_cost_is_told() -> None:
         assert cost.active == (("Fv", plain.params["Fv"]),)
         assert "lies at its bound, 0" in bounded.not_identifiable["Fv"]
         assert "Fv" not in bounded.conf_int()
-        assert bounded.nuisance["Fv"] == 0.0
+        assert bounded.parameters.nuisance["Fv"] == 0.0
         assert cost.residual_increase > 0.0
         assert cost.deviations == pytest.approx(-plain.params["Fv"] / plain.bse["Fv"], rel=0.05)
         # no more than chance: no warning

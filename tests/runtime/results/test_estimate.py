@@ -9,8 +9,15 @@ import pytest
 
 from modelgen.runtime.filter_choice.filter_choice import Band, FilterChoice
 from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.parameters.physical_parameters import Covariances
 from modelgen.runtime.parameters.pruning import Pruning, PruningStep
-from modelgen.runtime.results.estimate import Estimate, RowDiagnostics
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.results.estimate_parts import (
+    EstimatedFit,
+    EstimatedModel,
+    EstimatedParameters,
+    RowDiagnostics,
+)
 from modelgen.runtime.results.summary import summary_text
 
 
@@ -32,22 +39,15 @@ def estimate() -> Estimate:
         sentences=("Cut-off 250 Hz.", "chirp: every 8th sample of 5000 Hz."),
         notes=("sampled slowly",),
     )
-    return Estimate(
-        chain="emps300",
-        sensor_set="qm_qc",
-        title="An axis <& more>",
+    fit = EstimatedFit(
         method="wls",
         method_title="weighted least squares",
-        records=("chirp", "rest"),
-        parameters=parameters,
-        physical_parameters=(Parameter("J_total", "kg m^2", 1.1e-5, 2e-8, 1e-8, 1e-8, 1e-8),),
-        covariance=np.array([[1e-16, 0.0], [0.0, 1.6e-11]]),
-        noise_covariance=np.array([[6.4e-17, 0.0], [0.0, 1.6e-11]]),
-        printed_covariance=np.array([[1.6e-17, 0.0], [0.0, 1e-12]]),
         covariance_kind="hac",
-        base=np.array([9.87e-6, -2e-5, np.nan]),
-        nuisance={"O_m": 0.25},
-        not_identifiable={"O_m": "the encoders' zeros are unrelated"},
+        filtering=choice,
+        rows=(
+            RowDiagnostics("chirp", "m", "N m", 1200, 30, 250.0, 0.004, 0.02),
+            RowDiagnostics("rest", "m", "N m", 0, 1230, 0.0, None, None),
+        ),
         resid=np.array([0.5, -0.25, 1.0]),
         condition_number=12.5,
         condition_number_raw=float("inf"),
@@ -55,14 +55,27 @@ def estimate() -> Estimate:
         error_norm=1.1456439,
         sigma=0.9,
         residual_dof="r-c",
-        delays={"Gamma_m": 1.05e-4},
-        rows=(
-            RowDiagnostics("chirp", "m", "N m", 1200, 30, 250.0, 0.004, 0.02),
-            RowDiagnostics("rest", "m", "N m", 0, 1230, 0.0, None, None),
-        ),
         pruning=Pruning(10.0, 0.0312, (PruningStep("F_vm", 20.0, 0.035),), (("J_m", 9.9e-6, 0.11),)),
-        filtering=choice,
+        delays={"Gamma_m": 1.05e-4},
         notes=("rest, row m: not used",),
+    )
+    return Estimate(
+        EstimatedModel("emps300", "qm_qc", "An axis <& more>"),
+        ("chirp", "rest"),
+        fit,
+        Covariances(
+            total=np.diag([1e-16, 1.6e-11]),
+            noise=np.diag([6.4e-17, 1.6e-11]),
+            drift=np.diag([3.6e-17, 0.0]),
+            printed=np.diag([1.6e-17, 1e-12]),
+        ),
+        EstimatedParameters(
+            parameters,
+            (Parameter("J_total", "kg m^2", 1.1e-5, 2e-8, 1e-8, 1e-8, 1e-8),),
+            np.array([9.87e-6, -2e-5, np.nan]),
+            {"O_m": 0.25},
+            {"O_m": "the encoders' zeros are unrelated"},
+        ),
     )
 
 
@@ -93,17 +106,22 @@ def test_three_covariances(estimate: Estimate) -> None:
 
 def test_nothing_can_be_changed(estimate: Estimate) -> None:
     with pytest.raises(FrozenInstanceError):
-        estimate.sigma = 1.0  # type: ignore[misc]
+        estimate.fit.sigma = 1.0  # type: ignore[misc]
     with pytest.raises(ValueError, match="read-only"):
         estimate.resid[0] = 0.0
-    for mapping in (estimate.params, estimate.nuisance, estimate.not_identifiable, estimate.delays):
+    for mapping in (
+        estimate.params,
+        estimate.parameters.nuisance,
+        estimate.not_identifiable,
+        estimate.delays,
+    ):
         with pytest.raises(TypeError):
             mapping["J_m"] = 1.0  # type: ignore[index]
 
 
 def test_it_does_not_change_with_what_it_was_made_from(estimate: Estimate) -> None:
     residual = np.ones(3)
-    other = replace(estimate, resid=residual)
+    other = replace(estimate, fit=replace(estimate.fit, resid=residual))
     residual[0] = 7.0
     assert other.resid[0] == 1.0
 

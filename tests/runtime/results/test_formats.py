@@ -49,7 +49,7 @@ def estimate(fitted: ChainEstimator) -> Estimate:
 
 def test_latex(estimate: Estimate) -> None:
     text = estimate.to_latex()
-    assert text.count(r"\\") == 1 + len(estimate.parameters)
+    assert text.count(r"\\") == 1 + len(estimate.parameters.identified)
     assert r"$J_{\mathrm{m}}$ & kg m$^{2}$ & $9.9" in text
     assert r"\cdot 10^{-6}$" in text
     # underscores of names stand in indices only, and none is bare
@@ -69,7 +69,7 @@ def test_latex_compiles_where_latex_is(estimate: Estimate, tmp_path: Any) -> Non
 
 def test_markdown(estimate: Estimate) -> None:
     lines = estimate.to_markdown().splitlines()
-    assert len(lines) == 2 + len(estimate.parameters)
+    assert len(lines) == 2 + len(estimate.parameters.identified)
     assert {line.count("|") for line in lines} == {8}
     assert lines[2].startswith(r"| J\_m | kg m^2 | 9.9")
 
@@ -77,7 +77,9 @@ def test_markdown(estimate: Estimate) -> None:
 def test_html_for_notebooks_is_a_table_and_escapes(estimate: Estimate) -> None:
     from dataclasses import replace
 
-    text = replace(estimate, chain="<script>", not_identifiable={"<b>": "<i>"})._repr_html_()
+    model = replace(estimate.model, chain="<script>")
+    parameters = replace(estimate.parameters, not_identifiable={"<b>": "<i>"})
+    text = replace(estimate, model=model, parameters=parameters)._repr_html_()
     tags: list[str] = []
 
     class Tags(HTMLParser):
@@ -85,7 +87,7 @@ def test_html_for_notebooks_is_a_table_and_escapes(estimate: Estimate) -> None:
             tags.append(tag)
 
     Tags().feed(text)
-    assert tags.count("tr") == 1 + len(estimate.parameters)
+    assert tags.count("tr") == 1 + len(estimate.parameters.identified)
     assert not {"script", "b", "i"} & set(tags)
 
 

@@ -6,8 +6,15 @@ import numpy as np
 
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.parameters.physical_parameters import Covariances
 from modelgen.runtime.parameters.pruning import Pruning, PruningStep
-from modelgen.runtime.results.estimate import Estimate, RowDiagnostics
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.results.estimate_parts import (
+    EstimatedFit,
+    EstimatedModel,
+    EstimatedParameters,
+    RowDiagnostics,
+)
 from modelgen.runtime.results.summary import summary_text
 
 GOLDEN = """\
@@ -86,25 +93,15 @@ def made_up() -> Estimate:
         "the encoders' zeros are unrelated"
     )
     sentences = ("Cut-off 250 Hz.", "chirp: every 8th sample of 5000 Hz.")
-    return Estimate(
-        chain="emps300",
-        sensor_set="qm_qc",
-        title="An axis",
+    fit = EstimatedFit(
         method="wls",
         method_title="weighted least squares",
-        records=("chirp", "rest"),
-        parameters=(
-            Parameter("J_m", "kg m^2", 9.87e-6, 1e-8, 8e-9, 6e-9, 4e-9),
-            Parameter("F_vm", "N m s/rad", -2e-5, 4e-6, 4e-6, 0.0, 1e-6),
-        ),
-        physical_parameters=(Parameter("J_total", "kg m^2", 1.1e-5, 2e-8, 1e-8, 1e-8, 1e-8),),
-        covariance=np.eye(2),
-        noise_covariance=np.eye(2),
-        printed_covariance=np.eye(2),
         covariance_kind="hac",
-        base=np.array([9.87e-6, -2e-5, np.nan]),
-        nuisance={"O_m": 0.25},
-        not_identifiable={"O_m": reason},
+        filtering=FilterChoice(4, 250.0, 172.5, (8, 4), 172.5, 29.0, (), sentences, ("sampled slowly",)),
+        rows=(
+            RowDiagnostics("chirp", "m", "N m", 1200, 30, 250.0, 0.004, 0.02),
+            RowDiagnostics("rest", "m", "N m", 0, 1230, 0.0, None, None),
+        ),
         resid=np.array([0.5, -0.25, 1.0]),
         condition_number=12.5,
         condition_number_raw=float("inf"),
@@ -112,14 +109,25 @@ def made_up() -> Estimate:
         error_norm=1.1456439,
         sigma=0.9,
         residual_dof="r-c",
-        delays={"Gamma_m": 1.05e-4},
-        rows=(
-            RowDiagnostics("chirp", "m", "N m", 1200, 30, 250.0, 0.004, 0.02),
-            RowDiagnostics("rest", "m", "N m", 0, 1230, 0.0, None, None),
-        ),
         pruning=Pruning(10.0, 0.0312, (PruningStep("F_vm", 20.0, 0.035),), (("J_m", 9.9e-6, 0.11),)),
-        filtering=FilterChoice(4, 250.0, 172.5, (8, 4), 172.5, 29.0, (), sentences, ("sampled slowly",)),
+        delays={"Gamma_m": 1.05e-4},
         notes=("rest, row m: not used",),
+    )
+    return Estimate(
+        EstimatedModel("emps300", "qm_qc", "An axis"),
+        ("chirp", "rest"),
+        fit,
+        Covariances(np.eye(2), np.eye(2), np.eye(2), np.eye(2)),
+        EstimatedParameters(
+            (
+                Parameter("J_m", "kg m^2", 9.87e-6, 1e-8, 8e-9, 6e-9, 4e-9),
+                Parameter("F_vm", "N m s/rad", -2e-5, 4e-6, 4e-6, 0.0, 1e-6),
+            ),
+            (Parameter("J_total", "kg m^2", 1.1e-5, 2e-8, 1e-8, 1e-8, 1e-8),),
+            np.array([9.87e-6, -2e-5, np.nan]),
+            {"O_m": 0.25},
+            {"O_m": reason},
+        ),
     )
 
 
@@ -129,25 +137,27 @@ def test_everything_is_said() -> None:
 
 def test_what_there_is_not_leaves_no_trace() -> None:
     whole = made_up()
-    paper = replace(
-        whole,
+    fit = replace(
+        whole.fit,
         method="pham2002",
         method_title="the paper",
         covariance_kind="printed",
         residual_dof="r-1",
-        physical_parameters=whole.parameters,
-        not_identifiable={},
-        nuisance={},
         delays={},
-        pruning=replace(whole.pruning, steps=()),
-        filtering=replace(whole.filtering, notes=()),
+        pruning=replace(whole.fit.pruning, steps=()),
+        filtering=replace(whole.fit.filtering, notes=()),
         notes=(),
     )
+    known = whole.parameters
+    parameters = replace(known, physical=known.identified, not_identifiable={}, nuisance={})
+    paper = replace(whole, fit=fit, parameters=parameters)
     assert summary_text(paper) == GOLDEN_PAPER
 
 
 def test_numbers_that_are_none_do_not_break_the_table() -> None:
-    strange = replace(made_up().parameters[0], value=0.0, std=float("nan"))
-    text = summary_text(replace(made_up(), parameters=(strange,)))
+    whole = made_up()
+    strange = replace(whole.parameters.identified[0], value=0.0, std=float("nan"))
+    parameters = replace(whole.parameters, identified=(strange,))
+    text = summary_text(replace(whole, parameters=parameters))
     assert "nan" in text
     assert "inf" in text

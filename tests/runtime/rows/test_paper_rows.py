@@ -30,10 +30,10 @@ def test_the_published_result_comes_out_to_every_decimal(emps: Record) -> None:
         assert round(estimate.params[name], 4) == value
         assert round(estimate.bse[name], 4) == spread
         assert round(estimate.relative_std[name], 4) == percent
-    assert round(estimate.condition_number_raw, 4) == 25.9883
-    assert round(estimate.error_norm, 4) == 108.7569
-    assert round(100.0 * estimate.relative_error, 4) == 4.0834
-    assert round(estimate.sigma, 4) == 2.1843
+    assert round(estimate.fit.condition_number_raw, 4) == 25.9883
+    assert round(estimate.fit.error_norm, 4) == 108.7569
+    assert round(100.0 * estimate.fit.relative_error, 4) == 4.0834
+    assert round(estimate.fit.sigma, 4) == 2.1843
     assert estimate.nobs == 2480
 
 
@@ -44,7 +44,7 @@ def test_equation_11_as_printed_divides_by_r_minus_c(emps: Record) -> None:
     )
     assert dict(narrow.params) == dict(printed.params)
     assert printed.bse["Fv"] / narrow.bse["Fv"] == pytest.approx(np.sqrt(2479 / 2476))
-    assert round(printed.sigma, 4) == 2.1857
+    assert round(printed.fit.sigma, 4) == 2.1857
 
 
 def test_the_published_asymmetric_result_comes_out_to_every_decimal(emps: Record) -> None:
@@ -57,7 +57,7 @@ def test_the_published_asymmetric_result_comes_out_to_every_decimal(emps: Record
         "Fv_minus": 240.4236,
         "Fc_minus": 20.6277,
     }
-    assert round(100.0 * estimate.relative_error, 4) == 3.1117
+    assert round(100.0 * estimate.fit.relative_error, 4) == 3.1117
 
 
 def random_record(model_channels: tuple[str, ...], n: int, name: str = "run") -> Record:

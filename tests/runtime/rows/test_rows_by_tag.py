@@ -28,7 +28,7 @@ def test_one_setting_pairs_the_records_with_the_rows() -> None:
     ]
     assert [record.tag for record in records] == ["chirp", "trapezoid"]
     estimate = identify(QM_AC, records, **values_of(rows_for_tag="pham2002", drift_check=False))
-    assert [(row.record, row.row) for row in estimate.rows] == [
+    assert [(row.record, row.row) for row in estimate.fit.rows] == [
         ("chirp", "m"),
         ("chirp", "c"),
         ("trapezoid", "m+c"),

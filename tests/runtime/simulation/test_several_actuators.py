@@ -106,7 +106,7 @@ def measured(sensors: str, seed: int, late: Mapping[str, float], share: float = 
 
 def errors_of(estimate: Estimate) -> dict[str, float]:
     """Relative error of every physical parameter."""
-    return {entry.name: entry.value / TRUTH[entry.name] - 1.0 for entry in estimate.physical_parameters}
+    return {entry.name: entry.value / TRUTH[entry.name] - 1.0 for entry in estimate.parameters.physical}
 
 
 @pytest.mark.parametrize("bandwidth_hz", [inf, 150.0])
@@ -210,8 +210,8 @@ def test_bias_coverage_and_a_delay_of_each_force() -> None:
         for seed in range(RECORDS)
     ]
     truth = np.array([*TRUTH.values(), *LATE.values()])
-    values = [[*(entry.value for entry in one.physical_parameters), *one.delays.values()] for one in found]
-    spreads = [[*(entry.std for entry in one.physical_parameters), *one.delay_std.values()] for one in found]
+    values = [[*(entry.value for entry in one.parameters.physical), *one.delays.values()] for one in found]
+    spreads = [[*(entry.std for entry in one.parameters.physical), *one.delay_std.values()] for one in found]
     error = np.array(values) - truth
     bias = error.mean(axis=0) / np.median(spreads, axis=0)
     # 0.25 and three standard deviations of a mean

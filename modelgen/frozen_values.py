@@ -1,0 +1,35 @@
+"""Dataclasses that nobody can change: read-only arrays and mappings, which survive pickling."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+
+class FrozenValues:
+    """Base of frozen dataclasses: arrays become read-only copies, mappings read-only views of copies."""
+
+    def __post_init__(self) -> None:
+        for name, value in self._values().items():
+            if isinstance(value, np.ndarray):
+                value = np.array(value, dtype=float)
+                value.flags.writeable = False
+                object.__setattr__(self, name, value)
+            elif isinstance(value, Mapping):
+                object.__setattr__(self, name, MappingProxyType(dict(value)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # a mapping proxy cannot be sent to another process, a dict can
+        plain = {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in self._values().items()}
+        return _rebuild, (type(self), plain)
+
+    def _values(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+
+
+def _rebuild(kind: type[Any], values: dict[str, Any]) -> Any:
+    return kind(**values)

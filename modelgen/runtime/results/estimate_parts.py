@@ -1,0 +1,117 @@
+"""The parts of an Estimate: its model, its fit with how every row did, its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from modelgen.array_types import FloatArray
+from modelgen.frozen_values import FrozenValues
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.parameters.pruning import Pruning
+
+
+@dataclass(frozen=True)
+class EstimatedModel:
+    """Which generated model was identified: names of its chain and sensor set, and the chain's title."""
+
+    chain: str
+    sensor_set: str
+    title: str
+
+    def __str__(self) -> str:
+        return f"{self.chain}, sensors {self.sensor_set}"
+
+
+@dataclass(frozen=True)
+class RowDiagnostics:
+    """How one row of the model did on one record.
+
+    `used` and `masked` count samples of the decimated grid, `weight` is that of the fit. `residual_rms` is in
+    `unit`; `relative_error` is that of the row alone, for a row without a force relative to its largest term.
+    Both are None where no sample is left.
+    """
+
+    record: str
+    row: str
+    unit: str
+    used: int
+    masked: int
+    weight: float
+    residual_rms: float | None
+    relative_error: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatedFit(FrozenValues):
+    """How the parameters were found, and how well the rows are fitted.
+
+    Attributes
+    ----------
+    method, method_title : str
+        The estimator, and what it is called in full.
+    covariance_kind : str
+        How the covariance of the noise was made: "hac", or "printed" for eq. (11).
+    filtering : FilterChoice
+    rows : tuple of RowDiagnostics
+    resid : array, shape (nobs,)
+        Weighted residual, rows stacked; in the unit of the row where there is only one block.
+    condition_number, condition_number_raw : float
+        Of the weighted observation matrix, with and without scaling its columns to unit length.
+    relative_error, error_norm : float
+        Norm of the weighted residual, relative to the weighted measurement (not in %) and as it is.
+    sigma : float
+        Standard deviation of the weighted residual; `residual_dof` says with which degrees of freedom.
+    delays, delay_std : mapping of str to float
+        Delay in s of every force whose delay was estimated, and its standard deviation.
+    pruning : Pruning
+        What is left without parameters of a large relative standard deviation.
+    notes : tuple of str
+        What one should know before believing the numbers.
+    """
+
+    method: str
+    method_title: str
+    covariance_kind: str
+    filtering: FilterChoice
+    rows: tuple[RowDiagnostics, ...]
+    resid: FloatArray
+    condition_number: float
+    condition_number_raw: float
+    relative_error: float
+    error_norm: float
+    sigma: float
+    residual_dof: str
+    pruning: Pruning
+    delays: Mapping[str, float] = field(default_factory=dict)
+    delay_std: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatedParameters(FrozenValues):
+    """The parameters that the records answer, and why they do not answer the others.
+
+    Attributes
+    ----------
+    identified : tuple of Parameter
+        The base parameters that the records answer, in the order of the model.
+    physical : tuple of Parameter
+        The physical ones that follow from them; standard deviations to first order.
+    base : array, shape (columns,)
+        All base parameters of the model in its order; NaN for what is not identifiable.
+    nuisance : mapping of str to float
+        Values of columns that had to stay in the fit although the records cannot answer them. Not estimates.
+    not_identifiable : mapping of str to str
+        Base or physical parameter to the reason why there is no number for it.
+    other_solutions : tuple of mappings
+        Further sets of physical parameters that fit the composites of an elimination as well.
+    """
+
+    identified: tuple[Parameter, ...]
+    physical: tuple[Parameter, ...]
+    base: FloatArray
+    nuisance: Mapping[str, float]
+    not_identifiable: Mapping[str, str]
+    other_solutions: tuple[Mapping[str, float], ...] = ()
