@@ -19,13 +19,13 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import ORDER_OF, FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
-from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import DAMPING_RATIO, PositionVelocityController, vibration
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation, excitation_from_record
-from modelgen.runtime.simulation.motion import move, true_signals
+from modelgen.runtime.simulation.motion import move, readings
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 
 # Bandwidth of the weak feedback, as a share of the dynamics' frequency; and of what it sees of the record,
@@ -33,6 +33,8 @@ from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 FEEDBACK_SHARE = 1.0 / 30.0
 SMOOTHING = 4.0
 SMOOTHING_ORDER = 2
+# What the start of the motion may differ by for looking at the start of the record only.
+START_TOLERANCE = 1e-9
 # An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
 LEAST_INERTIA = 1e-6
 REFERENCE = "reference"
@@ -80,14 +82,13 @@ def run_beside(
         motion = move(plant, loop.controller, loop.drive, excitation, start, 1)
     else:
         motion = move(plant, *_weak_feedback(plant, record, choice), start, 1)
-    true = true_signals(plant, motion)
+    true = readings(plant, motion)
     return Record(
-        {key: true.get(key, samples) if _is_reading(model, key) else samples
-         for key, samples in record.signals.items()},
+        {key: true.get(key, samples) for key, samples in record.signals.items()},
         record.fs,
         record.name,
         record.tag,
-    )  # fmt: skip
+    )
 
 
 def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
@@ -105,12 +106,6 @@ def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
         elif role in ("coulomb", "stiffness", "damping", "viscous"):
             moved[name] = max(value, 0.0)
     return moved
-
-
-def _is_reading(model: Model, key: str) -> bool:
-    """Return whether a channel is a sensor's or an actuator's; what else a record brings is not measured."""
-    readings = [entry.key for entry in model.sensors] + [entry.key for entry in model.actuators]
-    return key in readings
 
 
 def _weak_feedback(
@@ -131,16 +126,24 @@ def _feedback_hz(choice: FilterChoice) -> float:
 def _followed(plant: Plant, body: str, record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
     """Return the slow part of a body's position and velocity, shape (n,) each."""
     sensor, gear = nearest_sensor(plant, body, record)
-    raw = record.signals[sensor.key] * gear
-    cutoff_hz = min(SMOOTHING * _feedback_hz(choice), 0.4 * record.fs)
-    smooth = zero_phase(raw, SMOOTHING_ORDER, cutoff_hz, record.fs)
-    order = ORDER_OF[sensor.measures]
+    return _slow_part(record.signals[sensor.key] * gear, ORDER_OF[sensor.measures], record, choice)
+
+
+def _slow_part(
+    raw: FloatArray, order: int, record: Record, choice: FilterChoice
+) -> tuple[FloatArray, FloatArray]:
+    """Return the same from a body's readings, shape (n,), of its position (order 0) or a derivative."""
+    smooth = zero_phase(raw, SMOOTHING_ORDER, _smoothing_hz(record, choice), record.fs)
     velocity = differentiate(smooth, record.dt) if order == 0 else smooth
     if order == 2:
         # a constant in an accelerometer is its own: the velocity it would integrate to is none
         velocity = np.cumsum(smooth - smooth.mean()) * record.dt
     position = smooth if order == 0 else np.cumsum(velocity) * record.dt
     return position, velocity
+
+
+def _smoothing_hz(record: Record, choice: FilterChoice) -> float:
+    return min(SMOOTHING * _feedback_hz(choice), 0.4 * record.fs)
 
 
 def nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, float]:
@@ -157,5 +160,12 @@ def nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, flo
 
 def _initial_state(plant: Plant, record: Record, choice: FilterChoice) -> FloatArray:
     """Return all positions, then all velocities, at the first sample."""
-    starts = [_followed(plant, body, record, choice) for body in plant.bodies]
+    # farther away the filter feels nothing; but what an accelerometer reads at rest is its mean over all
+    reach = support_samples(SMOOTHING_ORDER, _smoothing_hz(record, choice), record.fs, 0, START_TOLERANCE)
+    starts = []
+    for body in plant.bodies:
+        sensor, gear = nearest_sensor(plant, body, record)
+        order = ORDER_OF[sensor.measures]
+        raw = record.signals[sensor.key] if order == 2 else record.read(sensor.key, 0, min(2 * reach, record.n))
+        starts.append(_slow_part(raw * gear, order, record, choice))
     return np.array([start[0][0] for start in starts] + [start[1][0] for start in starts])

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.iv.instrumental_variables import Setting, instruments_at
+from modelgen.runtime.iv.instrumental_variables import Setting, instruments, simulated
 from modelgen.runtime.least_squares.delays import advanced, delay_rates
 from modelgen.runtime.least_squares.fit import CarriedOver, Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
@@ -95,7 +95,7 @@ def step_from(setting: Setting, plain: Fit, now: Unknowns, rules: Rules) -> Step
     late = [np.column_stack(columns) for columns in zip(*rates, strict=True)] or [
         np.zeros((len(block.place), 0)) for block in fit.blocks
     ]
-    Z = instruments_at(fit, there, values)
+    Z = instruments(fit, there, simulated(fit, there, values))
     white, stacked = [], []
     parts = zip(fit.blocks, fit.residuals, Z, late, whiteners, strict=True)
     for block, residual, z, rate, white_of in parts:

@@ -31,6 +31,11 @@ ROUNDS = 20
 # Converged: no parameter moves by more than this share of its standard deviation, or of its value.
 SMALL_MOVE = 0.01
 SMALL_CHANGE = 1e-6
+# A move that is foreseen, not seen, is to stay below this share of that.
+FORESEEN = 0.1
+# Noise-free records serve for estimates that differ by so many standard deviations, or this share of a value.
+NEAR = 3.0
+NEAR_SHARE = 0.25
 # Rows hold no more exactly than to this share of their largest term.
 EXACTNESS = 1e-3
 
@@ -47,7 +52,14 @@ class Setting:
 
 
 def fit_iv(start: Fit, setting: Setting) -> Fit:
-    """Iterate instruments and estimate from a least-squares fit until the estimate stands still.
+    """Iterate instruments and estimate until the estimate stands still.
+
+    Parameters
+    ----------
+    start : Fit
+        To these rows: by least squares, or with the solution of a fit at other settings. The noise-free
+        records of the latter serve here as well, unless the estimate turns out far from it.
+    setting : Setting
 
     Raises
     ------
@@ -56,25 +68,26 @@ def fit_iv(start: Fit, setting: Setting) -> Fit:
     DataError
         When the model cannot be simulated.
     """
-    fit, moves = start, list[float]()
+    fit, moves, runs = start, list[float](), start.simulated
     for _ in range(ROUNDS):
-        following = iv_round(fit, setting)
-        move = _largest_move(fit, following)
-        fit = following
-        moves.append(move)
-        if move < 1.0:
-            return replace(fit, notes=_iv_notes(len(moves)))
+        following = iv_round(fit, setting, runs)
+        moves.append(_largest_move(fit, following))
+        if _stands_still(moves) or (runs is not None and _is_near(following, start)):
+            return replace(following, notes=_iv_notes(len(moves)))
+        fit, runs = following, None
     raise diverged(
         f"after {ROUNDS} rounds an estimate still moves by {SMALL_MOVE * moves[-1]:.2g} standard deviations"
     )
 
 
-def iv_round(fit: Fit, setting: Setting) -> Fit:
-    """Return the fit with instruments from the given one: one round of the iteration."""
-    following = solve_with(fit, instruments(fit, setting))
+def iv_round(fit: Fit, setting: Setting, runs: Mapping[int, Record] | None = None) -> Fit:
+    """Return the fit with instruments from the given one, or from noise-free records that there are."""
+    if runs is None:
+        runs = simulated(fit, setting, simulation_parameters(setting.model, fit))
+    following = solve_with(fit, instruments(fit, setting, runs))
     if not np.all(np.isfinite(following.solution.x)):
         raise diverged("its estimate is not finite")
-    return following
+    return replace(following, simulated=runs)
 
 
 def starting_at(fit: Fit, start: Fit) -> Fit:
@@ -82,7 +95,7 @@ def starting_at(fit: Fit, start: Fit) -> Fit:
     if fit.columns != start.columns:
         return fit
     residuals = tuple(block.residual(start.solution.x) for block in fit.blocks)
-    return replace(fit, solution=start.solution, residuals=residuals)
+    return replace(fit, solution=start.solution, residuals=residuals, simulated=start.simulated)
 
 
 def diverged(what: str) -> IdentifiabilityError:
@@ -91,47 +104,51 @@ def diverged(what: str) -> IdentifiabilityError:
     return IdentifiabilityError.at("method iv", f"does not converge: {what}", remedy)
 
 
-def instruments(fit: Fit, setting: Setting) -> tuple[FloatArray, ...]:
-    """Return for every block of the fit its rows built from the simulation, shape (n, columns) each."""
-    return instruments_at(fit, setting, simulation_parameters(setting.model, fit))
-
-
-def instruments_at(fit: Fit, setting: Setting, values: Mapping[str, float]) -> tuple[FloatArray, ...]:
-    """Return the same from a simulation with these physical parameters (SI).
+def simulated(fit: Fit, setting: Setting, values: Mapping[str, float]) -> Mapping[int, Record]:
+    """Return what a simulation with these physical parameters (SI) gives in place of each record of the fit.
 
     Raises
     ------
     IdentifiabilityError
-        When the simulation fails, or does not move what a column needs.
+        When the simulation fails.
     """
+    model, choice = setting.model, setting.choice
+    parameters = possible(model, values)
     try:
-        Z = _simulated_rows(fit, setting, possible(setting.model, values))
+        return {
+            index: run_beside(model, parameters, setting.records[index], choice, setting.loop)
+            for index in dict.fromkeys(block.record for block in fit.blocks)
+        }
     except DataError as error:
         raise diverged(f"its simulation fails ({error.problems[0].what})") from error
-    still = [name for name, size in zip(fit.columns, _norms(Z), strict=True) if size == 0.0]
-    if still:
-        raise diverged(f"its simulation does not move what {', '.join(still)} needs")
-    return Z
 
 
-def _simulated_rows(fit: Fit, setting: Setting, parameters: Mapping[str, float]) -> tuple[FloatArray, ...]:
+def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple[FloatArray, ...]:
+    """Return for every block of the fit its rows built from the simulation, shape (n, columns) each.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When the simulation does not move what a column needs.
+    """
     model, choice = setting.model, setting.choice
     place = {model.base_parameters.index(name): index for index, name in enumerate(fit.columns)}
     touched = [terms.columns for terms in row_terms(model)]
-    runs: dict[int, tuple[FloatArray, ...]] = {}
+    lines: dict[int, tuple[FloatArray, ...]] = {}
     found = []
     for block in fit.blocks:
-        if block.record not in runs:
-            record = run_beside(model, parameters, setting.records[block.record], choice, setting.loop)
+        if block.record not in lines:
             factor = choice.decimation[block.record]
-            rows = matched_rows(model, record, choice, factor, setting.drop, survey=NOTHING)
-            runs[block.record] = rows.lines()
+            rows = matched_rows(model, runs[block.record], choice, factor, setting.drop, survey=NOTHING)
+            lines[block.record] = rows.lines()
         Z = np.zeros((len(block.place), len(fit.columns)))
-        lines = runs[block.record][block.row][:-1]
-        for column, line in zip(touched[block.row], lines, strict=True):
+        for column, line in zip(touched[block.row], lines[block.record][block.row][:-1], strict=True):
             if column in place:
                 Z[:, place[column]] = line[block.place]
         found.append(Z)
+    still = [name for name, size in zip(fit.columns, _norms(found), strict=True) if size == 0.0]
+    if still:
+        raise diverged(f"its simulation does not move what {', '.join(still)} needs")
     return tuple(found)
 
 
@@ -174,7 +191,7 @@ def simulation_parameters(
     return {name: found.get(name, 0.0) for name in model.parameters}
 
 
-def _norms(Z: tuple[FloatArray, ...]) -> FloatArray:
+def _norms(Z: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(np.sqrt(np.sum([np.sum(z**2, axis=0) for z in Z], axis=0)))
 
 
@@ -184,6 +201,27 @@ def _largest_move(before: Fit, after: Fit) -> float:
     small = np.maximum(SMALL_MOVE * spread, SMALL_CHANGE * np.abs(after.solution.x))
     move = np.abs(after.solution.x - before.solution.x)
     return float(np.max(move / np.maximum(small, np.finfo(float).tiny)))
+
+
+def _stands_still(moves: Sequence[float]) -> bool:
+    """Tell whether the estimate has come to rest, or the next round would hardly show otherwise.
+
+    The rounds shrink the moves by about the same share each.
+    """
+    if moves[-1] < 1.0:
+        return True
+    share = moves[-1] / moves[-2] if len(moves) > 1 else 1.0
+    return share < 0.5 and moves[-1] * share / (1.0 - share) < FORESEEN
+
+
+def _is_near(fit: Fit, start: Fit) -> bool:
+    """Tell whether a simulation with the start's parameters gives as good instruments as one with the fit's.
+
+    Instruments that are off by some share cost a little efficiency, and leave the estimate consistent.
+    """
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    near = np.maximum(NEAR * spread, NEAR_SHARE * np.abs(start.solution.x))
+    return bool(np.all(np.abs(fit.solution.x - start.solution.x) <= near))
 
 
 def _iv_notes(rounds: int) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,6 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares
 from modelgen.runtime.numerics.qr_triangle import triangle_of
+from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import RowBlock
 
 
@@ -63,6 +64,8 @@ class Fit:
     carried : CarriedOver, optional
         The fit of physical parameters that this one was carried over from; None where the columns were
         fitted themselves.
+    simulated : mapping of int to Record, optional
+        With instrumental variables the noise-free records that they were made of, by index of the record.
     """
 
     columns: tuple[str, ...]
@@ -76,6 +79,7 @@ class Fit:
     delays: tuple[tuple[str, float, float], ...] = ()
     lost: int = 0
     carried: CarriedOver | None = None
+    simulated: Mapping[int, Record] | None = None
 
     def regressor(self, index: int) -> tuple[FloatArray, IntArray]:
         """Return what a block's Y was regressed on, shape (n, k), and the places of these k columns."""

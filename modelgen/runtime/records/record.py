@@ -93,9 +93,16 @@ class Record:
             problems.append(Problem(source.name, f"has {source.n} sample(s)", "give at least two samples"))
         if problems:
             raise DataError(*problems)
+        return cls._of(ChannelSignals(source), float(source.fs), source.name, tag, int(source.n))
+
+    @classmethod
+    def _of(
+        cls, signals: Mapping[str, FloatArray], fs: float, name: str, tag: str | None, n: int
+    ) -> Record:
+        """Return the record of what has been checked before."""
         record = object.__new__(cls)
-        entries = {"signals": ChannelSignals(source), "fs": float(source.fs), "name": source.name}
-        for key, value in (entries | {"tag": tag, "n": int(source.n)}).items():
+        entries = {"signals": signals, "fs": fs, "name": name, "tag": tag, "n": n}
+        for key, value in entries.items():
             object.__setattr__(record, key, value)
         return record
 
@@ -125,7 +132,12 @@ class Record:
             key: edit.whole(self.signals[edit.channel]) if isinstance(edit, Edit) else edit
             for key, edit in edits.items()
         }
-        return Record({**self.signals, **made}, self.fs, self.name, self.tag)
+        new = Record(made, self.fs, self.name, self.tag)
+        joined = {**self.signals, **new.signals}
+        if new.n != self.n:
+            raise DataError(*_length_problems(self.name, joined))
+        # the other channels are checked, and nobody can change them
+        return Record._of(MappingProxyType(joined), self.fs, self.name, self.tag, self.n)
 
     def part(self, start: int, stop: int, name: str) -> Record:
         """Return samples start to stop of all channels; in memory where this record is."""

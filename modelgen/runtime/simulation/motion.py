@@ -174,6 +174,21 @@ def true_signals(plant: Plant, motion: Motion) -> dict[str, FloatArray]:
     return true
 
 
+def readings(plant: Plant, motion: Motion) -> dict[str, FloatArray]:
+    """Return what actuators and sensors read at the sample instants, shape (N,) each, in SI; no more."""
+    model, space = plant.model, plant.space((1,) * len(plant.sticking))
+    found = {entry.key: motion.forces[:, i] for i, entry in enumerate(model.actuators)}
+    # what moves and how fast is seen alike in every mode; only what accelerates it is not
+    felt = [
+        sensor.measures == "acceleration" or space.D[i].any() or space.F[i].any()
+        for i, sensor in enumerate(model.sensors)
+    ]
+    sensed = _outputs(plant, motion.states, motion.modes, motion.forces)[2] if any(felt) else None
+    for i, sensor in enumerate(model.sensors):
+        found[sensor.key] = motion.states @ space.C[i] if sensed is None or not felt[i] else sensed[:, i]
+    return found
+
+
 def _outputs(
     plant: Plant, x: FloatArray, modes: npt.NDArray[np.int8], forces: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

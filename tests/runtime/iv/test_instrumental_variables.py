@@ -15,7 +15,13 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
-from modelgen.runtime.iv.instrumental_variables import Setting, fit_iv, instruments
+from modelgen.runtime.iv.instrumental_variables import (
+    Setting,
+    fit_iv,
+    instruments,
+    simulated,
+    simulation_parameters,
+)
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model, model_from_module
@@ -116,7 +122,9 @@ def test_iv_and_its_projection_are_the_same_estimate() -> None:
     records = [with_noise(record, rng) for record in clean("qc", "table_2")]
     choice = choose_filter(QC, records)
     start = fit_matched(observe(QC, records, choice, turns=False))
-    Z = instruments(start, Setting(QC, records, choice))
+    setting = Setting(QC, records, choice)
+    runs = simulated(start, setting, simulation_parameters(QC, start))
+    Z = instruments(start, setting, runs)
     fit = two_stage(start, Z)
     weight = np.concatenate([np.full(len(z), w) for w, z in zip(fit.weights, Z, strict=True)])[:, None]
     stacked = weight * np.concatenate(Z)
