@@ -166,6 +166,8 @@ def _initial_state(plant: Plant, record: Record, choice: FilterChoice) -> FloatA
     for body in plant.bodies:
         sensor, gear = nearest_sensor(plant, body, record)
         order = ORDER_OF[sensor.measures]
-        raw = record.signals[sensor.key] if order == 2 else record.read(sensor.key, 0, min(2 * reach, record.n))
+        raw = (
+            record.signals[sensor.key] if order == 2 else record.read(sensor.key, 0, min(2 * reach, record.n))
+        )
         starts.append(_slow_part(raw * gear, order, record, choice))
     return np.array([start[0][0] for start in starts] + [start[1][0] for start in starts])

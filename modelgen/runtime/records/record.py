@@ -96,9 +96,7 @@ class Record:
         return cls._of(ChannelSignals(source), float(source.fs), source.name, tag, int(source.n))
 
     @classmethod
-    def _of(
-        cls, signals: Mapping[str, FloatArray], fs: float, name: str, tag: str | None, n: int
-    ) -> Record:
+    def _of(cls, signals: Mapping[str, FloatArray], fs: float, name: str, tag: str | None, n: int) -> Record:
         """Return the record of what has been checked before."""
         record = object.__new__(cls)
         entries = {"signals": signals, "fs": fs, "name": name, "tag": tag, "n": n}
