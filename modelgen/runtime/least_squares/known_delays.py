@@ -44,4 +44,7 @@ def aligned(
         raise DataError(*problems)
     known = tuple(advanced(record, given) for record in with_holds(records, held))
     wanted = by_default if delays is None else delays == ESTIMATE
-    return known, forces if wanted else ()
+    if not wanted:
+        return known, ()
+    # nothing shows when a force that never changes acts
+    return known, tuple(key for key in forces if any(one.facts.extent(key).span > 0.0 for one in known))

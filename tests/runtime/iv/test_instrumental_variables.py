@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS, Job
 from modelgen.runtime.identification.options import values_of
+from modelgen.runtime.iv import instrumental_variables
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
 from modelgen.runtime.iv.instrumental_variables import (
     Setting,
@@ -21,7 +23,10 @@ from modelgen.runtime.iv.instrumental_variables import (
     instruments,
     simulated,
     simulation_parameters,
+    starting_at,
 )
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model, model_from_module
@@ -204,3 +209,43 @@ def test_the_methods_share_their_rows() -> None:
     for name in ("wls", "iv"):
         observation, fit = METHODS[name].run(job)
         assert observation.columns == fit.columns == QC.base_parameters
+
+
+def test_settings_nearby_share_one_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Instruments of the estimate serve at other cut-offs: there they move it by next to nothing."""
+    runs = []
+
+    def counted(*given: Any) -> Record:
+        runs.append(given)
+        return run_beside(*given)
+
+    monkeypatch.setattr(instrumental_variables, "run_beside", counted)
+    records = [with_noise(record, np.random.default_rng(3)) for record in clean("qc", "table_2")]
+    choice = choose_filter(QC, records)
+
+    def at(cutoff_hz: float, start: Fit | None) -> Fit:
+        setting = Setting(QC, records, replace(choice, cutoff_hz=cutoff_hz))
+        first = fit_matched(observe(QC, records, setting.choice, turns=False))
+        return fit_iv(first if start is None else starting_at(first, start), setting)
+
+    here = at(choice.cutoff_hz, None)
+    runs.clear()
+    shared = at(0.7 * choice.cutoff_hz, here)
+    assert not runs
+    own = at(0.7 * choice.cutoff_hz, None)
+    assert runs
+    spread = np.sqrt(np.diag(hac_covariance(own)))
+    assert np.all(np.abs(shared.solution.x - own.solution.x) < 0.05 * spread)
+
+
+def test_an_estimate_far_from_its_start_gets_instruments_of_its_own() -> None:
+    records = [with_noise(record, np.random.default_rng(3)) for record in clean("qc", "table_2")]
+    setting = Setting(QC, records, choose_filter(QC, records))
+    first = fit_matched(observe(QC, records, setting.choice, turns=False))
+    own = fit_iv(first, setting)
+    far = replace(own, solution=replace(own.solution, x=3.0 * own.solution.x))
+    runs = simulated(far, setting, simulation_parameters(QC, far))
+    found = fit_iv(starting_at(first, replace(far, simulated=runs)), setting)
+    assert found.simulated is not runs
+    spread = np.sqrt(np.diag(hac_covariance(own)))
+    np.testing.assert_array_less(np.abs(found.solution.x - own.solution.x), 0.02 * spread)

@@ -90,3 +90,11 @@ def test_channels_and_words_that_do_not_exist_are_named() -> None:
         aligned(QC, [record], None, ("q_m",), True)
     with pytest.raises(DataError, match="is 'guess'"):
         aligned(QC, [record], "guess", (), True)
+
+
+def test_a_force_that_never_changes_has_no_delay_to_be_found() -> None:
+    signals = {key: np.arange(30.0) for key in QC.channels}
+    moving, still = Record(signals, FS), Record(signals | {"Gamma_m": np.full(30, 2.0)}, FS)
+    assert aligned(QC, [still, moving], None, (), True)[1] == ("Gamma_m",)
+    assert aligned(QC, [still], None, (), True)[1] == ()
+    assert aligned(QC, [still], "estimate", (), False)[1] == ()

@@ -113,3 +113,12 @@ def test_a_record_is_continued_by_its_odd_mirror_image() -> None:
     got = read_continued(source, "q", -2, 6)
     np.testing.assert_array_equal(got, [-2.0, 0.0, 1.0, 2.0, 4.0, 8.0, 12.0, 14.0])
     np.testing.assert_array_equal(read_continued(source, "q", 1, 3), [2.0, 4.0])
+
+
+def test_what_is_not_edited_is_not_copied_and_what_is_new_is_checked() -> None:
+    found = RECORD.edited({"F": np.zeros(300)})
+    assert found.signals["q"] is RECORD.signals["q"]
+    with pytest.raises(DataError, match="channels differ in length"):
+        RECORD.edited({"F": np.zeros(299)})
+    with pytest.raises(DataError, match="sample 7"):
+        RECORD.edited({"F": np.where(np.arange(300) == 7, np.nan, 0.0)})
