@@ -8,6 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modelgen.cli.arguments import directions_from
+from modelgen.cli.options import (
+    Columns,
+    Directions,
+    MapFile,
+    Mend,
+    SamplingFrequency,
+    Scales,
+    TimeColumn,
+    TimeUnit,
+)
 from modelgen.errors import DataError, Problem
 from modelgen.progress import counted
 
@@ -23,22 +33,21 @@ BESIDE_REFERENCE = ("reference_rate", "feedforward")
 
 @dataclass(frozen=True)
 class DataOptions:
-    """Options for reading data files; None and () for those that were not given."""
+    """Options for reading data files; None for those that were not given."""
 
-    mapping: Sequence[str] = ()
-    scales: Sequence[str] = ()
-    fs_hz: float | None = None
-    time: str | None = None
-    time_unit: str | None = None
-    map_file: Path | None = None
-    mend: Sequence[str] = ()
-    directions: Sequence[str] = ()
-    tags: Sequence[str] = ()
+    mapping: Columns = None
+    scale: Scales = None
+    map_file: MapFile = None
+    fs: SamplingFrequency = None
+    time: TimeColumn = None
+    time_unit: TimeUnit = None
+    mend: Mend = None
+    direction: Directions = None
 
 
 def read_files(
     paths: Sequence[Path],
-    model: Model,
+    models: Sequence[Model],
     options: DataOptions,
     extra: Sequence[str] = (),
     optional: Sequence[str] = (),
@@ -46,13 +55,12 @@ def read_files(
     """Read one record a file, and report the mistakes of all of them at once.
 
     Options given on the command line go before those of the mapping file; `extra` names channels that the
-    records must bring besides the model's, `optional` those they may bring where they are mapped. A mapping
-    file may map the reference of the loop even where it is not needed.
+    records must bring in addition to those of the models, `optional` those they may bring where they are
+    mapped. A mapping file may map the reference of the loop even where it is not needed.
     """
-    from modelgen.runtime.records.mapping_options import parse_names
     from modelgen.runtime.records.read_record import read
 
-    how = reading_options(model, options, extra, optional)
+    how = reading_options(models, options, extra, optional)
     readings: list[Reading] = []
     problems: list[Problem] = []
     for path in counted(paths, "reading"):
@@ -62,11 +70,11 @@ def read_files(
             problems += error.problems
     if problems:
         raise DataError(*problems)
-    return _tagged(readings, parse_names("--tag", options.tags))
+    return readings
 
 
 def reading_options(
-    model: Model, options: DataOptions, extra: Sequence[str] = (), optional: Sequence[str] = ()
+    models: Sequence[Model], options: DataOptions, extra: Sequence[str] = (), optional: Sequence[str] = ()
 ) -> dict[str, Any]:
     """Return the options of `read` that the command line and a mapping file give; parameters as above."""
     from modelgen.runtime.records.mapping_file import MappingFile, load_mapping
@@ -74,15 +82,15 @@ def reading_options(
     from modelgen.runtime.records.record import missing_name
 
     given: MappingFile = load_mapping(options.map_file) if options.map_file else MappingFile()
-    columns = {**given.columns, **parse_mapping(options.mapping)}
-    factors = {**given.scales, **parse_scales(options.scales)}
+    columns = {**given.columns, **parse_mapping(options.mapping or ())}
+    factors = {**given.scales, **parse_scales(options.scale or ())}
     # a misspelt key would leave the channel to a column that happens to have its name
-    known = [sensor.key for sensor in model.sensors] + [actuator.key for actuator in model.actuators]
-    sources = directions_from(options.directions)
-    measured = [key for key in model.channels if key not in sources]
+    units = {key: unit for model in models for key, unit in channel_units(model).items()}
+    sources = directions_from(options.direction or ())
+    measured = [key for model in models for key in model.channels if key not in sources]
     mapped = [key for key in optional if key in columns]
     wanted = tuple(dict.fromkeys((*measured, *sources.values(), *extra, *mapped)))
-    channels = dict.fromkeys((*known, *wanted, *REFERENCE, *BESIDE_REFERENCE))
+    channels = dict.fromkeys((*units, *wanted, *REFERENCE, *BESIDE_REFERENCE))
     where = str(options.map_file) if options.map_file else "--map"
     problems = [missing_name(where, "channel", key, channels) for key in columns if key not in channels]
     if problems:
@@ -90,18 +98,21 @@ def reading_options(
     return {
         "mapping": columns,
         "scales": {key: one for key, one in factors.items() if key in wanted or key not in channels},
-        "fs": options.fs_hz if options.fs_hz is not None else given.fs_hz,
+        "fs": options.fs if options.fs is not None else given.fs_hz,
         "time": options.time or given.time,
         "needed": wanted,
         "time_unit": options.time_unit or given.time_unit,
-        "mend": (*given.mend, *options.mend),
-        "units": channel_units(model),
+        "mend": (*given.mend, *(options.mend or ())),
+        "units": units,
     }
 
 
-def _tagged(readings: list[Reading], tags: dict[str, str]) -> list[Reading]:
+def tagged(readings: Sequence[Reading], given: Sequence[str]) -> list[Reading]:
+    """Return the readings with the tags that --tag gives to their records."""
+    from modelgen.runtime.records.mapping_options import parse_names
     from modelgen.runtime.records.record import missing_name
 
+    tags = parse_names("--tag", given)
     names = [reading.record.name for reading in readings]
     problems = [missing_name("--tag", "record", name, names) for name in tags if name not in names]
     if problems:

@@ -1,23 +1,21 @@
-"""Options of the estimation that identify and fleet share, and what they become for `modelgen.identify`."""
+"""Options of the estimation that commands share, and what they become for `modelgen.identify`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import typer
 
-from modelgen.cli.arguments import cutoffs_from, delays_from, directions_from, hold_out_from, period_from
+from modelgen.cli.arguments import delays_from, directions_from
+from modelgen.cli.data_arguments import DataOptions
 
+MethodName = Literal["wls", "iv", "tls", "pham2002"]
 Method = Annotated[
-    Literal["wls", "iv", "tls", "pham2002"],
+    MethodName,
     typer.Option(
         help="Matched filters, on them instrumental variables or total least squares; or the paper."
     ),
-]
-Directions = Annotated[
-    list[str] | None,
-    typer.Option(metavar="sign_BODY=CHANNEL", help="A channel that moves with a body; repeatable."),
 ]
 Tags = Annotated[
     list[str] | None, typer.Option(metavar="RECORD=TAG", help="Tag of a record, for --pairing; repeatable.")
@@ -71,33 +69,51 @@ Robust = Annotated[Literal["huber"] | None, typer.Option(help="Samples with larg
 Bounds = Annotated[
     Literal["physical"] | None, typer.Option(help="No negative inertia, stiffness, damping, friction.")
 ]
-# options that go on to the estimation as they are
-PASSED_ON = (
-    "method",
-    "cutoff_hz",
-    "filter_order",
-    "decimation",
-    "direction_cutoff_hz",
-    "drop",
-    "prune_percent",
-    "residual_dof",
-    "robust",
-    "bounds",
-)
 
 
-def estimation_settings(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return method, filters and checks for `modelgen.identify` from the options of a command."""
-    from modelgen.runtime.identification.options import values_of
+@dataclass(frozen=True)
+class EstimationOptions:
+    """What an identification is made with, whichever command asks for it.
 
-    flat = {name: given[name] for name in PASSED_ON} | {
-        "delays": delays_from(given["delay"] or ()),
-        "held": tuple(given["held"] or ()),
-        "rows_for_tag": None if given.get("pairing", "all") == "all" else given["pairing"],
-        "keep": tuple(given["keep"] or ()),
-        "period_s": period_from(given["period_s"] or (), given["map_file"]),
-        "hold_out": hold_out_from(given.get("hold_out") or ()),
-        "scan_cutoffs": cutoffs_from(given.get("scan_cutoffs")),
-        "directions": directions_from(given["direction"] or ()),
-    }
-    return values_of(**flat)
+    Method, cut-off and checks are options of each command, since their defaults differ.
+    """
+
+    filter_order: FilterOrder = None
+    decimation: Decimation = None
+    direction_cutoff_hz: DirectionCutoff = None
+    drop: Drop = None
+    delay: Delays = None
+    held: Held = None
+    residual_dof: ResidualDof = "r-c"
+    keep: Keep = None
+    robust: Robust = None
+    bounds: Bounds = None
+
+    def settings(self, method: str, data: DataOptions, **more: Any) -> dict[str, Any]:
+        """Return method, filters and checks for `modelgen.identify`.
+
+        Parameters
+        ----------
+        method : str
+        data : DataOptions
+            Its directions of motion are settings of the filters, too.
+        **more
+            Further flat options, see `modelgen.runtime.identification.options.values_of`.
+        """
+        from modelgen.runtime.identification.options import values_of
+
+        return values_of(
+            method,
+            filter_order=self.filter_order,
+            decimation=self.decimation,
+            direction_cutoff_hz=self.direction_cutoff_hz,
+            drop=self.drop,
+            delays=delays_from(self.delay or ()),
+            held=tuple(self.held or ()),
+            residual_dof=self.residual_dof,
+            keep=tuple(self.keep or ()),
+            robust=self.robust,
+            bounds=self.bounds,
+            directions=directions_from(data.direction or ()),
+            **more,
+        )

@@ -15,6 +15,7 @@ import typer
 
 from modelgen.cli.command_group import CheckedCommand, ExplainedGroup
 from modelgen.cli.examples import examples_of
+from modelgen.cli.options import expanded
 
 # name on the command line -> module and function, in the order of the help
 COMMANDS = {
@@ -46,7 +47,7 @@ def application(names: Iterable[str] = COMMANDS) -> typer.Typer:
     for name in names:
         module, function = COMMANDS[name]
         command = getattr(import_module(module), function)
-        app.command(name, cls=CheckedCommand, epilog=examples_of(name))(command)
+        app.command(name, cls=CheckedCommand, epilog=examples_of(name))(expanded(command))
     return app
 
 

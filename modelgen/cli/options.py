@@ -1,11 +1,19 @@
-"""Arguments and options that several commands share, each with its one name and one help text."""
+"""Arguments and options that several commands share, each with its one name and one help text.
+
+A command takes many of them as one parameter, a dataclass whose fields are the options.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import fields, is_dataclass
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_type_hints
 
 import typer
+
+from modelgen.errors import DataError
 
 MEND_HELP = "What to mend: duplicates, gaps, fill, uneven, clocks or offset=KEY; repeatable."
 
@@ -46,6 +54,11 @@ TimeColumn = Annotated[str | None, typer.Option(metavar="COLUMN", help="Column o
 TimeUnit = Annotated[str | None, typer.Option(metavar="UNIT", help="s, ms, us or ns; as stated.")]
 Mend = Annotated[list[str] | None, typer.Option(metavar="WHAT", help=MEND_HELP)]
 
+Directions = Annotated[
+    list[str] | None,
+    typer.Option(metavar="sign_BODY=CHANNEL", help="A channel that moves with a body; repeatable."),
+]
+
 # simulated sensors
 Noise = Annotated[
     list[str] | None, typer.Option(metavar="KEY=STD", help="White noise on a channel, SI; repeatable.")
@@ -53,3 +66,47 @@ Noise = Annotated[
 Resolution = Annotated[
     list[str] | None, typer.Option(metavar="KEY=STEP", help="Step a channel is rounded to, SI; repeatable.")
 ]
+
+
+def expanded(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command as typer can read it: every parameter that is a group of options becomes its fields.
+
+    A group is a dataclass with a default for every field. The command is called with the group, made of what
+    was given.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    groups = {name: kind for name, kind in hints.items() if is_dataclass(kind) and isinstance(kind, type)}
+
+    def run(**given: Any) -> None:
+        for name, kind in groups.items():
+            given[name] = kind(**{one.name: given.pop(one.name) for one in fields(kind)})
+        command(**given)
+
+    listed: list[Parameter] = []
+    for name, parameter in signature(command).parameters.items():
+        if name not in groups:
+            listed.append(parameter.replace(annotation=hints[name], kind=Parameter.KEYWORD_ONLY))
+            continue
+        options = get_type_hints(groups[name], include_extras=True)
+        listed += [
+            Parameter(one.name, Parameter.KEYWORD_ONLY, default=one.default, annotation=options[one.name])
+            for one in fields(groups[name])
+        ]
+    run.__doc__, run.__name__, run.__module__ = command.__doc__, command.__name__, command.__module__
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in listed}
+    run.__signature__ = signature(command).replace(parameters=listed)  # type: ignore[attr-defined]
+    return run
+
+
+def refuse_given(group: Any, needed: str, more: Sequence[Any] = ()) -> None:
+    """Refuse options, those of a group and `more` values, that do nothing without another one.
+
+    Raises
+    ------
+    DataError
+        When one of them was given.
+    """
+    changed = [getattr(group, one.name) for one in fields(group) if getattr(group, one.name) != one.default]
+    if any(changed) or any(more):
+        what = "is missing: without it nothing is identified, and options of records or estimation do nothing"
+        raise DataError.at(needed, what, f"give {needed}, or leave them out")

@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modelgen.cli.options import Columns, Json, Scales, SensorSet, Trust
-from modelgen.cli.output import print_json, say
+from modelgen.cli.arguments import period_from
+from modelgen.cli.data_arguments import DataOptions, read_files, reading_lines
+from modelgen.cli.estimation_options import Cutoff, EstimationOptions, Method, Periods
+from modelgen.cli.options import Json, SensorSet, Trust, refuse_given
+from modelgen.cli.output import note, print_json, say
 from modelgen.errors import DataError, ModelgenError
 
 if TYPE_CHECKING:
@@ -35,14 +38,15 @@ Yardsticks = Annotated[
 
 def compare(
     sources: Sources,
+    given: DataOptions,
+    estimation: EstimationOptions,
     sensors: SensorSet = None,
     parameters: PairParameters = None,
     fs_hz: Annotated[float, typer.Option(help="Sampling frequency in Hz of the simulated pair.")] = 5000.0,
     data: Records = None,
-    mapping: Columns = None,
-    scale: Scales = None,
-    fs: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz of FILE.")] = None,
-    method: Annotated[str, typer.Option(help="As in identify.")] = "wls",
+    method: Method = "wls",
+    cutoff_hz: Cutoff = None,
+    period_s: Periods = None,
     yardsticks: Yardsticks = False,
     trust: Trust = False,
     as_json: Json = False,
@@ -54,12 +58,19 @@ def compare(
     from modelgen.cli.compare_tables import comparison_tables
     from modelgen.cli.tables import console
 
+    if not data:
+        refuse_given(given, "--data")
+        refuse_given(estimation, "--data", (cutoff_hz, period_s))
     models = _models(sources, sensors, trust, 1 if yardsticks and data else 2)
     described = describe(models, parameters, fs_hz)
     if data:
+        readings = read_files(data, list(models.values()), given)
+        note(reading_lines(data, readings))
+        records = [reading.record for reading in readings]
+        period = period_from(period_s or (), given.map_file)
+        settings = estimation.settings(method, given, cutoff_hz=cutoff_hz, period_s=period)
         say("identifying")
-        records = _records(models, data, mapping or (), scale or (), fs)
-        described["estimates"] = _estimates(models, records, method)
+        described["estimates"] = _estimates(models, records, settings)
         if yardsticks:
             described["yardsticks"] = {title: _yardsticks(model, records) for title, model in models.items()}
     if as_json:
@@ -136,22 +147,6 @@ def _describe_model(title: str, model: Model, parameters: str | None, fs_hz: flo
     }
 
 
-def _records(
-    models: dict[str, Model],
-    data: Sequence[Path],
-    mapping: Sequence[str],
-    scale: Sequence[str],
-    fs: float | None,
-) -> list[Record]:
-    """Read one record a file, with the channels of all models."""
-    from modelgen.runtime.records.mapping_options import parse_mapping, parse_scales
-    from modelgen.runtime.records.read_record import read_record
-
-    needed = tuple(dict.fromkeys(key for model in models.values() for key in model.channels))
-    columns, factors = parse_mapping(mapping), parse_scales(scale)
-    return [read_record(path, columns, factors, fs, needed=needed) for path in data]
-
-
 def _yardsticks(model: Model, records: Sequence[Record]) -> dict[str, Any]:
     from modelgen.runtime.comparison.other_estimators import measure
 
@@ -176,10 +171,12 @@ def _yardsticks(model: Model, records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def _estimates(models: dict[str, Model], records: Sequence[Record], method: str) -> dict[str, Any]:
+def _estimates(
+    models: dict[str, Model], records: Sequence[Record], settings: dict[str, Any]
+) -> dict[str, Any]:
     from modelgen.runtime.comparison.sensor_set_comparison import consistency, estimates_of
 
-    found = dict(zip(models, estimates_of(list(models.values()), records, method), strict=True))
+    found = dict(zip(models, estimates_of(list(models.values()), records, **settings), strict=True))
     return {
         "parameters": {
             title: {

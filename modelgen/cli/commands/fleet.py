@@ -11,37 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from modelgen.cli.arguments import period_from
 from modelgen.cli.data_arguments import DataOptions, reading_options
-from modelgen.cli.estimation_options import (
-    Bounds,
-    Cutoff,
-    Decimation,
-    Delays,
-    DirectionCutoff,
-    Directions,
-    Drop,
-    FilterOrder,
-    Held,
-    Keep,
-    Method,
-    Periods,
-    PrunePercent,
-    ResidualDof,
-    Robust,
-    estimation_settings,
-)
-from modelgen.cli.options import (
-    Columns,
-    Json,
-    MapFile,
-    Mend,
-    Module,
-    SamplingFrequency,
-    Scales,
-    TimeColumn,
-    TimeUnit,
-    Trust,
-)
+from modelgen.cli.estimation_options import Cutoff, EstimationOptions, Method, Periods, PrunePercent
+from modelgen.cli.options import Json, Module, Trust
 from modelgen.cli.output import note, report, say
 from modelgen.errors import DataError
 from modelgen.progress import shown
@@ -78,31 +51,14 @@ PARAMETERS_A_TABLE = 3
 
 
 def fleet(
-    context: typer.Context,
     data: FleetData,
     module: Module,
+    given: DataOptions,
+    estimation: EstimationOptions,
     method: Method = "wls",
-    mapping: Columns = None,
-    scale: Scales = None,
-    map_file: MapFile = None,
-    fs: SamplingFrequency = None,
-    time: TimeColumn = None,
-    time_unit: TimeUnit = None,
-    mend: Mend = None,
-    direction: Directions = None,
     cutoff_hz: Cutoff = None,
-    filter_order: FilterOrder = None,
-    decimation: Decimation = None,
-    direction_cutoff_hz: DirectionCutoff = None,
-    drop: Drop = None,
-    delay: Delays = None,
-    held: Held = None,
     prune_percent: PrunePercent = 10.0,
-    residual_dof: ResidualDof = "r-c",
-    keep: Keep = None,
     period_s: Periods = None,
-    robust: Robust = None,
-    bounds: Bounds = None,
     scheduler: Scheduler = None,
     tls_ca_file: TlsCaFile = None,
     tls_cert: TlsCert = None,
@@ -126,11 +82,14 @@ def fleet(
     if scheduler is not None and not scheduler.startswith("tls://"):
         note([f"warning: {scheduler} is not encrypted: whoever reaches it can run code on its workers"])
     model = load_model(module, trust)
-    reading = DataOptions(
-        mapping or (), scale or (), fs, time, time_unit, map_file, mend or (), direction or ()
+    records = _records(data, model, given)
+    settings = estimation.settings(
+        method,
+        given,
+        cutoff_hz=cutoff_hz,
+        prune_percent=prune_percent,
+        period_s=period_from(period_s or (), given.map_file),
     )
-    records = _records(data, model, reading)
-    settings = estimation_settings(context.params)
     say("starting the workers" if scheduler is None else f"asking {scheduler}")
     with shown(), fleet_client(scheduler, workers, certificates=certificates) as client:
         found = identify_fleet(client, read_text(module, MODULE), records, settings, checkpoint)
@@ -166,7 +125,7 @@ def _records(data: Sequence[Path], model: Model, options: DataOptions) -> list[F
     from modelgen.runtime.fleet.worker import FleetRecord
     from modelgen.runtime.records.read_record import read_record
 
-    how = reading_options(model, options)
+    how = reading_options([model], options)
     if not any(path.exists() for path in data):  # before workers are started for nothing
         listed = ", ".join(str(path) for path in data[:3]) + (", ..." if len(data) > 3 else "")
         raise DataError.at("DATA", f"there is no {listed}", "check the paths")

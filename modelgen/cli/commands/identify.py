@@ -7,50 +7,27 @@ from typing import Annotated
 
 import typer
 
-from modelgen.cli.arguments import given_options
+from modelgen.cli.arguments import cutoffs_from, given_options, hold_out_from, period_from
 from modelgen.cli.data_arguments import (
     BESIDE_REFERENCE,
     REFERENCE,
     DataOptions,
     read_files,
     reading_lines,
+    tagged,
 )
 from modelgen.cli.estimation_options import (
-    Bounds,
     Cutoff,
-    Decimation,
-    Delays,
-    DirectionCutoff,
-    Directions,
-    Drop,
-    FilterOrder,
-    Held,
+    EstimationOptions,
     HoldOut,
-    Keep,
     Method,
     Pairing,
     Periods,
     PrunePercent,
-    ResidualDof,
-    Robust,
     ScanCutoffs,
     Tags,
-    estimation_settings,
 )
-from modelgen.cli.options import (
-    Columns,
-    Data,
-    Json,
-    MapFile,
-    Mend,
-    Module,
-    Overwrite,
-    SamplingFrequency,
-    Scales,
-    TimeColumn,
-    TimeUnit,
-    Trust,
-)
+from modelgen.cli.options import Data, Json, Module, Overwrite, Trust
 from modelgen.cli.output import note, print_json, say
 
 Output = Annotated[
@@ -75,32 +52,16 @@ def identify(
     context: typer.Context,
     data: Data,
     module: Module,
+    given: DataOptions,
+    estimation: EstimationOptions,
     method: Method = "wls",
-    mapping: Columns = None,
-    scale: Scales = None,
-    map_file: MapFile = None,
-    fs: SamplingFrequency = None,
-    time: TimeColumn = None,
-    time_unit: TimeUnit = None,
-    mend: Mend = None,
-    direction: Directions = None,
+    cutoff_hz: Cutoff = None,
     tag: Tags = None,
     pairing: Pairing = "all",
-    cutoff_hz: Cutoff = None,
-    filter_order: FilterOrder = None,
-    decimation: Decimation = None,
-    direction_cutoff_hz: DirectionCutoff = None,
-    drop: Drop = None,
-    delay: Delays = None,
-    held: Held = None,
     prune_percent: PrunePercent = 10.0,
-    residual_dof: ResidualDof = "r-c",
-    keep: Keep = None,
     period_s: Periods = None,
     hold_out: HoldOut = None,
     scan_cutoffs: ScanCutoffs = None,
-    robust: Robust = None,
-    bounds: Bounds = None,
     output: Output = None,
     report_file: ReportFile = None,
     figure: FigureFile = None,
@@ -119,14 +80,20 @@ def identify(
     from modelgen.runtime.model.model import load_model
 
     model = load_model(module, trust)
-    options = DataOptions(
-        mapping or (), scale or (), fs, time, time_unit, map_file, mend or (), direction or (), tag or ()
-    )
     outputs = OutputFiles(output, report_file, figure, overwrite)
     outputs.check()  # before the work, not after it
     inputs = (REFERENCE, BESIDE_REFERENCE) if controller and report_file else ()
-    readings = read_files(data, model, options, *inputs)
-    settings = estimation_settings(context.params)
+    readings = tagged(read_files(data, [model], given, *inputs), tag or ())
+    settings = estimation.settings(
+        method,
+        given,
+        cutoff_hz=cutoff_hz,
+        rows_for_tag=None if pairing == "all" else pairing,
+        prune_percent=prune_percent,
+        period_s=period_from(period_s or (), given.map_file),
+        hold_out=hold_out_from(hold_out or ()),
+        scan_cutoffs=cutoffs_from(scan_cutoffs),
+    )
     estimate = run(model, [reading.record for reading in readings], progress=say, **settings)
     outputs.write(model, module, readings, estimate, given_options(context), spec, controller)
     note(reading_lines(data, readings))

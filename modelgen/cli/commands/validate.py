@@ -9,19 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from modelgen.cli.data_arguments import BESIDE_REFERENCE, REFERENCE, DataOptions, read_files, reading_lines
-from modelgen.cli.options import (
-    Columns,
-    Data,
-    Json,
-    MapFile,
-    Mend,
-    Module,
-    SamplingFrequency,
-    Scales,
-    TimeColumn,
-    TimeUnit,
-    Trust,
-)
+from modelgen.cli.estimation_options import EstimationOptions, MethodName
+from modelgen.cli.options import Data, Json, Module, Trust, refuse_given
 from modelgen.cli.output import note, print_json, say
 from modelgen.errors import DataError
 
@@ -48,6 +37,8 @@ HoldOut = Annotated[
     float | None,
     typer.Option(metavar="SHARE", help="Also identify from this first share alone, validate on the rest."),
 ]
+OwnMethod = Annotated[MethodName | None, typer.Option(help="How --hold-out identifies; as the estimate was.")]
+OwnCutoff = Annotated[float | None, typer.Option(help="Its cut-off in Hz; chosen.")]
 
 
 def validate(
@@ -55,17 +46,14 @@ def validate(
     module: Module,
     estimate: EstimateFile,
     controller: Controller,
-    mapping: Columns = None,
-    scale: Scales = None,
-    map_file: MapFile = None,
-    fs: SamplingFrequency = None,
-    time: TimeColumn = None,
-    time_unit: TimeUnit = None,
-    mend: Mend = None,
+    given: DataOptions,
+    estimation: EstimationOptions,
     value: Values = None,
     cutoff_hz: Cutoff = None,
     oversample: Annotated[int | None, typer.Option(help="Internal steps per sample; 8, sampled 1.")] = None,
     hold_out: HoldOut = None,
+    method: OwnMethod = None,
+    identify_cutoff_hz: OwnCutoff = None,
     trust: Trust = False,
     as_json: Json = False,
 ) -> None:
@@ -82,23 +70,25 @@ def validate(
     from modelgen.runtime.simulation.validate import parameters_of, split
     from modelgen.runtime.simulation.validate import validate as run
 
+    if hold_out is None:
+        refuse_given(estimation, "--hold-out", (method, identify_cutoff_hz))
     model = load_model(module, trust)
     loop, drive = load_controller(controller)
     saved = load_estimate(estimate)
     parameters = {**parameters_of(saved, model), **amounts("--set", value or ())}
-    given = DataOptions(mapping or (), scale or (), fs, time, time_unit, map_file, mend or ())
-    readings = read_files(data, model, given, REFERENCE, BESIDE_REFERENCE)
+    readings = read_files(data, [model], given, REFERENCE, BESIDE_REFERENCE)
     note(reading_lines(data, readings))
     records = [reading.record for reading in readings]
     options: dict[str, Any] = {"drive": drive, "cutoff_hz": cutoff_hz, "oversample": oversample}
     say("simulating")
     found = run(model, parameters, records, loop, used=tuple(saved.get("records", ())), **options)
     if hold_out is not None:
-        if "method" not in saved:
-            remedy = "give a file that modelgen identify -o wrote"
+        if method is None and "method" not in saved:
+            remedy = "give --method, or a file that modelgen identify -o wrote"
             raise DataError.at(f"{estimate}: method", "is missing", remedy)
         first, rest = zip(*(split(record, hold_out) for record in records), strict=True)
-        again = identify(model, first, method=saved["method"], progress=say)
+        settings = estimation.settings(method or saved["method"], given, cutoff_hz=identify_cutoff_hz)
+        again = identify(model, first, progress=say, **settings)
         found += run(model, {**parameters, **again.physical}, rest, loop, **options)
     described = describe(found)
     if as_json:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import isfinite
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.errors import DataError
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.options import CheckOptions
+from modelgen.runtime.identification.methods import Method
+from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.directions import wanted_directions
+from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
 
@@ -117,13 +120,41 @@ def impulse_response(order: int, cutoff_hz: float, fs: float, derivative: int) -
 
 
 def estimates_of(
-    models: Sequence[Model], records: Sequence[Record], method: str = "wls"
+    models: Sequence[Model],
+    records: Sequence[Record],
+    method: str | Method = "wls",
+    filters: Filters | None = None,
+    checks: CheckOptions | None = None,
 ) -> tuple[Estimate, ...]:
-    """Return one estimate a model from records that hold the channels of all of them."""
-    return tuple(
-        identify(model, [record.select(model.channels) for record in records], method=method)
-        for model in models
-    )
+    """Return one estimate a model from records that hold the channels of all of them.
+
+    Options are those of `modelgen.identify`; each model takes those names in `filters.directions` and
+    `checks.keep` that it has.
+
+    Raises
+    ------
+    DataError
+        Also for a direction or parameter that none of the models has.
+    """
+    filters, checks = filters or Filters(), checks or CheckOptions()
+    wanted = [key for model in models for key in wanted_directions(model)]
+    bases = [name for model in models for name in model.base_parameters]
+    problems = [
+        *(missing_name("directions", "direction", k, wanted) for k in filters.directions if k not in wanted),
+        *(missing_name("keep", "parameter", name, bases) for name in checks.keep if name not in bases),
+    ]
+    if problems:
+        raise DataError(*problems)
+    found = []
+    for model in models:
+        sources = {k: v for k, v in filters.directions.items() if k in wanted_directions(model)}
+        channels = dict.fromkeys((*(k for k in model.channels if k not in sources), *sources.values()))
+        keep = tuple(name for name in checks.keep if name in model.base_parameters)
+        own = [record.select(tuple(channels)) for record in records]
+        found.append(
+            identify(model, own, method, replace(filters, directions=sources), replace(checks, keep=keep))
+        )
+    return tuple(found)
 
 
 def consistency(estimates: Mapping[str, Estimate]) -> tuple[Consistency, ...]:
