@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 from modelgen.array_types import FloatArray
@@ -13,7 +13,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.delays import delay_rates, fit_with_delays
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.total_least_squares import fit_total
-from modelgen.runtime.least_squares.wls import fit_matched, fit_paper
+from modelgen.runtime.least_squares.wls import fit_at, fit_matched, fit_paper
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.record import Record
@@ -53,6 +53,17 @@ class Job:
         rows = observe(self.model, records, self.choice, self.drop, turns, self.surveys)
         return self.only_rows_for_tag(rows)
 
+    def observing(self, turns: bool = True) -> Callable[[tuple[Record, ...]], Observation]:
+        """Return the same for one alignment of the forces after another: directions stay, found once."""
+        surveys = [self.surveys]
+
+        def observed(records: tuple[Record, ...]) -> Observation:
+            rows = replace(self, surveys=surveys[0]).observed(records, turns)
+            surveys[0] = rows.surveys
+            return rows
+
+        return observed
+
     def only_rows_for_tag(self, observation: Observation) -> Observation:
         """Return the rows that the records' tags may feed."""
         if self.rows_for_tag is None:
@@ -66,9 +77,10 @@ class Job:
 
 def run_wls(job: Job) -> tuple[Observation, Fit]:
     """Weighted least squares on matched-filtered rows."""
+    observed = job.observing()
 
     def run(records: tuple[Record, ...], _: Fit | None) -> tuple[Observation, Fit]:
-        observation = job.observed(records)
+        observation = observed(records)
         return observation, fit_matched(observation)
 
     return fit_with_delays(job.records, job.late, run, job.rates) if job.late else run(job.records, None)
@@ -79,10 +91,12 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
     # its simulation is loaded by those who use it only
     from modelgen.runtime.iv.composite_iv import fit_composites_iv
     from modelgen.runtime.iv.gauss_newton_step import Rules
-    from modelgen.runtime.iv.instrumental_variables import Setting, fit_iv, iv_round, starting_at
+    from modelgen.runtime.iv.instrumental_variables import Setting, fit_iv, iv_round
+
+    observed = job.observing(turns=False)
 
     def calm(records: tuple[Record, ...]) -> Observation:
-        return job.observed(records, turns=False).dense()
+        return observed(records).dense()
 
     if all_from_composites(job.model):
         setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
@@ -92,10 +106,11 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
     def run(records: tuple[Record, ...], start: Fit | None) -> tuple[Observation, Fit]:
         observation = calm(records)
         setting = Setting(job.model, records, job.choice, job.drop, job.loop)
-        first = fit_matched(observation)
+        start = start or job.start
+        first = fit_matched(observation) if start is None else fit_at(observation, start)
         if not job.late:
-            return observation, fit_iv(starting_at(first, job.start or first), setting)
-        return observation, first if start is None else iv_round(starting_at(first, start), setting)
+            return observation, fit_iv(first, setting)
+        return observation, first if start is None else iv_round(first, setting)
 
     return fit_with_delays(job.records, job.late, run, job.rates) if job.late else run(job.records, None)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from modelgen.runtime.identification.task import Task
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.parameters.bounds import BoundCost, bound_reasons
+from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
 
 
@@ -66,13 +68,17 @@ class Solution:
         """Delays in s that were estimated, by channel."""
         return {channel: delay for channel, delay, _ in self.fit.delays}
 
+    @cached_property
+    def moved(self) -> tuple[Record, ...]:
+        """The records of `job` with these delays compensated."""
+        return tuple(advanced(record, self.delays) for record in self.job.records)
+
     def at(self, task: Task, other: FilterChoice) -> Fit:
         """Return the fit with other filters, from this one on; delays stay."""
         # speeds at standstill belong to the filter for directions
         same = other.direction_cutoff_hz == task.choice.direction_cutoff_hz
         surveys = self.observation.surveys if same else ()
-        moved = tuple(advanced(record, self.delays) for record in task.records)
-        job = replace(self.job, records=moved, late=(), choice=other, start=self.plain, surveys=surveys)
+        job = replace(self.job, records=self.moved, late=(), choice=other, start=self.plain, surveys=surveys)
         return self.treatment(task.method.run(job)[1])
 
 

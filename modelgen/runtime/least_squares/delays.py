@@ -130,13 +130,15 @@ def fit_with_delays(
         rates = [rates_of(fit, moved, channel) for channel in channels]
         larger = _with_rates(fit, rates)
         c = len(fit.columns)
-        spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))
-        steps, before = larger.solution.x[c:], fit.solution.x if start is None else start.solution.x
-        still = np.abs(steps) < np.maximum(SMALL_STEP * spread[c:], SMALLEST_STEP * sample)
-        x = larger.solution.x[:c]
-        rest = np.abs(x - before) < np.maximum(SMALL_STEP * spread[:c], SMALLEST_CHANGE * np.abs(x))
-        if start is not None and np.all(still) and np.all(rest):
-            break
+        steps, x = larger.solution.x[c:], larger.solution.x[:c]
+        if start is not None:
+            spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))
+            still = np.abs(steps) < np.maximum(SMALL_STEP * spread[c:], SMALLEST_STEP * sample)
+            move = np.abs(x - start.solution.x)
+            if np.all(still) and np.all(
+                move < np.maximum(SMALL_STEP * spread[:c], SMALLEST_CHANGE * np.abs(x))
+            ):
+                break
         start = replace(fit, solution=replace(fit.solution, x=x))
         for channel, step in zip(channels, steps, strict=True):
             limit = LARGEST_DELAY * sample

@@ -8,7 +8,8 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.orthogonal_solution import least_squares
+from modelgen.runtime.least_squares.orthogonal_solution import polished
+from modelgen.runtime.numerics.qr_triangle import tall_triangle, triangle_of
 
 
 def two_stage(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
@@ -17,19 +18,33 @@ def two_stage(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
     Regressing Y on the projection Z P, P = (Z^T Z)^-1 Z^T W, gives X = (Z^T W)^-1 Z^T Y and keeps everything
     symmetric (Theil 1953); residuals are those of W.
     """
-    fit = fit.dense()
-    stacked = np.concatenate([w * z for w, z in zip(fit.weights, Z, strict=True)])
-    W = np.concatenate([w * b.W for w, b in zip(fit.weights, fit.blocks, strict=True)])
-    scale = np.linalg.norm(stacked, axis=0)
+    fit, c = fit.dense(), len(fit.columns)
+    # all that the projection and the solution ask of the rows stands in the triangle of [Z W Y]
+    parts = [
+        weight * triangle_of(tall_triangle(np.hstack([z, block.W]), block.Y)[:, 1:])
+        for weight, z, block in zip(fit.weights, Z, fit.blocks, strict=True)
+    ]
+    triangle = triangle_of(np.concatenate(parts))
+    scale = np.linalg.norm(triangle[:, :c], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
-    P = np.linalg.lstsq(stacked / scale, W, rcond=None)[0] / scale[:, None]
-    return with_regressors(fit, tuple(z @ P for z in Z))
+    rank = float(np.finfo(float).eps) * sum(len(z) for z in Z)
+    P = np.linalg.lstsq(triangle[:, :c] / scale, triangle[:, c:-1], rcond=rank)[0] / scale[:, None]
+    seen = triangle_of(np.column_stack([triangle[:, :c] @ P, triangle[:, -1]]))
+    return _regressed(fit, tuple(z @ P for z in Z), seen)
 
 
 def with_regressors(fit: Fit, projected: tuple[FloatArray, ...]) -> Fit:
     """Return the fit of the same weighted rows whose Y is regressed on `projected`, in place of W."""
-    R = np.concatenate([w * p for w, p in zip(fit.weights, projected, strict=True)])
-    Y = np.concatenate([w * b.Y for w, b in zip(fit.weights, fit.blocks, strict=True)])
-    solution = least_squares(R, Y)
+    parts = [
+        weight * triangle_of(tall_triangle(part, block.Y)[:, 1:])
+        for weight, part, block in zip(fit.weights, projected, fit.blocks, strict=True)
+    ]
+    return _regressed(fit, projected, triangle_of(np.concatenate(parts)))
+
+
+def _regressed(fit: Fit, projected: tuple[FloatArray, ...], triangle: FloatArray) -> Fit:
+    """Return the same, given the triangle of the weighted [projected Y], shape (c + 1, c + 1)."""
+    parts = zip(fit.weights, projected, fit.blocks, strict=True)
+    solution = polished(triangle, [(weight * part, weight * block.Y) for weight, part, block in parts])
     residuals = tuple(block.residual(solution.x) for block in fit.blocks)
     return replace(fit, solution=solution, residuals=residuals, projected=projected)

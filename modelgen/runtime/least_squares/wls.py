@@ -42,10 +42,7 @@ def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE
     IdentifiabilityError
         When no row with a force, or no more samples than columns, are left.
     """
-    blocks, columns, absent = _used(observation)
-    if not any(block.has_force for block in blocks):
-        what = "none that holds a measured force has samples left, so nothing fixes the scale"
-        raise IdentifiabilityError.at("rows", what, "measure a force, and move without reversing for longer")
+    blocks, columns, absent = _used_with_force(observation)
     if len(blocks) == 1:
         return _solve(blocks, columns, absent, (1.0,))
     scales, c = _force_scales(blocks), len(columns)
@@ -60,6 +57,19 @@ def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE
     weights = tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True))
     fit = _solve(blocks, columns, absent, weights)
     return replace(fit, notes=_runaway_notes(fit, scales))
+
+
+def fit_at(observation: Observation, start: Fit) -> Fit:
+    """Return the rows of an observation with the solution of another fit, as a start for further rounds.
+
+    Where these rows move other columns it is `fit_matched`; errors as there.
+    """
+    blocks, columns, absent = _used_with_force(observation)
+    if columns != start.columns:
+        return fit_matched(observation)
+    residuals = tuple(block.residual(start.solution.x) for block in blocks)
+    weights = (1.0,) * len(blocks)
+    return Fit(columns, absent, start.solution, blocks, weights, residuals, simulated=start.simulated)
 
 
 def fit_paper(observation: Observation) -> Fit:
@@ -81,6 +91,17 @@ def refit(fit: Fit, columns: Sequence[str]) -> Fit:
     """Fit the same rows with the same weights to some of the columns only."""
     blocks, projected = fit.rows(columns)
     return _solve(blocks, tuple(columns), fit.absent, fit.weights, projected)
+
+
+def _used_with_force(
+    observation: Observation,
+) -> tuple[tuple[RowBlock, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return what `_used` does, where a force fixes the scale."""
+    blocks, columns, absent = _used(observation)
+    if not any(block.has_force for block in blocks):
+        what = "none that holds a measured force has samples left, so nothing fixes the scale"
+        raise IdentifiabilityError.at("rows", what, "measure a force, and move without reversing for longer")
+    return blocks, columns, absent
 
 
 def _used(observation: Observation) -> tuple[tuple[RowBlock, ...], tuple[str, ...], tuple[str, ...]]:

@@ -51,6 +51,8 @@ MOST_BODIES = 5
 # Where there is no other way they are tabulated up to here: 3^8 modes.
 LARGEST_TABLE = 8
 FIRST_EVENTS = 4096
+# Room for one event in so many steps is made at once; what is not used is never touched.
+STEPS_AN_EVENT = 16
 PARTS = (
     dot,
     product_term,
@@ -142,7 +144,7 @@ def _run(
     before = q - np.array([1.0, 2.0]) * sampling.law[7] * initial[int(sampling.law[6])]
     first = np.array([w[0] if w.size else 0.0])
     index = _index(flow.start(x, first))
-    capacity = FIRST_EVENTS
+    capacity = max(FIRST_EVENTS, steps // STEPS_AN_EVENT)
     tables = _tables(flow)
     while True:
         states = np.empty((steps // stride + 1, x.size))

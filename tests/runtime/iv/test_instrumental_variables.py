@@ -23,12 +23,11 @@ from modelgen.runtime.iv.instrumental_variables import (
     instruments,
     simulated,
     simulation_parameters,
-    starting_at,
 )
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
-from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.least_squares.wls import fit_at, fit_matched
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
@@ -225,8 +224,8 @@ def test_settings_nearby_share_one_simulation(monkeypatch: pytest.MonkeyPatch) -
 
     def at(cutoff_hz: float, start: Fit | None) -> Fit:
         setting = Setting(QC, records, replace(choice, cutoff_hz=cutoff_hz))
-        first = fit_matched(observe(QC, records, setting.choice, turns=False))
-        return fit_iv(first if start is None else starting_at(first, start), setting)
+        rows = observe(QC, records, setting.choice, turns=False)
+        return fit_iv(fit_matched(rows) if start is None else fit_at(rows, start), setting)
 
     here = at(choice.cutoff_hz, None)
     runs.clear()
@@ -241,11 +240,11 @@ def test_settings_nearby_share_one_simulation(monkeypatch: pytest.MonkeyPatch) -
 def test_an_estimate_far_from_its_start_gets_instruments_of_its_own() -> None:
     records = [with_noise(record, np.random.default_rng(3)) for record in clean("qc", "table_2")]
     setting = Setting(QC, records, choose_filter(QC, records))
-    first = fit_matched(observe(QC, records, setting.choice, turns=False))
-    own = fit_iv(first, setting)
+    rows = observe(QC, records, setting.choice, turns=False)
+    own = fit_iv(fit_matched(rows), setting)
     far = replace(own, solution=replace(own.solution, x=3.0 * own.solution.x))
     runs = simulated(far, setting, simulation_parameters(QC, far))
-    found = fit_iv(starting_at(first, replace(far, simulated=runs)), setting)
+    found = fit_iv(fit_at(rows, replace(far, simulated=runs)), setting)
     assert found.simulated is not runs
     spread = np.sqrt(np.diag(hac_covariance(own)))
     np.testing.assert_array_less(np.abs(found.solution.x - own.solution.x), 0.02 * spread)
