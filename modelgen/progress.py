@@ -1,13 +1,13 @@
-"""Progress of long work over many things: how many are done, how fast, and the time left; terminals only.
+"""Progress of long work: its steps, and of lists how many are done, how fast, and the time left.
 
-Loops over long lists report their progress (`counted`); it is shown only where it was enabled (`shown`), so
-that a library stays silent.
+Work reports its steps (`step`) and its loops over long lists (`counted`). They are shown, on terminals only,
+where that was enabled (`shown`), and steps are handed to whoever listens (`heard`): a library stays silent.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, TextIO, TypeVar
@@ -34,6 +34,12 @@ class _Display:
         self._console = console
         self._progress: Progress | None = None
 
+    def tell(self, what: str) -> None:
+        # the steps of each item of a list would hide how many are done
+        if self._progress is None:
+            stream = sys.stderr if self._console is None else self._console.file
+            stream.write(f"{what} ...\n")
+
     def begin(self, what: str, total: int) -> TaskID:
         if self._progress is None:
             self._progress = _progress(self._console)
@@ -55,20 +61,39 @@ class _Display:
 
 
 _display: ContextVar[_Display | None] = ContextVar("display", default=None)
+_listeners: ContextVar[tuple[Callable[[str], None], ...]] = ContextVar("listeners", default=())
+
+
+@contextmanager
+def heard(listener: Callable[[str], None]) -> Iterator[None]:
+    """Call a listener with a few words before each step of what is done within."""
+    token = _listeners.set((*_listeners.get(), listener))
+    try:
+        yield
+    finally:
+        _listeners.reset(token)
+
+
+def step(what: str) -> None:
+    """Report that a step of long work begins; a few words."""
+    for listener in _listeners.get():
+        listener(what)
 
 
 @contextmanager
 def shown(console: Console | None = None) -> Iterator[None]:
-    """Show what is counted within, on stderr: "reading 3/12, 1.4/s, 0:00:06".
+    """Show steps and what is counted within, on stderr: "reading 3/12, 1.4/s, 0:00:06".
 
     Nothing is shown where stderr goes to a file or another program. `console` takes the place of stderr.
     """
     if console is None and not is_terminal(sys.stderr):
         yield
         return
-    token = _display.set(_Display(console))
+    display = _Display(console)
+    token = _display.set(display)
     try:
-        yield
+        with heard(display.tell):
+            yield
     finally:
         _display.reset(token)
 

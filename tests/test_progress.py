@@ -10,7 +10,7 @@ from rich.console import Console
 
 from modelgen.cli.output import explain
 from modelgen.errors import Problem
-from modelgen.progress import counted, shown
+from modelgen.progress import counted, heard, shown, step
 
 
 def test_a_terminal_sees_the_count_and_the_rate() -> None:
@@ -27,6 +27,31 @@ def test_a_list_within_a_list_has_a_line_of_its_own() -> None:
         for _ in counted([1, 2], "records"):
             assert list(counted(range(4), "rows")) == [0, 1, 2, 3]
     assert re.search(r"records.*1/2.*rows.*4/4", seen.getvalue(), re.DOTALL)
+
+
+def test_steps_are_shown_but_not_those_of_every_item() -> None:
+    seen = io.StringIO()
+    with shown(Console(file=seen, force_terminal=True, width=100)):
+        step("reading")
+        for _ in counted([1, 2], "records"):
+            step("within")
+        step("judging")
+    assert "reading ...\n" in seen.getvalue() and seen.getvalue().endswith("judging ...\n")
+    assert "within" not in seen.getvalue()
+
+
+def test_whoever_listens_hears_steps_as_long_as_he_listens() -> None:
+    outer: list[str] = []
+    inner: list[str] = []
+    step("before")
+    with heard(outer.append):
+        step("one")
+        with pytest.raises(ValueError, match="stop"), heard(inner.append):
+            step("two")
+            raise ValueError("stop")
+        step("three")
+    step("after")
+    assert (outer, inner) == (["one", "two", "three"], ["two"])
 
 
 def test_a_mistake_within_ends_the_display() -> None:

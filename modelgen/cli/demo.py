@@ -7,14 +7,16 @@ benches of its Tables 1 and 2. Everything is seeded: the numbers are the same ev
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from modelgen.cli.figure import Panel, draw_forces
+from modelgen.progress import counted, step
 from modelgen.render.writer import write_modules
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Pham2002
@@ -27,8 +29,6 @@ from modelgen.runtime.rows.record_rows import matched_rows
 from modelgen.runtime.simulation.default_excitation import default_excitation
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import catalog_path, load_spec
-
-Progress = Callable[[str], None]
 
 CHAIN = "emps300"
 SENSOR_SETS = ("qm_qc", "qm_ac")
@@ -45,33 +45,29 @@ SAMPLE_SETS = ("table_2", "qm_ac")
 WINDOWS_S = {"chirp": (4.0, 4.2), "trapezoid": (0.0, 1.0)}
 
 
-def run_demo(folder: Path, progress: Progress) -> dict[str, Any]:
+def run_demo(folder: Path) -> dict[str, Any]:
     """Run the demo and return what it found as plain values.
 
     Parameters
     ----------
     folder : Path
         Gets the two modules, two records and the picture; created if absent.
-    progress : callable
-        Called with a sentence before each step.
     """
     spec = load_spec(catalog_path(CHAIN))
-    progress(f"deriving {CHAIN}")
+    step(f"deriving {CHAIN}")
     modules = write_modules(spec, SENSOR_SETS, folder)
     models = {name: load_model(path) for name, path in zip(SENSOR_SETS, modules, strict=True)}
     paths, tables, panels = list[Path](), [], list[Panel]()
-    for parameter_set in PARAMETER_SETS:
-        true = spec.parameter_sets[parameter_set]
-        for sensor_set, model in models.items():
-            progress(f"simulating and identifying {parameter_set} with {sensor_set}")
-            records = _bench(model, true)
-            estimates = {method: _identify(model, records, method) for method in ("wls", "pham2002")}
-            tables.append({"parameter_set": parameter_set, **_compare(model, true, estimates)})
-            if (parameter_set, sensor_set) == SAMPLE_SETS:
-                paths = _write_records(records, folder)
-            if sensor_set == SAMPLE_SETS[1]:
-                panels += [_panel(model, record, estimates["wls"], parameter_set) for record in records]
-    progress("drawing")
+    for parameter_set, sensor_set in counted(list(product(PARAMETER_SETS, models)), "identifying"):
+        true, model = spec.parameter_sets[parameter_set], models[sensor_set]
+        records = _bench(model, true)
+        estimates = {method: _identify(model, records, method) for method in ("wls", "pham2002")}
+        tables.append({"parameter_set": parameter_set, **_compare(model, true, estimates)})
+        if (parameter_set, sensor_set) == SAMPLE_SETS:
+            paths = _write_records(records, folder)
+        if sensor_set == SAMPLE_SETS[1]:
+            panels += [_panel(model, record, estimates["wls"], parameter_set) for record in records]
+    step("drawing")
     picture = _draw(panels, folder / "demo.png")
     return {
         "modules": [str(path) for path in modules],

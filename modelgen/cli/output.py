@@ -1,4 +1,4 @@
-"""Output of commands: progress on stderr, results as lines of text or as strict JSON."""
+"""Output of commands: notes and mistakes on stderr, results as lines of text or as strict JSON."""
 
 from __future__ import annotations
 
@@ -16,12 +16,6 @@ from modelgen.errors import Problem, visible
 from modelgen.progress import is_terminal
 
 LISTED = 100  # mistakes; more of them have one cause
-
-
-def say(step: str) -> None:
-    """Show progress, unless stderr goes to a file or another program."""
-    if is_terminal(sys.stderr):
-        typer.echo(f"{step} ...", err=True)
 
 
 def note(lines: Sequence[str]) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modelgen.atomic_write import check_place, write_whole
-from modelgen.cli.output import say
 from modelgen.errors import DataError
+from modelgen.progress import step
 
 if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
@@ -61,7 +61,7 @@ class OutputFiles:
         if self.report is not None:
             from modelgen.cli.write_report import report_text
 
-            say("writing the report")
+            step("writing the report")
             page = report_text(model, module, readings, estimate, options, spec, controller)
             write_whole(self.report, page.encode(), overwrite=self.overwrite)
         if self.figure is not None:

@@ -13,8 +13,9 @@ from modelgen.cli.arguments import period_from
 from modelgen.cli.data_arguments import DataOptions, read_files, reading_lines
 from modelgen.cli.estimation_options import Cutoff, EstimationOptions, Method, Periods
 from modelgen.cli.options import Json, SensorSet, Trust, refuse_given
-from modelgen.cli.output import note, print_json, say
+from modelgen.cli.output import note, print_json
 from modelgen.errors import DataError, ModelgenError
+from modelgen.progress import counted, step
 
 if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
@@ -69,7 +70,7 @@ def compare(
         records = [reading.record for reading in readings]
         period = period_from(period_s or (), given.map_file)
         settings = estimation.settings(method, given, cutoff_hz=cutoff_hz, period_s=period)
-        say("identifying")
+        step("identifying")
         described["estimates"] = _estimates(models, records, settings)
         if yardsticks:
             described["yardsticks"] = {title: _yardsticks(model, records) for title, model in models.items()}
@@ -108,7 +109,10 @@ def describe(models: dict[str, Model], parameters: str | None, fs_hz: float) -> 
     formal = [formal_regressor(model, title) for title, model in models.items()]
     relations = [relate(a, b) for a, b in combinations(formal, 2)]
     return {
-        "models": [_describe_model(title, model, parameters, fs_hz) for title, model in models.items()],
+        "models": [
+            _describe_model(title, model, parameters, fs_hz)
+            for title, model in counted(list(models.items()), "simulating")
+        ],
         "regressors": [
             {"first": r.first, "second": r.second, "verdict": r.verdict, "rows": list(r.lines)}
             for r in relations
@@ -132,7 +136,6 @@ def _describe_model(title: str, model: Model, parameters: str | None, fs_hz: flo
     if chosen not in model.parameter_sets:
         described["why"] = "no parameter set to simulate with" if chosen is None else f"no set {chosen}"
         return described
-    say(f"simulating {title}")
     try:
         found = conditioning(model, str(chosen), fs_hz)
     except ModelgenError as error:
@@ -150,7 +153,7 @@ def _describe_model(title: str, model: Model, parameters: str | None, fs_hz: flo
 def _yardsticks(model: Model, records: Sequence[Record]) -> dict[str, Any]:
     from modelgen.runtime.comparison.other_estimators import measure
 
-    found = measure(model, [record.select(model.channels) for record in records], say)
+    found = measure(model, [record.select(model.channels) for record in records])
     return {
         "methods": [
             {

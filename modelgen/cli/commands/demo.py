@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from modelgen.cli.options import Json
-from modelgen.cli.output import print_json, say
+from modelgen.cli.output import print_json
 
 
 def demo(as_json: Json = False) -> None:
@@ -16,7 +16,7 @@ def demo(as_json: Json = False) -> None:
     from modelgen.cli.demo import run_demo
     from modelgen.cli.tables import console, demo_tables
 
-    found = run_demo(Path("modelgen_demo"), say)
+    found = run_demo(Path("modelgen_demo"))
     if as_json:
         print_json(found)
     else:

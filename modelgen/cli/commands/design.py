@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from modelgen.cli.options import Json, Noise, Overwrite, ParameterSet, Resolution, SensorSet, Spec
-from modelgen.cli.output import print_json, say
+from modelgen.cli.output import print_json
 from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.progress import counted
 
 if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
@@ -176,11 +177,10 @@ def _predictions(
 ) -> list[Prediction]:
     from modelgen.runtime.planning.sensor_set_ranking import judge_set
 
-    found = []
-    for title, model in models.items():
-        say(f"predicting {title}")
-        found.append(judge_set(title, model, values, instruments, kinds, **options))
-    return found
+    return [
+        judge_set(title, model, values, instruments, kinds, **options)
+        for title, model in counted(list(models.items()), "predicting")
+    ]
 
 
 def _confirm(
@@ -200,7 +200,7 @@ def _confirm(
     for prediction in ranked:
         if prediction.precisions:
             planned = experiment(models[prediction.sensor_set], values, instruments, kinds, **options)
-            found[prediction.sensor_set] = monte_carlo(planned, draws, say)
+            found[prediction.sensor_set] = monte_carlo(planned, draws)
     return describe_monte_carlo(found, list(found), draws)
 
 
@@ -216,7 +216,7 @@ def _optimise(
     from modelgen.runtime.planning.optimal_excitation import optimise
     from modelgen.runtime.simulation.fourier_excitation import write_references
 
-    found = optimise(model, values, instruments, progress=say, **search, **options)
+    found = optimise(model, values, instruments, **search, **options)
     written = write_references(path, found.excitations, options["fs"], overwrite=overwrite)
     return {
         "written": [str(p) for p in written],

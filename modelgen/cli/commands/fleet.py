@@ -15,9 +15,9 @@ from modelgen.cli.arguments import period_from
 from modelgen.cli.data_arguments import DataOptions, reading_options
 from modelgen.cli.estimation_options import Cutoff, EstimationOptions, Method, Periods, PrunePercent
 from modelgen.cli.options import Json, Module, Trust
-from modelgen.cli.output import note, report, say
+from modelgen.cli.output import note, report
 from modelgen.errors import DataError
-from modelgen.progress import shown
+from modelgen.progress import step
 from modelgen.read_file import MODULE, read_text
 
 if TYPE_CHECKING:
@@ -90,8 +90,8 @@ def fleet(
         prune_percent=prune_percent,
         period_s=period_from(period_s or (), given.map_file),
     )
-    say("starting the workers" if scheduler is None else f"asking {scheduler}")
-    with shown(), fleet_client(scheduler, workers, certificates=certificates) as client:
+    step("starting the workers" if scheduler is None else f"asking {scheduler}")
+    with fleet_client(scheduler, workers, certificates=certificates) as client:
         found = identify_fleet(client, read_text(module, MODULE), records, settings, checkpoint)
     facts = {
         "machines": dict(found.machines),

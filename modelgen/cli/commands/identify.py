@@ -28,7 +28,7 @@ from modelgen.cli.estimation_options import (
     Tags,
 )
 from modelgen.cli.options import Data, Json, Module, Overwrite, Trust
-from modelgen.cli.output import note, print_json, say
+from modelgen.cli.output import note, print_json
 
 Output = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="FILE.json", help="Save the estimate.")
@@ -94,7 +94,7 @@ def identify(
         hold_out=hold_out_from(hold_out or ()),
         scan_cutoffs=cutoffs_from(scan_cutoffs),
     )
-    estimate = run(model, [reading.record for reading in readings], progress=say, **settings)
+    estimate = run(model, [reading.record for reading in readings], **settings)
     outputs.write(model, module, readings, estimate, given_options(context), spec, controller)
     note(reading_lines(data, readings))
     note([f"wrote {path}" for path in outputs.paths])

@@ -11,8 +11,9 @@ import typer
 from modelgen.cli.data_arguments import BESIDE_REFERENCE, REFERENCE, DataOptions, read_files, reading_lines
 from modelgen.cli.estimation_options import EstimationOptions, MethodName
 from modelgen.cli.options import Data, Json, Module, Trust, refuse_given
-from modelgen.cli.output import note, print_json, say
+from modelgen.cli.output import note, print_json
 from modelgen.errors import DataError
+from modelgen.progress import step
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -80,7 +81,7 @@ def validate(
     note(reading_lines(data, readings))
     records = [reading.record for reading in readings]
     options: dict[str, Any] = {"drive": drive, "cutoff_hz": cutoff_hz, "oversample": oversample}
-    say("simulating")
+    step("simulating")
     found = run(model, parameters, records, loop, used=tuple(saved.get("records", ())), **options)
     if hold_out is not None:
         if method is None and "method" not in saved:
@@ -88,7 +89,7 @@ def validate(
             raise DataError.at(f"{estimate}: method", "is missing", remedy)
         first, rest = zip(*(split(record, hold_out) for record in records), strict=True)
         settings = estimation.settings(method or saved["method"], given, cutoff_hz=identify_cutoff_hz)
-        again = identify(model, first, progress=say, **settings)
+        again = identify(model, first, **settings)
         found += run(model, {**parameters, **again.physical}, rest, loop, **options)
     described = describe(found)
     if as_json:

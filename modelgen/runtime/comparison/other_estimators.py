@@ -10,6 +10,7 @@ from statistics import NormalDist
 import numpy as np
 
 from modelgen.errors import DataError, ModelgenError
+from modelgen.progress import step
 from modelgen.runtime.comparison.era_modes import Mode, modes_of_parameters, modes_of_record
 from modelgen.runtime.comparison.kalman_filter import filter_parameters
 from modelgen.runtime.identification.identify import identify
@@ -41,9 +42,7 @@ class Measured:
     modes: tuple[tuple[str, tuple[Mode, ...]], ...]
 
 
-def measure(
-    model: Model, records: Sequence[Record], progress: Callable[[str], None] | None = None
-) -> Measured:
+def measure(model: Model, records: Sequence[Record]) -> Measured:
     """Run every estimator on the same records; the nonlinear ones start from weighted least squares.
 
     Raises
@@ -51,12 +50,11 @@ def measure(
     DataError
         When weighted least squares leaves physical parameters open: the others need a start for each.
     """
-    say = progress or (lambda _: None)
     found = []
     estimates: dict[str, Estimate] = {}
     for method in OURS:
         if method in METHODS:
-            say(method)
+            step(method)
             begin = time.perf_counter()
             estimates[method] = identify(model, records, method=method)
             found.append(_of_estimate(estimates[method], time.perf_counter() - begin))
@@ -70,7 +68,7 @@ def measure(
         ("Kalman filter", filter_parameters),
     )
     for name, run in others:
-        say(name)
+        step(name)
         begin = time.perf_counter()
         try:
             response = run(model, records, start)
@@ -79,7 +77,7 @@ def measure(
             found.append(Yardstick(name, time.perf_counter() - begin, (), reason))
             continue
         found.append(_of_response(name, response, time.perf_counter() - begin))
-    say("modes")
+    step("modes")
     return Measured(tuple(found), _modes(model, records, start))
 
 

@@ -9,6 +9,7 @@ from types import ModuleType
 
 import numpy as np
 
+from modelgen.progress import heard, step
 from modelgen.runtime.diagnostics.friction_asymmetry import asymmetries, asymmetry_notes
 from modelgen.runtime.identification.assemble_estimate import Solved, judge
 from modelgen.runtime.identification.methods import Method
@@ -65,20 +66,33 @@ def identify(
     IdentifiabilityError
         When the records answer none of the parameters.
     """
-    say = progress or _silent
     chosen, filtering = chosen_method(method), with_short_forms(filters, cutoff_hz, decimation)
-    task = prepared(model, records, chosen, filtering, checks or CheckOptions(), say)
-    solution = fitted(task, say)
+    if progress is None:
+        return _identified(model, records, chosen, filtering, checks or CheckOptions())
+    with heard(progress):
+        return _identified(model, records, chosen, filtering, checks or CheckOptions())
+
+
+def _identified(
+    model: Model | ModuleType,
+    records: Record | Channels | Sequence[Record | Channels],
+    chosen: Method,
+    filters: Filters,
+    checks: CheckOptions,
+) -> Estimate:
+    """Return the estimate: every step of an identification by its name."""
+    task = prepared(model, records, chosen, filters, checks)
+    solution = fitted(task)
     again, fit = partial(solution.at, task), solution.fit
     drift = np.zeros((len(fit.columns), len(fit.columns)))
     if task.checks.drift_check and chosen.matched:
-        say("changing cut-off and weights")
+        step("changing cut-off and weights")
         drift, notes = settings_drift(task, solution, again)
         fit = replace(fit, notes=fit.notes + notes)
-    extras = compared(task, solution, again, say)
+    extras = compared(task, solution, again)
     drift += more_than_noise(fit, extras)
     refused = late_refusals(fit, solution.refused, drift, task.checks.keep, extras.bias)
-    say("judging the fit")
+    step("judging the fit")
     if chosen.matched:
         job = task.job
         asymmetric = asymmetries(solution.plain, job.model, job.records, job.choice, job.drop, refused)
@@ -88,7 +102,3 @@ def identify(
     solved = Solved(solution.job, chosen.name, solution.observation, fit, no_number, drift, fixed, keep)
     estimate = judge(solved, chosen.residual_dof, task.checks.prune_percent)
     return replace(estimate, checks=examine(estimate, task, solution, drift, refused, extras))
-
-
-def _silent(_: str) -> None:
-    """Say nothing."""

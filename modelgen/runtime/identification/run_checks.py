@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
+from modelgen.progress import step
 from modelgen.runtime.diagnostics.filter_scan import FilterScan, scan_filters, scanned_settings
 from modelgen.runtime.diagnostics.hold_out import HeldOut, held_out, hold_out_advice
 from modelgen.runtime.diagnostics.motion_checks import (
@@ -68,13 +69,12 @@ def compared(
     task: Task,
     solution: Solution,
     again: Callable[[FilterChoice], Fit],
-    say: Callable[[str], None],
 ) -> Extras:
     """Return the comparisons that the records allow, and those that were asked for."""
     fit, choice, records, checks = solution.fit, task.choice, task.records, task.checks
     scan = None
     if checks.scan_cutoffs is not None:
-        say("scanning filters")
+        step("scanning filters")
         settings = scanned_settings(choice, records, checks.scan_cutoffs)
         left = {*solution.refused, *solution.at_bounds}
         scan = scan_filters(fit, choice, settings, again, [name for name in fit.columns if name not in left])

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.progress import step
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.cutoff_agreement import (
     all_disagreements,
@@ -82,7 +83,7 @@ class Solution:
         return self.treatment(task.method.run(job)[1])
 
 
-def fitted(task: Task, say: Callable[[str], None]) -> Solution:
+def fitted(task: Task) -> Solution:
     """Return the fit of an task, and what its records cannot answer.
 
     Raises
@@ -93,7 +94,7 @@ def fitted(task: Task, say: Callable[[str], None]) -> Solution:
         When the records answer none of the parameters.
     """
     model, job, method = task.model, task.job, task.method
-    say("filtering and solving")
+    step("filtering and solving")
     with told_on_failure(task.doubts):
         observation, plain = method.run(job)
         refused, advice = refusals(model, job.records, job.choice, plain, task.checks.keep)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
 from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import REMEDY, SMALLEST
+from modelgen.progress import step
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.hold_out import held_apart
 from modelgen.runtime.diagnostics.periods import periods_of
@@ -62,7 +63,6 @@ def prepared(
     method: Method,
     filters: Filters,
     checks: CheckOptions,
-    say: Callable[[str], None],
 ) -> Task:
     """Return the task that records and options make.
 
@@ -76,7 +76,7 @@ def prepared(
     _check(model, every, option_problems(method, filters, checks), filters.directions)
     period_s = periods_of(model, every, checks.period_s)
     kept, unseen = held_apart(every, checks.hold_out, period_s)
-    say("choosing filters")
+    step("choosing filters")
     doubts = suspicions(model, kept)
     with told_on_failure(doubts):
         choice = choose_filter(

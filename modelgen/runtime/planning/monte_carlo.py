@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
@@ -11,12 +11,12 @@ from math import hypot, inf, sqrt
 import numpy as np
 
 from modelgen.errors import IdentifiabilityError
+from modelgen.progress import counted
 from modelgen.runtime.planning.planned_experiment import Experiment
 from modelgen.runtime.planning.predicted_precision import WEIGHING, estimate_once, predict
 
 # A parameter that fewer of the estimates give counts as not to be had.
 GIVEN_SHARE = 0.5
-PROGRESS = 50
 # Other noise than that which the prediction looks at.
 FIRST_SEED = WEIGHING
 
@@ -79,9 +79,7 @@ def _differ(a: Spread, b: Spread) -> bool:
     return abs(a.error - b.error) > 2.0 * hypot(a.uncertainty, b.uncertainty)
 
 
-def monte_carlo(
-    planned: Experiment, draws: int = 200, progress: Callable[[str], None] | None = None
-) -> tuple[Spread, ...]:
+def monte_carlo(planned: Experiment, draws: int = 200) -> tuple[Spread, ...]:
     """Repeat the experiment with other noise, and compare the estimates with the prediction.
 
     Raises
@@ -93,9 +91,7 @@ def monte_carlo(
     promised = {entry.name: entry for entry in predicted.precisions}
     true = {**model.known, **planned.parameters}
     found = np.full((draws, len(model.parameters)), np.nan)
-    for k in range(draws):
-        if progress and k and k % PROGRESS == 0:
-            progress(f"{model.sensor_set}: {k} of {draws} experiments")
+    for k in counted(range(draws), f"{model.sensor_set}: experiments"):
         with suppress(IdentifiabilityError):
             physical = estimate_once(planned, FIRST_SEED + k).physical
             found[k] = [physical.get(name, np.nan) for name in model.parameters]

@@ -8,7 +8,7 @@ limits. The criterion is what `information` predicts: no random numbers, so that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from math import exp, inf, log
@@ -19,6 +19,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, ModelgenError, Problem
 from modelgen.keyword_options import with_defaults
+from modelgen.progress import counted
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.planning.peaks import LIMITS, peaks_of
 from modelgen.runtime.planning.planned_experiment import PAIR, Experiment, experiment
@@ -88,7 +89,6 @@ def optimise(
     fs: float = 5000.0,
     duration_s: float = 2.0,
     method: str | None = None,
-    progress: Callable[[str], None] | None = None,
     **options: Unpack[SearchOptions],
 ) -> Optimised:
     """Return two records that tell more than chirp and trapezoid of the same length within the same limits.
@@ -118,13 +118,12 @@ def optimise(
     search = with_defaults("optimise", options, SEARCH_DEFAULTS)
     criterion, limits = search["criterion"], search["limits"] or {}
     _check(criterion, limits)
-    say = progress or (lambda _: None)
     plant = make_plant(model, parameters)
     method = method or "wls"  # which gives its weights in a fraction of the time of iv
     pair = experiment(model, parameters, instruments, PAIR, fs=fs, duration_s=duration_s, method=method)
     bounds = {**peaks_of(plant, pair.simulations), **limits}
     trial = _Trial(plant, instruments, bounds, criterion, fs, duration_s, method)
-    best = _search(trial, search["rounds"], say)
+    best = _search(trial, search["rounds"])
     before = {entry.name: entry.error for entry in predict(pair).precisions}
     planned, found = trial.planned(best)
     return Optimised(
@@ -245,7 +244,7 @@ class _Trial:
         return float(errors.mean() if self._criterion == "d-optimal" else errors.max())
 
 
-def _search(trial: _Trial, rounds: int, say: Callable[[str], None]) -> FloatArray:
+def _search(trial: _Trial, rounds: int) -> FloatArray:
     """Return the best vector of so many trials: random steps that grow with success and shrink without.
 
     Each step changes a few variables only: most improvements concern one thing.
@@ -255,7 +254,7 @@ def _search(trial: _Trial, rounds: int, say: Callable[[str], None]) -> FloatArra
     rng = np.random.default_rng(0)
     value, best = min(((trial(start), start) for start in trial.starts), key=lambda pair: pair[0])
     step = 0.2
-    for k in range(1, rounds):
+    for _ in counted(range(1, rounds), "trials"):
         move = rng.standard_normal(best.size) * (rng.random(best.size) < CHANGED)
         candidate = best + step * move
         found = trial(candidate)
@@ -263,8 +262,6 @@ def _search(trial: _Trial, rounds: int, say: Callable[[str], None]) -> FloatArra
             best, value, step = candidate, found, min(1.5 * step, 1.0)
         else:
             step = max(0.94 * step, 0.01)
-        if k % 10 == 0:
-            say(f"trial {k} of {rounds}: {exp(value):.4g}")
     return best
 
 
