@@ -13,6 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.errors import DataError
+from modelgen.runtime.comparison.thresholds import (
+    EXTRA_ORDER,
+    FILTER_ORDER,
+    MARKOV,
+    MOST_DAMPED,
+    SAMPLES_A_PERIOD,
+)
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.model import Model
@@ -20,13 +27,6 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.plant import make_plant
 
 ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
-FILTER_ORDER = 6
-MOST_DAMPED = 0.95
-# Kept samples a period of the highest wanted mode, and length of the impulse response in samples.
-SAMPLES_A_PERIOD = 3.0
-# Order beyond that of the elastic modes: rigid motion, delay and noise want states, too.
-EXTRA_ORDER = 4
-MARKOV = 80
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.comparison.kalman_model import KalmanModel
+from modelgen.runtime.comparison.thresholds import NOISE_SHARE, PARAMETER_STD, PASSES, SETTLED, VELOCITY_STD
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.output_error import CUTOFF_SHARE, FILTER_ORDER, Response
 from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
@@ -30,15 +31,6 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.plant import make_plant
 from modelgen.runtime.simulation.validate import initial_state
-
-# What is known of a parameter before the first sample, in shares of its start; and of the velocities.
-PARAMETER_STD = 0.1
-VELOCITY_STD = 0.02
-PASSES = 8
-# Parameters rest when none moves by more than this share of its deviation.
-SETTLED = 0.05
-# Noise is what a filter at this share of the sampling frequency leaves over.
-NOISE_SHARE = 0.25
 
 
 def filter_parameters(model: Model, records: Sequence[Record], start: Mapping[str, float]) -> Response:

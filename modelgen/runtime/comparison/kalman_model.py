@@ -8,17 +8,15 @@ from math import factorial
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.comparison.thresholds import RELATIVE_STEP, UNCERTAIN
 from modelgen.runtime.simulation.plant import Plant
 
 Directions = tuple[int, ...]
 # values and slopes by the state, by the force, by the friction
 Linearised = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
-RELATIVE_STEP = 1e-5
 # Value and derivatives at 0 of the cubic through values at -1, 0, 1 and 2.
 CUBIC = np.linalg.inv([[t**k / factorial(k) for k in range(4)] for t in (-1.0, 0.0, 1.0, 2.0)])
-# A velocity within so many of its standard deviations of zero may have either sign.
-UNCERTAIN = 3.0
 
 
 @dataclass(frozen=True, eq=False)

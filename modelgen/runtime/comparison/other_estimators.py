@@ -13,6 +13,7 @@ from modelgen.errors import DataError, ModelgenError
 from modelgen.progress import step
 from modelgen.runtime.comparison.era_modes import Mode, modes_of_parameters, modes_of_record
 from modelgen.runtime.comparison.kalman_filter import filter_parameters
+from modelgen.runtime.comparison.thresholds import HIGHEST_MODE
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.iv.output_error import Response, fit_response
@@ -21,7 +22,6 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 
 OURS = ("wls", "iv")
-HIGHEST_MODE = 1.6
 
 
 @dataclass(frozen=True)

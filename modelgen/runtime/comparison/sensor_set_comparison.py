@@ -11,6 +11,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
+from modelgen.runtime.comparison.thresholds import RESPONSE_PERIODS, SIGNIFICANCE
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.identification.identify import identify
@@ -22,10 +23,7 @@ from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
 
-# Below this probability of a larger difference by chance, two estimates contradict one another.
-SIGNIFICANCE = 0.05
 # The response to an impulse is followed over this many periods of the cut-off, either way.
-PERIODS = 40.0
 EXCITATIONS = ("chirp", "trapezoid")
 
 
@@ -113,7 +111,7 @@ def impulse_response(order: int, cutoff_hz: float, fs: float, derivative: int) -
 
     Its unit is s^-d for the derivative d; `cutoff_hz` and `fs` are in Hz.
     """
-    half = int(np.ceil(PERIODS * fs / cutoff_hz)) + 8 * (derivative + 1)
+    half = int(np.ceil(RESPONSE_PERIODS * fs / cutoff_hz)) + 8 * (derivative + 1)
     impulse = np.zeros(2 * half + 1)
     impulse[half] = 1.0
     return differentiate(zero_phase(impulse, order, cutoff_hz, fs), 1.0 / fs, derivative)

@@ -19,7 +19,7 @@ from modelgen.runtime.least_squares.hac_covariance import andrews_bandwidth, inf
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.parameters.unanswered_columns import columns_that_vanish
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.records.record_facts import WHOLE
+from modelgen.runtime.records.thresholds import WHOLE
 
 # A filtered sign() that goes to the other side by less than this share of itself never saw a reversal.
 LEAST_CHANGE = 0.2

@@ -15,8 +15,9 @@ from modelgen.runtime.filter_choice.signal_to_noise import SignalToNoise
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
-from modelgen.runtime.parameters.dependence import HIGHEST_INDEX, Dependence
+from modelgen.runtime.parameters.dependence import Dependence
 from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import RowBlock
 

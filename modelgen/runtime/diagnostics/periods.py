@@ -22,7 +22,7 @@ from modelgen.runtime.least_squares.hac_covariance import influence_parts
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import READ_SAMPLES, in_stretches
 from modelgen.runtime.records.record import Record, missing_name
-from modelgen.runtime.records.record_facts import WHOLE
+from modelgen.runtime.records.thresholds import WHOLE
 
 NONE = "none"
 # So many whole periods at least, for a spread; more than so many are taken together.

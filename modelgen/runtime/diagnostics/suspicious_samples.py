@@ -20,7 +20,8 @@ from modelgen.runtime.diagnostics.stuck_readings import Runs, equal_runs, excerp
 from modelgen.runtime.diagnostics.unit_errors import unlike_units
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.records.record_facts import WHOLE, Extent
+from modelgen.runtime.records.record_facts import Extent
+from modelgen.runtime.records.thresholds import WHOLE
 
 Run = tuple[int, int, float]  # first and last sample, reading
 

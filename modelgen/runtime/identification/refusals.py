@@ -20,7 +20,8 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.parameters.dependence import HIGHEST_INDEX, LARGEST_INDEX, dependences
+from modelgen.runtime.parameters.dependence import dependences
+from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX, LARGEST_INDEX
 from modelgen.runtime.parameters.unanswered_columns import not_identifiable
 from modelgen.runtime.records.record import Record, missing_name
 

@@ -22,11 +22,12 @@ from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.simulation.closed_loop import DAMPING_RATIO, PositionVelocityController, vibration
+from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation, excitation_from_record
 from modelgen.runtime.simulation.motion import move, readings
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
+from modelgen.runtime.simulation.thresholds import DAMPING_RATIO
 
 # Bandwidth of the weak feedback, as a share of the dynamics' frequency; and of what it sees of the record,
 # as a multiple of that bandwidth.

@@ -18,13 +18,11 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.thresholds import AT_BOUND, DRAWS
 
 PHYSICAL = "physical"
 # Never negative in nature.
 POSITIVE_ROLES = ("inertia", "stiffness", "viscous", "coulomb", "damping")
-DRAWS = 200
-# A parameter that lies this close to its bound (in columns of unit length, against Y) is at it.
-AT_BOUND = 1e-9
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,13 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.fit import Fit
-
-# A condition index above this is a near dependence (Belsley, Kuh and Welsch: 30 and more), and a parameter
-# takes part in it if it owes this share of its variance to it.
-LARGEST_INDEX = 30.0
-VARIANCE_SHARE = 0.5
-# What a column adds to a combination is left unsaid below this share (of columns of equal length).
-SMALLEST_SHARE = 0.05
-# The parameter that the others are combined with is the first one of at least this share in a direction.
-PIVOT_SHARE = 0.3
-# Beyond this the columns are as good as equal, and no variance can be worked out from them.
-HIGHEST_INDEX = 1e9
+from modelgen.runtime.parameters.thresholds import (
+    HIGHEST_INDEX,
+    LARGEST_INDEX,
+    PIVOT_SHARE,
+    SMALLEST_SHARE,
+    VARIANCE_SHARE,
+)
 
 
 @dataclass(frozen=True)

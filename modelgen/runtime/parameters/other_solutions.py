@@ -10,15 +10,9 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import Covariances, all_from_composites, fit_composites
+from modelgen.runtime.parameters.thresholds import AS_GOOD, DIFFERENT, SPREAD, STARTS
 
-STARTS = 24
 SEED = 2002
-# Spread of the starts, in the logarithms of the parameters: a factor of about 20 either way.
-SPREAD = 3.0
-# Two solutions differ where a parameter differs by more than this share.
-DIFFERENT = 1e-2
-# A solution fits as well if its misfit exceeds the best by no more (95 % of chi-square, one degree).
-AS_GOOD = 3.84
 
 
 def other_solutions(

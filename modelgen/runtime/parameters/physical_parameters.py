@@ -16,21 +16,19 @@ from modelgen.array_types import FloatArray
 from modelgen.frozen_values import FrozenValues
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.parameters.thresholds import (
+    CONVERGED,
+    HANGING_SHARE,
+    NULL_SHARE,
+    RANK_TOLERANCE,
+    RELATIVE_STEP,
+    SMALL_STEP,
+    SMALLEST_SPREAD,
+    STEPS,
+)
 
-# Central differences of smooth functions: the cube root of the rounding error.
-RELATIVE_STEP = 6e-6
-STEPS = 30
-CONVERGED = 1e-12
 # Relative steps below this are taken as they are: whether the misfit falls is a matter of rounding by then.
-SMALL_STEP = 1e-6
 NO_CHAIN = "the composites are far from those of any chain, so that no physical parameters follow"
-# Singular values and components below these count as zero; scaled by the parameters, all are of size one.
-RANK_TOLERANCE = 1e-9
-NULL_SHARE = 1e-6
-# A parameter hangs on others that explain this share of its variance.
-HANGING_SHARE = 0.75
-# Standard deviations in a direction are taken as at least this share of the largest (after scaling to one).
-SMALLEST_SPREAD = 1e-5
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,8 @@ from modelgen.runtime.filter_choice.filter_choice import ORDER_OF, FilterChoice
 from modelgen.runtime.filters.power_spectrum import share_below
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.parameters.thresholds import STEADY_BAND, STEADY_SHARE
 from modelgen.runtime.records.record import Record
-
-# Steady motion: this share of the velocity's power below this share of the dynamics' frequency.
-STEADY_SHARE = 0.01
-STEADY_BAND = 1.0 / 20.0
 
 
 def not_identifiable(

@@ -27,15 +27,13 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model, Terms
+from modelgen.runtime.planning.thresholds import BEYOND
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.masks import SUPPORT_TOLERANCE
 from modelgen.runtime.rows.observation import RowBlock, observe
 
 # coefficients of one row's residual or column: (channel, derivative) -> coefficient
 Linear = dict[tuple[str, int], float]
-
-# The adjoint is applied to this many samples beyond the record's ends.
-BEYOND = 64
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,10 +13,9 @@ import numpy as np
 from modelgen.errors import IdentifiabilityError
 from modelgen.progress import counted
 from modelgen.runtime.planning.planned_experiment import Experiment
-from modelgen.runtime.planning.predicted_precision import WEIGHING, estimate_once, predict
+from modelgen.runtime.planning.predicted_precision import estimate_once, predict
+from modelgen.runtime.planning.thresholds import GIVEN_SHARE, WEIGHING
 
-# A parameter that fewer of the estimates give counts as not to be had.
-GIVEN_SHARE = 0.5
 # Other noise than that which the prediction looks at.
 FIRST_SEED = WEIGHING
 

@@ -24,6 +24,16 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.planning.peaks import LIMITS, peaks_of
 from modelgen.runtime.planning.planned_experiment import PAIR, Experiment, experiment
 from modelgen.runtime.planning.predicted_precision import Predicted, predict
+from modelgen.runtime.planning.thresholds import (
+    CHANGED,
+    FAILED,
+    HIGHEST_PART_OF_FS,
+    LEAST_FORCE,
+    MOST_SHRINKS,
+    SAFETY,
+    SCALINGS,
+    SHORTEST_PART,
+)
 from modelgen.runtime.simulation.closed_loop import bandwidth_hz, vibration
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.fourier_excitation import Shape, series_excitation
@@ -34,7 +44,6 @@ from modelgen.runtime.simulation.simulate import simulate
 CRITERIA = ("worst", "d-optimal", "condition")
 HARMONICS = 2
 PARTS = 3
-CHANGED = 0.2
 # First trials: a slow part, a fast one, the way back; the only reversal is then a steep one, which is seen in
 # time. Bands in multiples of the elastic frequencies, and shares of the force: where the multisine makes the
 # driven body reverse, friction is seen late.
@@ -42,15 +51,6 @@ START_SPEEDS = (0.07, 0.9, -0.9)
 START_TIMES = (0.42, 0.29, 0.29)
 START_BANDS = ((0.3, 1.5), (0.6, 1.3), (0.9, 1.15))
 START_FORCES = ((0.9, 1.0, 1.0), (0.5, 1.0, 1.0))
-SHORTEST_PART = 0.05
-LEAST_FORCE = 0.02
-HIGHEST_PART_OF_FS = 0.2
-SCALINGS = 4
-MOST_SHRINKS = 20
-# The criterion's logarithm where an experiment fails, or leaves a parameter open.
-FAILED = 50.0
-# The scale of a trial is met to this share below the limit.
-SAFETY = 0.999
 
 
 @dataclass(frozen=True)

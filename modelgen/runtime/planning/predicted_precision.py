@@ -28,13 +28,9 @@ from modelgen.runtime.parameters.physical_parameters import (
 )
 from modelgen.runtime.planning.closed_form_information import Information, information
 from modelgen.runtime.planning.planned_experiment import Experiment
+from modelgen.runtime.planning.thresholds import FACTOR_ERROR, FIRST_COPIES, WEIGHING
 from modelgen.runtime.results.estimate import Estimate
 
-# Noisy copies of the experiment, from whose estimates the weights of composites follow: some at first, then
-# twice as many until the factor that they give is known well enough, or as many at most ...
-FIRST_COPIES = 16
-WEIGHING = 64
-FACTOR_ERROR = 0.05
 # ... and no correction for that.
 AS_IS = (1.0, 0.0)
 

@@ -17,9 +17,7 @@ from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
-
-# Order of the low-pass in front of a differentiated source.
-FILTER_ORDER = 4
+from modelgen.runtime.records.thresholds import FILTER_ORDER
 
 
 def wanted_directions(model: Model) -> tuple[str, ...]:

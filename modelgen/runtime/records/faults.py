@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.records.sampling_frequency import UNIFORM
+from modelgen.runtime.records.thresholds import GAP, NOTED_OFFSET, UNIFORM
 
-GAP = 1.5  # of the median step: a longer one means that samples are missing
-NOTED_OFFSET = 0.02  # of a channel's rms: a smaller mean is not worth a line
 POSITIONS = ("rad", "m")
 ACCELERATIONS = ("rad/s^2", "m/s^2")
 

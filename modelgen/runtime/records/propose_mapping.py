@@ -11,6 +11,7 @@ from modelgen.runtime.files.source import Source, is_time_name
 from modelgen.runtime.files.units import Unit, unit_from_text
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.mapping_file import Proposed
+from modelgen.runtime.records.thresholds import LEAST_SCORE
 
 # words in the names of columns, in the languages of the instruments seen so far
 QUANTITIES = {
@@ -39,7 +40,6 @@ BODIES = {
 }
 # a force is often logged as the current or voltage that makes it
 DRIVES = {"N m": ("A", "V"), "N": ("A", "V")}
-LEAST_SCORE = 2.0
 REFERENCE = "reference"
 
 

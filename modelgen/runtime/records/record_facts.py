@@ -17,14 +17,9 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, mean_spectrum, reading_spectrum
 from modelgen.runtime.filters.power_spectrum import power_spectrum
 from modelgen.runtime.records.channels import Channels, in_stretches
+from modelgen.runtime.records.thresholds import ACTIVE, PIECES, WHOLE
 
 ComplexArray = npt.NDArray[np.complex128]
-
-# A record of so many samples is looked at as a whole; of a longer one, so many stretches.
-WHOLE = 1 << 18
-PIECES = 4
-# The record is active where its channels change by this share of what they do where they change most.
-ACTIVE = 0.36
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import DataError, Problem
-from modelgen.runtime.records.faults import GAP, POSITIONS
+from modelgen.runtime.records.faults import POSITIONS
+from modelgen.runtime.records.thresholds import GAP
 
 MENDS = ("duplicates", "gaps", "fill", "uneven", "clocks")
 OFFSET = "offset="

@@ -16,15 +16,10 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.thresholds import NEAR, ROUNDING, SHARED
 
-#: Samples that differ by less than this share of the largest are equal: a table of six digits.
-ROUNDING = 6e-6
-#: In units of a look's own largest sample, which may be far below the largest of all.
-NEAR = 1e-3
 #: Stretches at which two records are looked at first, and the samples of each.
 STRETCHES, WIDTH = 16, 32
-#: Two records that share so many changing samples, sample by sample, share a stretch.
-SHARED = 64
 #: Samples that are compared at a time.
 CHUNK = 1 << 18
 

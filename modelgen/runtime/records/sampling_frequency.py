@@ -7,9 +7,8 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
+from modelgen.runtime.records.thresholds import AGREEMENT, UNIFORM
 
-UNIFORM = 1e-3  # of the step: how far a step may be from the others
-AGREEMENT = 1e-3  # relative: how far a stated frequency may be from the one of the times
 UNITS_PER_SECOND = (1.0, 1e3, 1e6, 1e9)  # times in s, ms, us, ns
 
 

@@ -16,14 +16,13 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.runtime.simulation.plant import Plant
+from modelgen.runtime.simulation.thresholds import (
+    BANDWIDTH_RATIO,
+    DAMPING_RATIO,
+    LOWEST_BANDWIDTH_HZ,
+    RIGID_BANDWIDTH_HZ,
+)
 from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, Mode
-
-# The loop is this part of the lowest elastic frequency, so that it does not see the elasticity ...
-BANDWIDTH_RATIO = 0.2
-LOWEST_BANDWIDTH_HZ = 1.0
-# ... and this where there is none.
-RIGID_BANDWIDTH_HZ = 5.0
-DAMPING_RATIO = 0.7
 
 
 @dataclass(frozen=True)

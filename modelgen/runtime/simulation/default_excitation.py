@@ -20,18 +20,17 @@ from modelgen.runtime.simulation.closed_loop import (
     default_controller,
     vibration,
 )
-from modelgen.runtime.simulation.excitation import SHORTEST_DWELL_S, Excitation, check_band, chirp, trapezoid
+from modelgen.runtime.simulation.excitation import Excitation, check_band, chirp, trapezoid
 from modelgen.runtime.simulation.plant import Plant, make_plant
-
-# Force of the chirp, in multiples of all Coulomb friction; or the acceleration it gives where there is none.
-FORCE_OVER_COULOMB = 10.0
-FREE_ACCELERATION = {"N m": 1000.0, "N": 5.0}  # rad/s^2, m/s^2
-# The constant velocity under the chirp, in multiples of the largest oscillation of any body.
-REVERSAL_MARGIN = 1.5
-# Band of the chirp around the elastic modes, and its end where fs is low.
-BAND = (0.2, 1.8)
-HIGHEST_PART_OF_FS = 0.2
-SPEED_LEVELS = (1.0, 0.5)
+from modelgen.runtime.simulation.thresholds import (
+    BAND,
+    FORCE_OVER_COULOMB,
+    FREE_ACCELERATION,
+    HIGHEST_PART_OF_FS,
+    REVERSAL_MARGIN,
+    SHORTEST_DWELL_S,
+    SPEED_LEVELS,
+)
 
 
 class ExcitationOptions(TypedDict, total=False):

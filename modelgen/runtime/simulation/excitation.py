@@ -20,11 +20,7 @@ from modelgen.errors import DataError, Problem
 from modelgen.keyword_options import with_defaults
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, is_usable, shown_number
 from modelgen.runtime.records.record import Record
-
-MOST_STEPS = 5e7  # of a simulation: three hours at 5 kHz
-SHORTEST_DWELL_S = 0.04
-# The chirp fades in and out over this part of the sweep.
-FADE = 0.05
+from modelgen.runtime.simulation.thresholds import FADE, MOST_STEPS, SHORTEST_DWELL_S
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,14 +17,7 @@ from modelgen.runtime.simulation.closed_loop import bandwidth_hz, vibration
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.multisine import multisine
 from modelgen.runtime.simulation.plant import Plant
-
-# Linear pieces between samples: what the motion lacks of a sine of f Hz is (pi f / rate)^2 / 3 of it, so that
-# too few of them would look like a wrong force.
-OVERSAMPLE = 16
-# Ramps between speeds, in periods of the loop's bandwidth.
-RAMP_PERIODS = 1.5
-# and by which factors they vary with the step.
-RAMP_RANGE = (0.5, 2.0)
+from modelgen.runtime.simulation.thresholds import PIECES_A_SAMPLE, RAMP_PERIODS, RAMP_RANGE
 
 
 @dataclass(frozen=True)
@@ -76,7 +69,7 @@ def series_excitation(
     duration_s: float,
 ) -> Excitation:
     """Return the excitation of a shape, its rate and its multisine scaled as a whole each."""
-    t = np.arange((round(duration_s * fs) - 1) * OVERSAMPLE + 1) / (fs * OVERSAMPLE)
+    t = np.arange((round(duration_s * fs) - 1) * PIECES_A_SAMPLE + 1) / (fs * PIECES_A_SAMPLE)
     modes = vibration(plant)
     ramp_s = min(RAMP_PERIODS / bandwidth_hz(modes), 0.25 * min(shape.times) * duration_s)
     # a ramp is as long as it is high, so that a reversal needs no more force than a start
@@ -101,7 +94,7 @@ def series_excitation(
         scale[1] * limits["force"] * amplitude * multisine(t, shape.low_hz, shape.high_hz, shape.tilt)
     )
     reference = np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))))
-    return Excitation(reference, rate, force_wave, fs * OVERSAMPLE, "series")
+    return Excitation(reference, rate, force_wave, fs * PIECES_A_SAMPLE, "series")
 
 
 def _smooth(ramp: FloatArray) -> FloatArray:

@@ -8,11 +8,7 @@ from math import pi
 import numpy as np
 
 from modelgen.array_types import FloatArray
-
-ROUNDS = 200
-# Clipping comes closer to the peak as the crest falls.
-CLIPS = (0.75, 0.98)
-POINTS_A_WAVE = 16
+from modelgen.runtime.simulation.thresholds import CLIPS, CREST_ROUNDS, POINTS_A_WAVE
 
 
 def multisine(
@@ -57,13 +53,13 @@ def _lines(numbers: tuple[int, ...], tilt: float) -> tuple[tuple[float, ...], tu
     phases = -2.0 * pi * np.cumsum(np.cumsum(power) - power)
     size = POINTS_A_WAVE * (numbers[-1] + 1)
     best = (np.inf, phases)
-    for k in range(ROUNDS):
+    for k in range(CREST_ROUNDS):
         spectrum = np.zeros(size // 2 + 1, dtype=complex)
         spectrum[lines] = amplitudes * np.exp(1j * phases)
         wave = np.fft.irfft(spectrum, size) * size / 2.0
         peak = float(np.abs(wave).max())
         if peak < best[0]:
             best = (peak, phases)
-        clip = (CLIPS[0] + (CLIPS[1] - CLIPS[0]) * k / ROUNDS) * peak
+        clip = (CLIPS[0] + (CLIPS[1] - CLIPS[0]) * k / CREST_ROUNDS) * peak
         phases = np.angle(np.fft.rfft(np.clip(wave, -clip, clip))[lines])
     return tuple((amplitudes / best[0]).tolist()), tuple(best[1].tolist())

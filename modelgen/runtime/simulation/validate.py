@@ -26,15 +26,10 @@ from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulation.simulate import simulate
+from modelgen.runtime.simulation.thresholds import CUTOFF_SHARE, FILTER_ORDER, REACH_TOLERANCE, STEPS_A_SAMPLE
 
 ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
 NAMES = ("position", "velocity", "acceleration")
-FILTER_ORDER = 4
-# Cut-off of the derivatives as a share of the sampling frequency, unless it is given.
-CUTOFF_SHARE = 0.1
-REACH_TOLERANCE = 1e-3
-# Internal steps per sample of a continuous controller.
-OVERSAMPLE = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +145,7 @@ def validate(
     refuse_same_data(records, model.channels)
     plant = make_plant(model, parameters, actuator)
     drive = drive or Drive()
-    steps = given["oversample"] or (1 if drive.sampled else OVERSAMPLE)
+    steps = given["oversample"] or (1 if drive.sampled else STEPS_A_SAMPLE)
     return tuple(
         _validate(plant, record, controller, drive, steps, record.name not in used, given["cutoff_hz"])
         for record in records

@@ -8,7 +8,8 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
-from modelgen.runtime.parameters.dependence import HIGHEST_INDEX, dependences
+from modelgen.runtime.parameters.dependence import dependences
+from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX
 from modelgen.runtime.rows.observation import Observation, RowBlock
 
 COLUMNS = model_from_module(emps300_qm_qc).base_parameters

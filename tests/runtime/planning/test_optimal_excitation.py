@@ -13,10 +13,11 @@ from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.planning.optimal_excitation import LIMITS, optimise
 from modelgen.runtime.records.read_record import read_record
 from modelgen.runtime.simulation.excitation import excitation_from_record
-from modelgen.runtime.simulation.fourier_excitation import OVERSAMPLE, write_references
+from modelgen.runtime.simulation.fourier_excitation import write_references
 from modelgen.runtime.simulation.instrument import Instrument
 from modelgen.runtime.simulation.multisine import crest_factor, multisine
 from modelgen.runtime.simulation.simulate import simulate
+from modelgen.runtime.simulation.thresholds import PIECES_A_SAMPLE
 
 QC = model_from_module(emps300_qm_qc)
 TABLE_2 = QC.parameter_sets["table_2"]
@@ -31,7 +32,7 @@ def test_a_few_trials_beat_the_pair_within_its_limits(tmp_path: Path) -> None:
         assert found.reached[key] <= limit
     assert found.worst < found.pair_worst / 1.5
     assert found.worst == max(error for _, _, error in found.parameters)
-    assert [e.reference.size for e in found.excitations] == [OVERSAMPLE * 9999 + 1] * 2
+    assert [e.reference.size for e in found.excitations] == [PIECES_A_SAMPLE * 9999 + 1] * 2
     # a controller plays the samples of the file; what lies between them makes no difference to speak of
     paths = write_references(tmp_path / "best.csv", found.excitations, 5000.0)
     assert [path.name for path in paths] == ["best_1.csv", "best_2.csv"]

@@ -1,0 +1,47 @@
+"""Where parameters are near a bound, dependent, ambiguous or unanswered: every limit with its reason."""
+
+from __future__ import annotations
+
+# Parameter vectors, ten decades wide, that show which sign a composite of positive parameters has.
+DRAWS = 200
+# A parameter that lies this close to its bound (in columns of unit length, against Y) is at it.
+AT_BOUND = 1e-9
+
+# A condition index above this is a near dependence (Belsley, Kuh and Welsch: 30 and more), and a parameter
+# takes part in it if it owes this share of its variance to it.
+LARGEST_INDEX = 30.0
+VARIANCE_SHARE = 0.5
+# What a column adds to a combination is left unsaid below this share (of columns of equal length).
+SMALLEST_SHARE = 0.05
+# The parameter that the others are combined with is the first one of at least this share in a direction.
+PIVOT_SHARE = 0.3
+# Beyond this the columns are as good as equal, and no variance can be worked out from them.
+HIGHEST_INDEX = 1e9
+
+# Starts of the search for other solutions; the chains of the catalogue have at most four.
+STARTS = 24
+# Spread of the starts, in the logarithms of the parameters: a factor of about 20 either way.
+SPREAD = 3.0
+# Two solutions differ where a parameter differs by more than this share.
+DIFFERENT = 1e-2
+# A solution fits as well if its misfit exceeds the best by no more (95 % of chi-square, one degree).
+AS_GOOD = 3.84
+
+# Central differences of smooth functions: the cube root of the rounding error.
+RELATIVE_STEP = 6e-6
+# Gauss-Newton steps, and the relative step at which they rest: they converge quadratically, or not at all.
+STEPS = 30
+CONVERGED = 1e-12
+# Relative steps below this are taken as they are: whether the misfit falls is a matter of rounding by then.
+SMALL_STEP = 1e-6
+# Singular values and components below these count as zero; scaled by the parameters, all are of size one.
+RANK_TOLERANCE = 1e-9
+NULL_SHARE = 1e-6
+# A parameter hangs on others that explain this share of its variance.
+HANGING_SHARE = 0.75
+# Standard deviations in a direction are taken as at least this share of the largest (after scaling to one).
+SMALLEST_SPREAD = 1e-5
+
+# Steady motion: this share of the velocity's power below this share of the dynamics' frequency.
+STEADY_SHARE = 0.01
+STEADY_BAND = 1.0 / 20.0

@@ -1,0 +1,31 @@
+"""Limits of predictions and of the search for excitations, with their reasons."""
+
+from __future__ import annotations
+
+# The adjoint is applied to this many samples beyond the record's ends.
+BEYOND = 64
+
+# A parameter that fewer of the estimates give counts as not to be had.
+GIVEN_SHARE = 0.5
+
+# Share of the variables that a trial changes: most improvements concern one thing.
+CHANGED = 0.2
+# A part of the motion lasts at least this share of the record, and has this share of the largest force.
+SHORTEST_PART = 0.05
+LEAST_FORCE = 0.02
+# The highest frequency of an excitation, as a share of the sampling frequency.
+HIGHEST_PART_OF_FS = 0.2
+# Rounds in which speed and force are scaled to their limits, and of shrinking where both depend on each
+# other.
+SCALINGS = 4
+MOST_SHRINKS = 20
+# The criterion's logarithm where an experiment fails, or leaves a parameter open.
+FAILED = 50.0
+# The scale of a trial is met to this share below the limit.
+SAFETY = 0.999
+
+# Noisy copies of the experiment, from whose estimates the weights of composites follow: some at first, then
+# twice as many until the factor that they give is known well enough, or as many at most ...
+FIRST_COPIES = 16
+WEIGHING = 64
+FACTOR_ERROR = 0.05

@@ -1,0 +1,28 @@
+"""What counts as a gap, an offset, activity, the same data, a uniform clock: every limit with its reason."""
+
+from __future__ import annotations
+
+# Order of the low-pass in front of a differentiated source.
+FILTER_ORDER = 4
+
+GAP = 1.5  # of the median step: a longer one means that samples are missing
+NOTED_OFFSET = 0.02  # of a channel's rms: a smaller mean is not worth a line
+
+# Points that the name, the unit and the samples of a column must earn to be proposed for a channel.
+LEAST_SCORE = 2.0
+
+# A record of so many samples is looked at as a whole; of a longer one, so many stretches.
+WHOLE = 1 << 18
+PIECES = 4
+# The record is active where its channels change by this share of what they do where they change most.
+ACTIVE = 0.36
+
+# Samples that differ by less than this share of the largest are equal: a table of six digits.
+ROUNDING = 6e-6
+# In units of a look's own largest sample, which may be far below the largest of all.
+NEAR = 1e-3
+# Two records that share so many changing samples, sample by sample, share a stretch.
+SHARED = 64
+
+UNIFORM = 1e-3  # of the step: how far a step may be from the others
+AGREEMENT = 1e-3  # relative: how far a stated frequency may be from the one of the times
