@@ -15,7 +15,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
-from modelgen.runtime.least_squares.orthogonal_solution import RANK_TOLERANCE
+from modelgen.runtime.least_squares.thresholds import RANK_TOLERANCE
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows

@@ -12,7 +12,7 @@ import numpy as np
 
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.noise_spectrum import LEAST_TREND
+from modelgen.runtime.filters.thresholds import LEAST_TREND
 from modelgen.runtime.filters.zero_phase import DECIMATE_CUTOFF
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import andrews_bandwidth, influence_parts

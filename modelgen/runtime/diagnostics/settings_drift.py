@@ -19,7 +19,8 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import counted
 from modelgen.runtime.filter_choice.filter_choice import HIGHEST_CUTOFF, FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.wls import LOAD_ROW_SHARE, fit_matched
+from modelgen.runtime.least_squares.thresholds import LOAD_ROW_SHARE
+from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.rows.observation import Observation
 
 Found = TypeVar("Found")  # a fit, of whatever kind

@@ -8,15 +8,12 @@ from math import factorial, pi, sin
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.filters.thresholds import LARGEST_ERROR, PASSED
 
 # f'(0) = sum of c_k (f(k) - f(-k)) / dt, exact for polynomials up to degree 8
 EIGHTH_ORDER = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
-# Half-widths to choose from, and the error of one difference that is too small to matter: of a fourth
-# derivative it is four times as large, and the noise of a sensor is not known to 1e-5.
+# Half-widths to choose from.
 HALF_WIDTHS = (4, 6, 8, 12, 16, 24, 32)
-LARGEST_ERROR = 1e-5
-# A filter still passes a tenth of the amplitude at this multiple of its cut-off.
-PASSED = 1.3
 
 
 def central_difference(half_width: int) -> tuple[float, ...]:

@@ -21,13 +21,10 @@ from modelgen.runtime.filters.block_numba import LoopBlocks, compiled_run, loop_
 from modelgen.runtime.filters.block_numpy import BlockProduct
 from modelgen.runtime.filters.block_tables import block_tables
 from modelgen.runtime.filters.derivatives import EIGHTH_ORDER
+from modelgen.runtime.filters.thresholds import REACH_TOLERANCE, STATE_TOLERANCE
 from modelgen.runtime.filters.two_sided_kernel import Sections, kernel_reach, kernels
 from modelgen.runtime.numerics.numba_support import wanted
 
-# Beyond its reach the response is below this share of its peak: rounding of the sum within it.
-REACH_TOLERANCE = 1e-15
-# The states must reproduce the kernel's tails to this share of its peak, or the operator is refused.
-STATE_TOLERANCE = 1e-11
 # A block of this many samples balances the product within blocks against the states between them.
 BLOCK = 80
 FULL_RATE_BLOCK = 32

@@ -14,15 +14,16 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import BoolArray, FloatArray
-from modelgen.runtime.filters.power_spectrum import NOISE_FACTOR, NOISE_FROM, band_limit_hz, quick_length
+from modelgen.runtime.filters.power_spectrum import band_limit_hz, quick_length
+from modelgen.runtime.filters.thresholds import (
+    BAND_SHARE,
+    FEWEST_LINES,
+    LEAST_POWER,
+    LEAST_TREND,
+    NOISE_FACTOR,
+    NOISE_FROM,
+)
 
-# The band in which a derivative stands out holds this share of its power.
-BAND_SHARE = 0.999
-# Fewer lines above the noise than this, or less of the power, and nothing moves.
-FEWEST_LINES = 3
-LEAST_POWER = 1e-3
-# A reading that travels by so many standard deviations of its noise moves, however steadily.
-LEAST_TREND = 20.0
 # A tone exceeds all lines within a tenth of its frequency, except for so many next to it that are its own.
 NEAR, LOBE = 0.1, 4
 

@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from modelgen.array_types import FloatArray
-
-# The noise is the median of the reading's power in this upper part of the band;
-NOISE_FROM = 0.8
-# power counts where it is this many times above it: of a million bins of noise, about one is.
-NOISE_FACTOR = 20.0
+from modelgen.runtime.filters.thresholds import NOISE_FACTOR, NOISE_FROM
 
 
 def power_spectrum(

@@ -10,9 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray
-
-# standing still: this share of the velocity's 99th percentile
-STANDSTILL_SHARE = 0.005
+from modelgen.runtime.filters.thresholds import STANDSTILL_SHARE
 
 
 def standstill_threshold(velocity: FloatArray) -> float:

@@ -14,11 +14,10 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
+from modelgen.runtime.filters.thresholds import KERNEL_TOLERANCE
 
 Sections = tuple[tuple[float, ...], ...]  # each b0, b1, b2, a0, a1, a2, as SciPy writes them
 
-# The response to one sample counts as over where it has fallen to this share of its peak.
-KERNEL_TOLERANCE = 1e-17
 # A slower pole than this would need tables of millions of samples.
 LONGEST_KERNEL = 1 << 20
 

@@ -21,8 +21,9 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.iv.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.iv.instrumental_variables import Setting, diverged, simulation_parameters
 from modelgen.runtime.iv.starting_values import physical_starts
-from modelgen.runtime.least_squares.delays import SMALLEST_STEP, advanced
+from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import bounded_names

@@ -19,6 +19,13 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
+from modelgen.runtime.least_squares.thresholds import (
+    DELAY_ROUNDS,
+    LARGEST_DELAY,
+    SMALL_STEP,
+    SMALLEST_CHANGE,
+    SMALLEST_STEP,
+)
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
@@ -31,13 +38,7 @@ Run = Callable[[tuple[Record, ...], Fit | None], tuple[Observation, Fit]]
 # fit, records, channel -> how Y - W X changes with the channel's delay, one array a block
 Rates = Callable[[Fit, tuple[Record, ...], str], tuple[FloatArray, ...]]
 
-ROUNDS = 30
-# Done when a delay moves by less than this share of its standard deviation, or of a sample.
-SMALL_STEP = 0.05
-SMALLEST_STEP = 1e-4
-SMALLEST_CHANGE = 1e-6
 # A delay beyond this, in samples, is no small misalignment any more.
-LARGEST_DELAY = 20.0
 POINTS = 8
 
 
@@ -124,7 +125,7 @@ def fit_with_delays(
     sample = 1.0 / min(record.fs for record in records)
     delays = dict.fromkeys(channels, 0.0)
     start: Fit | None = None
-    for _ in range(ROUNDS):
+    for _ in range(DELAY_ROUNDS):
         moved = tuple(advanced(record, delays) for record in records)
         observation, fit = run(moved, start)
         rates = [rates_of(fit, moved, channel) for channel in channels]
@@ -146,7 +147,7 @@ def fit_with_delays(
     else:
         remedy = "give the delays, or none of them, and see whether the parameters alone come out"
         raise IdentifiabilityError.at(
-            "delays", f"parameters and delays still move after {ROUNDS} rounds", remedy
+            "delays", f"parameters and delays still move after {DELAY_ROUNDS} rounds", remedy
         )
     found = tuple(
         (channel, delays[channel], float(std)) for channel, std in zip(channels, spread[c:], strict=True)

@@ -14,16 +14,11 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.thresholds import LARGEST_CORRELATION, WIDER
 
 # influence of the instants of one record, shape (n, c) each, from the first on
 Series = Callable[[], Iterator[FloatArray]]
 
-# Correlations beyond this make the plug-in bandwidth explode; Andrews and Monahan (1992) cut there, too.
-LARGEST_CORRELATION = 0.97
-# Andrews' bandwidth makes the mean square error of the variance least; intervals that hold what they say ask
-# for a wider one (Sun, Phillips and Jin 2008): of simulated records whose noise is known, standard deviations
-# came out at 0.94 to 1.12 of the exact ones with twice that bandwidth, at 0.97 to 1.07 with three times it.
-WIDER = 3.0
 # Numbers of an influence that are held at a time.
 PART = 1 << 18
 # Up to so many numbers are kept between passes, else computed again.

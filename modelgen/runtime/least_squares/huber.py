@@ -16,13 +16,10 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
+from modelgen.runtime.least_squares.thresholds import HUBER_ROUNDS, SMALL_MOVE, TUNING
 
-TUNING = 1.345
 # median |e| of normal noise, as a share of its standard deviation
 MEDIAN_OF_NORMAL = 0.6744897501960817
-ROUNDS = 50
-# At rest when no parameter moves by more than this share of its standard deviation.
-SMALL_MOVE = 1e-4
 
 
 def huber(fit: Fit) -> tuple[Fit, tuple[FloatArray, ...]]:
@@ -48,7 +45,7 @@ def huber(fit: Fit) -> tuple[Fit, tuple[FloatArray, ...]]:
     fit = fit.dense()
     found = fit
     # residuals in units of their own spread: blocks keep the weights that the fit has given them
-    for _ in range(ROUNDS):
+    for _ in range(HUBER_ROUNDS):
         plain = _plain_residuals(fit, found.solution.x)
         scales = [_spread(e) for e in plain]
         weights = tuple(_weights(e, scale) for e, scale in zip(plain, scales, strict=True))
@@ -59,7 +56,7 @@ def huber(fit: Fit) -> tuple[Fit, tuple[FloatArray, ...]]:
         if np.all(move <= SMALL_MOVE * spread):
             return _with_sandwich(fit, found, weights), weights
     remedy = "identify without robust weighting, and look at the residual"
-    raise IdentifiabilityError.at("robust", f"weights still move after {ROUNDS} rounds", remedy)
+    raise IdentifiabilityError.at("robust", f"weights still move after {HUBER_ROUNDS} rounds", remedy)
 
 
 def huber_notes(weights: tuple[FloatArray, ...]) -> tuple[str, ...]:

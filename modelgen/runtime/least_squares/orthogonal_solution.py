@@ -8,17 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray
+from modelgen.runtime.least_squares.thresholds import (
+    FEW_ROWS,
+    NULL_SHARE,
+    RANK_TOLERANCE,
+    REFINABLE,
+    ROUNDING,
+)
 from modelgen.runtime.numerics.iterative_refinement import refined
-
-# Singular values of the scaled W below this share of the largest count as zero,
-RANK_TOLERANCE = 1e-10
-# and columns with more than this share in such a direction cannot be told from others.
-NULL_SHARE = 1e-4
-# A solution is refined where rounding may exceed this share of it, and wherever that costs next to nothing;
-# beyond this condition number refinement does not converge.
-ROUNDING = 1e-11
-FEW_ROWS = 5000
-REFINABLE = 1e6
 
 
 @dataclass(frozen=True, eq=False)

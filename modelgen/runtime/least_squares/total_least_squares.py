@@ -15,7 +15,7 @@ import numpy as np
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.orthogonal_solution import RANK_TOLERANCE
+from modelgen.runtime.least_squares.thresholds import RANK_TOLERANCE
 from modelgen.runtime.model.model import Model
 
 NOTE = (

@@ -13,13 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.least_squares.thresholds import LEAST_POWER, SAMPLES_A_COEFFICIENT, WHITENING_ORDER
 from modelgen.runtime.rows.observation import runs_of
-
-# Order of the autoregression, and the fewest samples a coefficient is estimated from.
-ORDER = 20
-SAMPLES_A_COEFFICIENT = 10
-# Power added, as a share: keeps the recursion from meeting a residual of no power at some frequency.
-LEAST_POWER = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +58,7 @@ def whitener(residual: FloatArray, place: IntArray) -> Whitener:
     """
     runs = runs_of(place)
     longest = max(len(run) for run in runs)
-    order = max(0, min(ORDER, len(residual) // SAMPLES_A_COEFFICIENT, longest - 1))
+    order = max(0, min(WHITENING_ORDER, len(residual) // SAMPLES_A_COEFFICIENT, longest - 1))
     power = max((1.0 + LEAST_POWER) * float(residual @ residual), float(np.finfo(float).tiny))
     predictor, variance = np.zeros(0), power
     predictors, variances = [predictor], [variance]

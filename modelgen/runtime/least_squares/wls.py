@@ -18,18 +18,16 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, Problem
 from modelgen.runtime.least_squares.fit import Fit, triangle_rows
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares, polished
+from modelgen.runtime.least_squares.thresholds import (
+    LOAD_ROW_SHARE,
+    RUNAWAY_SHRINKAGE,
+    SMALLEST_RESIDUAL,
+    WEIGHTING_ROUNDS,
+)
 from modelgen.runtime.rows.observation import Observation, RowBlock
 
-ROUNDS = 3
 # Rows that are weighted at a time.
 ROWS_A_PIECE = 1 << 17
-# No residual counts as smaller than this share of the forces.
-SMALLEST_RESIDUAL = 1e-12
-# Weight of a row without a force, as a share of what its first residual gives. In simulations with noisy
-# sensors 0.1 to 0.3 leave the least bias; with 1 and more it runs away, without the row damping is lost.
-LOAD_ROW_SHARE = 0.2
-# A load row whose terms shrink to less than this when it is weighted freely is on its way to zero.
-RUNAWAY_SHRINKAGE = 0.8
 
 
 def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE) -> Fit:
@@ -51,7 +49,7 @@ def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE
         SMALLEST_RESIDUAL * scale if block.has_force else max(one / load_row_share, SMALLEST_RESIDUAL * scale)
         for block, scale, one in zip(blocks, scales, rms, strict=True)
     ]
-    for _ in range(ROUNDS - 1):
+    for _ in range(WEIGHTING_ROUNDS - 1):
         weights = tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True))
         rms = _rms(blocks, _weighted(blocks, weights, c))
     weights = tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True))

@@ -18,7 +18,7 @@ PIVOT_SHARE = 0.3
 # Beyond this the columns are as good as equal, and no variance can be worked out from them.
 HIGHEST_INDEX = 1e9
 
-# Starts of the search for other solutions; the chains of the catalogue have at most four.
+# Starts of the search for other solutions.
 STARTS = 24
 # Spread of the starts, in the logarithms of the parameters: a factor of about 20 either way.
 SPREAD = 3.0

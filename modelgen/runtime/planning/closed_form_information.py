@@ -29,8 +29,8 @@ from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model, Terms
 from modelgen.runtime.planning.thresholds import BEYOND
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.masks import SUPPORT_TOLERANCE
 from modelgen.runtime.rows.observation import RowBlock, observe
+from modelgen.runtime.rows.thresholds import SUPPORT_TOLERANCE
 
 # coefficients of one row's residual or column: (channel, derivative) -> coefficient
 Linear = dict[tuple[str, int], float]

@@ -17,15 +17,12 @@ from modelgen.runtime.filters.reversals import reversals, standstills, turns, wi
 from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.chunk import Chunk
-
-# The filter's reach: where its response has fallen to this share of its peak.
-SUPPORT_TOLERANCE = 1e-5
-# A standstill is seen on the low-passed velocity, this share of whose response reaches into it.
-DIRECTION_TOLERANCE = 1e-2
-# A sign that changes one sample late is felt so far: where the filter has fallen to this share of its peak.
-TURN_TOLERANCE = 1e-3
-# sign() is meaningless while a mass sticks for longer than this many periods of the cut-off.
-STANDSTILL_PERIODS = 2.0
+from modelgen.runtime.rows.thresholds import (
+    DIRECTION_TOLERANCE,
+    STANDSTILL_PERIODS,
+    SUPPORT_TOLERANCE,
+    TURN_TOLERANCE,
+)
 
 
 @dataclass(frozen=True)

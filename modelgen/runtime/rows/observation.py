@@ -19,11 +19,8 @@ from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.masks import turn_masks
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.standstill_speeds import Survey
+from modelgen.runtime.rows.thresholds import LEAST_FORCE, LEAST_SHARE
 
-# A left-hand side below this share of the record's forces counts as none.
-LEAST_FORCE = 1e-2
-# A body that reverses all the time leaves less than this share of the grid: then its turns are kept.
-LEAST_SHARE = 0.3
 # From so many columns a row holds those only that it touches: of a long chain that is a handful.
 WIDE = 40
 

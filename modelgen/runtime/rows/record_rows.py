@@ -19,10 +19,11 @@ from modelgen.runtime.numerics.threads import usable_threads
 from modelgen.runtime.records.channels import Channels, read_continued
 from modelgen.runtime.rows.chunk import Chunk, chunks
 from modelgen.runtime.rows.filter_sections import matched_filtering
-from modelgen.runtime.rows.masks import SUPPORT_TOLERANCE, RowMask, row_masks
+from modelgen.runtime.rows.masks import RowMask, row_masks
 from modelgen.runtime.rows.row_terms import RowTerms, row_terms
 from modelgen.runtime.rows.signal_plan import SignalPlan, signal_plan
 from modelgen.runtime.rows.standstill_speeds import NOTHING, Survey, survey_record
+from modelgen.runtime.rows.thresholds import SUPPORT_TOLERANCE
 
 Found = TypeVar("Found")
 

@@ -21,12 +21,8 @@ from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operato
 from modelgen.runtime.filters.two_sided_kernel import Sections, squared_gain
 from modelgen.runtime.model.model import Feature, Model, Signal
 from modelgen.runtime.rows.filter_sections import Filtering
+from modelgen.runtime.rows.thresholds import DIFFERENCE_MARGIN, ROUNDING
 
-# Rounding error of a filtered channel, relative to its largest reading.
-ROUNDING = 64.0 * float(np.finfo(float).eps)
-# An unfiltered derivative is off this near to the ends of what it is made from, in widths of the difference
-# per order.
-DIFFERENCE_MARGIN = 2
 # A few samples already tell that a derivative is more than rounding error.
 FEW = 101
 

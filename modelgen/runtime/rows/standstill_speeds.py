@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.filters.reversals import STANDSTILL_SHARE
+from modelgen.runtime.filters.thresholds import STANDSTILL_SHARE
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.signal_plan import SignalPlan
-
-PERCENTILE = 0.99
+from modelgen.runtime.rows.thresholds import PERCENTILE
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ RAMP_PERIODS = 1.5
 # and by which factors they vary with the step.
 RAMP_RANGE = (0.5, 2.0)
 
-# Rounds of clipping, after which the crest of a multisine hardly falls any more.
+# Rounds of clipping, by which the crest of a multisine falls.
 CREST_ROUNDS = 200
 # Clipping comes closer to the peak as the crest falls.
 CLIPS = (0.75, 0.98)

@@ -6,13 +6,13 @@ import pytest
 from modelgen.runtime.filters.derivatives import (
     EIGHTH_ORDER,
     HALF_WIDTHS,
-    LARGEST_ERROR,
     central_difference,
     differentiate,
     paper_difference,
     relative_gain,
     stencil_for,
 )
+from modelgen.runtime.filters.thresholds import LARGEST_ERROR
 
 
 @pytest.mark.parametrize("times", [1, 2, 3, 4])

@@ -5,12 +5,12 @@ import pytest
 
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import (
-    WIDER,
     andrews_bandwidth,
     hac_covariance,
     influence,
     printed_covariance,
 )
+from modelgen.runtime.least_squares.thresholds import WIDER
 from modelgen.runtime.least_squares.wls import fit_paper
 from modelgen.runtime.rows.observation import Observation, RowBlock
 

@@ -9,8 +9,6 @@ import pytest
 
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import (
-    LARGEST_CORRELATION,
-    WIDER,
     andrews_bandwidth,
     bandwidth_from_moments,
     effective_instants,
@@ -25,6 +23,7 @@ from modelgen.runtime.least_squares.hac_covariance import (
     window_width,
 )
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
+from modelgen.runtime.least_squares.thresholds import LARGEST_CORRELATION, WIDER
 from modelgen.runtime.rows.observation import RowBlock
 
 RNG = np.random.default_rng(8)

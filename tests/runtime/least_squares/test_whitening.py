@@ -5,7 +5,8 @@ import pytest
 from scipy.linalg import cholesky, toeplitz
 from scipy.signal import lfilter
 
-from modelgen.runtime.least_squares.whitening import ORDER, Whitener, whitener
+from modelgen.runtime.least_squares.thresholds import WHITENING_ORDER
+from modelgen.runtime.least_squares.whitening import Whitener, whitener
 
 RNG = np.random.default_rng(3)
 
@@ -13,7 +14,7 @@ RNG = np.random.default_rng(3)
 def test_the_predictor_of_an_autoregression_is_found() -> None:
     series = lfilter([1.0], [1.0, -1.2, 0.5], RNG.standard_normal(40_000))
     found = whitener(series, np.arange(40_000))
-    assert len(found.predictors) == ORDER + 1
+    assert len(found.predictors) == WHITENING_ORDER + 1
     np.testing.assert_allclose(found.predictors[2], [1.2, -0.5], atol=0.02)
     white = found(series, np.arange(40_000))
     assert np.std(white) == pytest.approx(1.0, rel=0.01)

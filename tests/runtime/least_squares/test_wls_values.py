@@ -10,8 +10,9 @@ import pytest
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.orthogonal_solution import FEW_ROWS, _rounding, least_squares
-from modelgen.runtime.least_squares.wls import SMALLEST_RESIDUAL, fit_matched, fit_paper, refit
+from modelgen.runtime.least_squares.orthogonal_solution import _rounding, least_squares
+from modelgen.runtime.least_squares.thresholds import FEW_ROWS, SMALLEST_RESIDUAL
+from modelgen.runtime.least_squares.wls import fit_matched, fit_paper, refit
 from modelgen.runtime.numerics.iterative_refinement import Parts
 from modelgen.runtime.rows.observation import Observation, RowBlock
 from tests.runtime.least_squares.row_blocks import block

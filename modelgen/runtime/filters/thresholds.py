@@ -1,0 +1,33 @@
+"""Where responses end, and what noise and motion are: every limit with its reason."""
+
+from __future__ import annotations
+
+# The error of one difference that is too small to matter: of a fourth derivative it is four times as large,
+# and the noise of a sensor is not known to 1e-5.
+LARGEST_ERROR = 1e-5
+# A filter still passes a tenth of the amplitude at this multiple of its cut-off.
+PASSED = 1.3
+
+# Beyond its reach the response is below this share of its peak: rounding of the sum within it.
+REACH_TOLERANCE = 1e-15
+# The states must reproduce the kernel's tails to this share of its peak, or the operator is refused.
+STATE_TOLERANCE = 1e-11
+
+# The band in which a derivative stands out holds this share of its power.
+BAND_SHARE = 0.999
+# Fewer lines above the noise than this, or less of the power, and nothing moves.
+FEWEST_LINES = 3
+LEAST_POWER = 1e-3
+# A reading that travels by so many standard deviations of its noise moves, however steadily.
+LEAST_TREND = 20.0
+
+# The noise is the median of the reading's power in this upper part of the band;
+NOISE_FROM = 0.8
+# power counts where it is this many times above it: of a million bins of noise, about one is.
+NOISE_FACTOR = 20.0
+
+# standing still: this share of the velocity's 99th percentile
+STANDSTILL_SHARE = 0.005
+
+# The response to one sample counts as over where it has fallen to this share of its peak.
+KERNEL_TOLERANCE = 1e-17

@@ -1,0 +1,28 @@
+"""Reach of the filters, standstill, rows without a force: every limit with its reason."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# The filter's reach: where its response has fallen to this share of its peak.
+SUPPORT_TOLERANCE = 1e-5
+# A standstill is seen on the low-passed velocity, this share of whose response reaches into it.
+DIRECTION_TOLERANCE = 1e-2
+# A sign that changes one sample late is felt so far: where the filter has fallen to this share of its peak.
+TURN_TOLERANCE = 1e-3
+# sign() is meaningless while a mass sticks for longer than this many periods of the cut-off.
+STANDSTILL_PERIODS = 2.0
+
+# A left-hand side below this share of the record's forces counts as none.
+LEAST_FORCE = 1e-2
+# A body that reverses all the time leaves less than this share of the grid: then its turns are kept.
+LEAST_SHARE = 0.3
+
+# A speed is large against this percentile of its sizes, which single samples do not move.
+PERCENTILE = 0.99
+
+# Rounding error of a filtered channel, relative to its largest reading.
+ROUNDING = 64.0 * float(np.finfo(float).eps)
+# An unfiltered derivative is off this near to the ends of what it is made from, in widths of the difference
+# per order.
+DIFFERENCE_MARGIN = 2
