@@ -20,7 +20,7 @@ from modelgen.runtime.least_squares.thresholds import LARGEST_CORRELATION, WIDER
 Series = Callable[[], Iterator[FloatArray]]
 
 # Numbers of an influence that are held at a time.
-PART = 1 << 18
+PART = 1 << 16
 # Up to so many numbers are kept between passes, else computed again.
 KEPT = 1 << 20
 
@@ -88,7 +88,10 @@ def _kept(series: Series | FloatArray) -> Series | FloatArray:
 
 
 def _in_parts(series: Series | FloatArray) -> Iterator[FloatArray]:
-    return series() if callable(series) else iter((series,))
+    if callable(series):
+        return series()
+    step = max(1, PART // series.shape[1])
+    return (series[start : start + step] for start in range(0, len(series), step))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,8 +188,10 @@ def window_power(width: int) -> float:
 
 def moving_sum(series: FloatArray, width: int) -> FloatArray:
     """Return the sums over `width` neighbours, shape (n - width + 1, c), of a series of shape (n, c)."""
-    sums = np.vstack([np.zeros(series.shape[1]), np.cumsum(series, axis=0)])
-    return np.asarray(sums[width:] - sums[:-width])
+    sums = np.cumsum(series, axis=0)
+    result = sums[width - 1 :].copy(order="K")
+    result[1:] -= sums[:-width]
+    return result
 
 
 def fixed_b_factor(bandwidth: float, n: float) -> float:
@@ -226,17 +231,23 @@ def _parts(fit: Fit, indices: Sequence[int]) -> Iterator[FloatArray]:
     regressors = {index: fit.regressor(index) for index in indices}
     for start in range(0, grid, step):
         stop = min(start + step, grid)
-        psi = np.zeros((stop - start, c))
+        lines = np.zeros((c, stop - start))
         for index in indices:
             block = fit.blocks[index]
             rows = slice(*np.searchsorted(block.place, (start, stop)))
             regressor, touched = regressors[index]
-            change = regressor[rows] @ fit.solution.inverse[touched]
-            error = fit.weights[index] ** 2 * fit.residuals[index][rows]
+            change = fit.solution.inverse[touched].T @ regressor[rows].T
+            change *= fit.weights[index] ** 2 * fit.residuals[index][rows]
             # where nothing is masked the places follow each other
             whole = rows.stop - rows.start == stop - start
-            psi[slice(None) if whole else block.place[rows] - start] += error[:, None] * change
-        yield psi
+            if whole:
+                lines += change
+                continue
+            place = block.place[rows] - start
+            for line, more in zip(lines, change, strict=True):
+                line[place] += more
+        # sums over time run along lines
+        yield lines.T
 
 
 def andrews_bandwidth(series: Sequence[Series | FloatArray]) -> float:
