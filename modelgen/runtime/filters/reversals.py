@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modelgen.array_types import BoolArray, FloatArray
+from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.runtime.filters.thresholds import STANDSTILL_SHARE
 
 
@@ -27,11 +27,11 @@ def standstills(velocity: FloatArray, min_samples: int, threshold: float | None 
     `threshold` is the speed below which it does; by default that of these samples.
     """
     still = np.abs(velocity) <= (standstill_threshold(velocity) if threshold is None else threshold)
-    marked = np.zeros(len(velocity), dtype=bool)
-    for start, stop in _stretches(still):
-        if stop - start >= min_samples:
-            marked[start:stop] = True
-    return marked
+    if min_samples <= 1:
+        return np.asarray(still)
+    starts, stops = _stretches(still)
+    long = stops - starts >= min_samples
+    return _within(starts[long], stops[long], len(still))
 
 
 def reversals(velocity: FloatArray, threshold: float | None = None) -> BoolArray:
@@ -45,30 +45,37 @@ def turns(velocity: FloatArray, threshold: float | None = None) -> BoolArray:
     What slows down to nothing and goes on the same way has not turned: its sign is known throughout.
     """
     changed = _sign_changes(velocity)
-    marked = standstills(velocity, 1, threshold) | changed
-    for start, stop in _stretches(marked):
-        marked[start:stop] = changed[start:stop].any()
-    return marked
+    starts, stops = _stretches(standstills(velocity, 1, threshold) | changed)
+    places = np.flatnonzero(changed)
+    turned = np.searchsorted(places, starts) < np.searchsorted(places, stops)
+    return _within(starts[turned], stops[turned], len(velocity))
 
 
-def _stretches(marked: BoolArray) -> list[tuple[int, int]]:
+def _stretches(marked: BoolArray) -> tuple[IntArray, IntArray]:
     """Return where stretches of marked samples start, and where the first unmarked one follows."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]]))).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))
+    edges = np.flatnonzero(np.diff(marked, prepend=False, append=False))
+    return edges[::2], edges[1::2]
+
+
+def _within(starts: IntArray, stops: IntArray, n: int) -> BoolArray:
+    """Mark the samples of stretches that do not touch, shape (n,)."""
+    steps = np.zeros(n + 1, dtype=np.int8)
+    steps[starts], steps[stops] = 1, -1
+    return np.asarray(np.cumsum(steps[:n], dtype=np.int8).view(np.bool_))
 
 
 def _sign_changes(velocity: FloatArray) -> BoolArray:
     marked = np.zeros(len(velocity), dtype=bool)
-    changes = np.flatnonzero(velocity[1:] * velocity[:-1] <= 0.0)
-    marked[changes] = True
-    marked[changes + 1] = True
+    changed = velocity[1:] * velocity[:-1] <= 0.0
+    marked[:-1] |= changed
+    marked[1:] |= changed
     return marked
 
 
 def widen(marked: BoolArray, reach: int) -> BoolArray:
     """Mark everything within `reach` samples of what is marked, shape (n,)."""
-    n = len(marked)
-    counted = np.concatenate([[0], np.cumsum(marked)])
-    place = np.arange(n)
-    first, last = np.maximum(place - reach, 0), np.minimum(place + reach + 1, n)
-    return np.asarray(counted[last] > counted[first])
+    starts, stops = _stretches(marked)
+    apart = starts[1:] - stops[:-1] > 2 * reach
+    first = np.concatenate([starts[:1], starts[1:][apart]])
+    last = np.concatenate([stops[:-1][apart], stops[-1:]])
+    return _within(np.maximum(first - reach, 0), np.minimum(last + reach, len(marked)), len(marked))

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from modelgen.runtime.filters.reversals import reversals, standstill_threshold, standstills, widen
+from modelgen.runtime.filters.reversals import reversals, standstill_threshold, standstills, turns, widen
 
 
 def velocity_with_a_rest() -> np.ndarray:
@@ -47,3 +49,31 @@ def test_widen_marks_the_neighbours_and_stops_at_the_ends() -> None:
     assert np.flatnonzero(widen(marked, 3)).tolist() == [0, 1, 2, 3, 4, 7, 8, 9, 10, 11, 12, 13]
     np.testing.assert_array_equal(widen(marked, 0), marked)
     assert not widen(np.zeros(5, dtype=bool), 2).any()
+
+
+SPEEDS = st.lists(st.sampled_from([-2.0, -0.1, 0.0, 0.1, 2.0]), min_size=1, max_size=40).map(np.array)
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(SPEEDS, st.integers(1, 5), st.integers(0, 6), st.sampled_from([0.0, 0.5]))
+def test_marks_are_those_that_one_would_make_by_hand(
+    velocity: np.ndarray, shortest: int, reach: int, threshold: float
+) -> None:
+    n, still = len(velocity), np.abs(velocity) <= threshold
+    changes = [k for k in range(n - 1) if velocity[k] * velocity[k + 1] <= 0.0]
+    changed = np.isin(np.arange(n), [place for k in changes for place in (k, k + 1)])
+
+    def stretch(marked: np.ndarray, k: int) -> slice:
+        return slice(
+            max((i + 1 for i in range(k) if not marked[i]), default=0),
+            min((i for i in range(k, n) if not marked[i]), default=n),
+        )
+
+    rests = [still[k] and still[stretch(still, k)].sum() >= shortest for k in range(n)]
+    np.testing.assert_array_equal(standstills(velocity, shortest, threshold), rests)
+    either = still | changed
+    np.testing.assert_array_equal(reversals(velocity, threshold), either)
+    turned = [either[k] and changed[stretch(either, k)].any() for k in range(n)]
+    np.testing.assert_array_equal(turns(velocity, threshold), turned)
+    near = [still[max(k - reach, 0) : k + reach + 1].any() for k in range(n)]
+    np.testing.assert_array_equal(widen(still, reach), near)
