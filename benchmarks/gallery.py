@@ -3,7 +3,7 @@
     python benchmarks/gallery.py
 
 The paper's bench, lightly damped, with encoder and accelerometer: identified from a chirp and a trapezoid,
-simulated in closed loop beside them.
+simulated in closed loop, for comparison.
 """
 
 from __future__ import annotations

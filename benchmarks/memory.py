@@ -6,7 +6,7 @@ A record of 1e7 samples is written to .npy files (here, deleted afterwards), the
 `modelgen.identify` in a process of its own, from the files, which are never loaded whole: by one thread and
 by two. Printed is how far the process's resident memory rises above what it was before it touched the record,
 and what of that is more than the rows: the samples kept, a line for every column and one for Y of each row of
-the model, 8 bytes each. Beside it stands the chain written by hand (`throughput.py`), which loads the files.
+the model, 8 bytes each. For comparison: the chain written by hand (`throughput.py`), which loads the files.
 The estimate must be that of the record in memory (`--whole 0` leaves that out).
 """
 

@@ -1,4 +1,4 @@
-"""Certified digits on the linear regressions of the NIST StRD: modelgen beside other libraries.
+"""Certified digits on the linear regressions of the NIST StRD: modelgen compared with other libraries.
 
 A figure is the smallest -log10 of a relative error over all coefficients (absolute where NIST certifies 0),
 at most 15; the second figure is that of the standard deviations. Two libraries give no standard deviations:

@@ -3,7 +3,7 @@
     python benchmarks/report.py
 
 The limits are 5 MB and 3 s. The time is that of a whole headless Chromium: start, parse, run the script,
-write the page out again, stop; beside it that of an empty page, both the median of interleaved runs. The
+write the page out again, stop; and that of an empty page, both the median of interleaved runs. The
 processor's time is the same on a machine that has other work to do.
 """
 

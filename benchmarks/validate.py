@@ -1,4 +1,4 @@
-"""Closed-loop validation on the EMPS bench, beside the published errors.
+"""Closed-loop validation on the EMPS bench, compared with the published errors.
 
     python benchmarks/validate.py FOLDER
 

@@ -86,7 +86,7 @@ def test_random_columns_split_into_independent_ones_and_exact_combinations(seed:
         assert list(recipe) == sorted(recipe)
 
 
-# Numbers beside the exact ones --------------------------------------------------------------------
+# Numbers and the exact ones ----------------------------------------------------------------------
 
 
 def test_numbers_agree_with_exact_combinations_up_to_rounding_only() -> None:

@@ -49,7 +49,7 @@ class Sample:
     friction_noise: FloatArray
 
     def motion(self, s: FloatArray, forces: FloatArray) -> Linearised:
-        """Return the motion at the next sample; `forces` has shape (4, forces)."""
+        """Return the motion at the next sample; `s` has shape (states,), `forces` (4, forces), in SI."""
         n, count = len(self.matrices.motion), forces.size
         found, slope = self._linearise(self.matrices.motion, self.matrices.motion_slopes, s, forces.ravel())
         each = self.matrices.motion[:, n : n + count].reshape(n, *forces.shape)
@@ -95,7 +95,10 @@ class KalmanModel:
         self._names = {name: i for i, name in enumerate(plant.model.parameters)}
 
     def sample(self, x: FloatArray, std: FloatArray, theta: FloatArray) -> Sample:
-        """Return the chain linearised at a motion with these deviations, shape (states,), and parameters."""
+        """Return the chain linearised at a motion and parameters.
+
+        The motion `x` and its standard deviations `std` have shape (states,), `theta` (parameters,); in SI.
+        """
         friction = self.plant.model.friction
         f, noise = np.zeros(len(friction)), np.zeros(len(friction))
         slopes = np.zeros((len(friction), theta.size))

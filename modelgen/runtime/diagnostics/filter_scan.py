@@ -16,7 +16,7 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.records.record import Record
 
 AUTO = "auto"
-# Tried by default: multiples of the cut-off in use, and orders beside the one in use.
+# Tried by default: multiples of the cut-off in use, and differences from the order in use.
 CUTOFF_FACTORS = (0.5, 1.0 / sqrt(2.0), 1.0, sqrt(2.0), 2.0)
 ORDER_STEPS = (-2, 2, 4)
 LOWEST_ORDER, HIGHEST_ORDER = 2, 20

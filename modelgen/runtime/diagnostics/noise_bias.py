@@ -21,7 +21,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
 
-# A pull is worth a word from this share of the value and this many standard deviations of the noise.
+# A bias is reported from this share of the value and this many standard deviations of the noise.
 LEAST_SHARE, LEAST_DEVIATIONS = 0.01, 2.0
 # A parameter that is pulled by more than this share of what is left of it is lost.
 LOST_SHARE = 1.0
@@ -66,7 +66,10 @@ def _ways(model: Model, fit: Fit, row: int, touched: IntArray) -> dict[str, list
 
 
 def lost_in_noise(fit: Fit, bias: FloatArray) -> dict[str, str]:
-    """Return the columns whose parameter noise pulls by more than its whole value, with the reason."""
+    """Return the columns whose parameter noise pulls by more than its whole value, with the reason.
+
+    `bias` is how far it pulls each column of the fit, shape (c,).
+    """
     return {
         name: "its column is mostly noise of the sensors"
         if not np.isfinite(move)
@@ -77,7 +80,7 @@ def lost_in_noise(fit: Fit, bias: FloatArray) -> dict[str, str]:
 
 
 def significant_bias(fit: Fit, bias: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return the bias where it is worth a word, else 0; shape (c,).
+    """Return the bias where it is significant, else 0; shape (c,).
 
     `noise` is the covariance that the residuals explain, shape (c, c). An infinite bias leaves no interval.
     """
@@ -89,7 +92,10 @@ def significant_bias(fit: Fit, bias: FloatArray, noise: FloatArray) -> FloatArra
 def bias_advice(
     fit: Fit, bias: FloatArray, noise: FloatArray, parameters: Sequence[Parameter]
 ) -> tuple[Advice, ...]:
-    """Return the warning that names what noise pulls, and by how much, where that matters."""
+    """Return the warning that names what noise pulls, and by how much, where that matters.
+
+    Parameters as in `significant_bias`: shapes (c,) and (c, c), in the order of the columns of the fit.
+    """
     told = significant_bias(fit, bias, noise)
     moves = [(entry, float(told[fit.columns.index(entry.name)])) for entry in parameters]
     pulled = [f"{one.name} by {100.0 * move / abs(one.value):+.2g} %" for one, move in moves if move]

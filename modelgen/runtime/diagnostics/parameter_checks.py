@@ -121,7 +121,7 @@ def uncertain_parameters(
     slowest_hz: float | None,
     excited_hz: float | None,
 ) -> tuple[Advice, ...]:
-    """Return for uncertain parameters what their terms amount to beside what their rows leave unexplained.
+    """Return how large the terms of uncertain parameters are, compared with the residual of their rows.
 
     A term below the residual is the sign of a motion that is too slow: nothing stands out above friction and
     noise, or below the modes.

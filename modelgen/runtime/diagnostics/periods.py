@@ -126,7 +126,10 @@ def spread_beyond_noise(found: PeriodSpread, noise: FloatArray) -> FloatArray:
 
 
 def period_advice(found: PeriodSpread, noise: FloatArray, columns: Sequence[str]) -> tuple[Advice, ...]:
-    """Return the advice that names what varies from period to period by more than the noise within them."""
+    """Return the advice that names what varies from period to period by more than the noise within them.
+
+    `noise` is the covariance that the residuals explain, shape (c, c), in the order of `columns`.
+    """
     more = np.diag(spread_beyond_noise(found, noise))
     named = [name for name, variance in zip(columns, more, strict=True) if variance > 0.0]
     if not named:

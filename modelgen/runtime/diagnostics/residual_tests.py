@@ -22,8 +22,8 @@ from modelgen.runtime.records.record import Record
 
 # Past samples of the decimated grid that the residual is correlated with, as MATLAB's resid takes them.
 LAGS = 25
-# A correlation that explains less than this share of the residual's power is no matter, however certain it
-# is.
+# A correlation that explains less than this share of the residual's power is not reported, however
+# significant it is.
 LEAST_SHARE = 0.01
 # What repeats in every period counts from this share of the residual's power.
 LEAST_REPEATED = 0.1

@@ -153,7 +153,7 @@ def channel_terms(
 
 
 def response(terms: list[tuple[float, int]], frequency_hz: FloatArray) -> npt.NDArray[np.complex128]:
-    """Return sum of weight times (j omega)^derivative at frequencies in Hz."""
+    """Return the sum of weight times (j omega)^derivative at frequencies in Hz, shape (n,)."""
     s = 2j * np.pi * frequency_hz
     return np.asarray(sum((weight * s**order for weight, order in terms), np.zeros(len(s), dtype=complex)))
 

@@ -63,7 +63,7 @@ def equal_runs(samples: FloatArray) -> Runs:
 
 
 def excerpt(samples: FloatArray) -> FloatArray:
-    """Return samples from all over a channel that tell what is usual in it; all of a short one."""
+    """Return samples from all over a channel, shape (n,), that show what is usual; all of a short one."""
     if len(samples) <= EXCERPTS * EXCERPT:
         return samples
     starts = np.linspace(0, len(samples) - EXCERPT, EXCERPTS).astype(int)

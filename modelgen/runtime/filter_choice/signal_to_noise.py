@@ -1,4 +1,4 @@
-"""Signal against noise: every derivative the rows need, behind the filter, beside its channel's own noise.
+"""Signal against noise: every derivative the rows need, behind the filter, and its channel's own noise.
 
 The noise of a reading is taken as white, at the level of the uppermost fifth of its band. Differentiating
 multiplies it by the frequency, so that each derivative needs a motion that is larger by as much; the table
@@ -54,7 +54,10 @@ def signal_to_noise(
 
 
 def gain(frequency_hz: FloatArray, choice: FilterChoice, derivative: int, fs: float) -> FloatArray:
-    """Return the amplitude of the filter at `fs` in Hz, forward and backward, then differentiation."""
+    """Return the amplitude of the filter at `fs` in Hz, forward and backward, then differentiation.
+
+    At frequencies in Hz, shape (n,); in 1/s^derivative.
+    """
     behind = low_pass(frequency_hz, choice.cutoff_hz, choice.filter_order, fs)
     return np.asarray(behind * (2.0 * pi * frequency_hz) ** derivative)
 

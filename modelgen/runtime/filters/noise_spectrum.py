@@ -125,7 +125,10 @@ def mean_spectrum(spectra: Sequence[ReadingSpectrum]) -> ReadingSpectrum:
 
 
 def low_pass(frequency_hz: FloatArray, cutoff_hz: float, order: int, fs: float | None = None) -> FloatArray:
-    """Return the amplitude of a Butterworth, forward and backward; sampled at `fs` in Hz, or analogue."""
+    """Return the amplitude of a Butterworth, forward and backward, at frequencies in Hz, shape (n,).
+
+    Sampled at `fs` in Hz, or analogue without it.
+    """
     ratio = frequency_hz / cutoff_hz
     if fs is not None:  # the bilinear transform bends the axis of frequencies
         below = np.minimum(frequency_hz / fs, 0.5 - 1e-9)

@@ -30,7 +30,7 @@ from modelgen.runtime.results.estimate_parts import (
 )
 from modelgen.runtime.rows.observation import Observation
 
-# Drifts that are worth a note: in standard deviations of the noise, and relative to the value.
+# Drifts that are noted: in standard deviations of the noise, and relative to the value.
 NOTED_DRIFT = 2.0
 NOTED_SHARE = 1e-3
 # A physical parameter from composites needs a relative standard deviation below this.

@@ -56,7 +56,7 @@ from modelgen.runtime.rows.paper_rows import observe_paper
 
 @dataclass(frozen=True, eq=False)
 class Extras:
-    """What was found beside the fit, see `Checks`; `bias` is that by noise, of least squares only."""
+    """What was found in addition to the fit, see `Checks`; `bias` is that by noise, of least squares only."""
 
     periods: PeriodSpread | None = None
     held_out: HeldOut | None = None

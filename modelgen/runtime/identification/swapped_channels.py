@@ -24,9 +24,9 @@ from modelgen.runtime.parameters.unanswered_columns import not_identifiable
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
-# A row that leaves this share of its largest term unexplained is worth the trouble,
+# A row that leaves this share of its largest term unexplained is looked into,
 UNEXPLAINED = 0.9
-# and an exchange is worth a word if it leaves less than this share of what the worst row left before; or,
+# and an exchange is reported if it leaves less than this share of what the worst row left before; or,
 # where values were impossible, if none is any more and no row leaves this share of its largest term.
 BETTER = 0.5
 # Solving again costs as much as the estimate: so many times at most.

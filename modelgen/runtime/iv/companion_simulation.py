@@ -1,4 +1,4 @@
-"""A model run beside a record: what its sensors would have read without noise.
+"""A model simulated along a record: what its sensors would have read without noise.
 
 The model is driven by the measured forces of all actuators. These alone would let it drift away from the
 record, so a weak feedback holds the first actuator's body near the record's low-passed position; its loop is
@@ -152,7 +152,7 @@ def nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, flo
     rigid = vibration(plant).lowest
     sensors = [sensor for sensor in plant.model.sensors if sensor.body and sensor.key in record.signals]
     if not sensors:
-        what = "has sensors of deflections only: nothing shows where a model run beside it should be"
+        what = "has sensors of deflections only: nothing shows where the simulated model should be"
         raise DataError.at(record.name, what, "use method wls")
     best = min(sensors, key=lambda sensor: (ORDER_OF[sensor.measures], sensor.body != body))
     ratio = rigid[plant.bodies.index(body)] / rigid[plant.bodies.index(best.body or "")]

@@ -37,7 +37,7 @@ ROUNDS = 25
 # Done when nothing moves by more than this share of its standard deviation, or of its value;
 SMALL_MOVE = 0.02
 SMALL_CHANGE = 1e-6
-# what has a standard deviation beyond this share of its value may move: nobody will be told its value.
+# what has a standard deviation beyond this share of its value may move: its value is not reported.
 HOPELESS = 0.5
 # A step changes no parameter of the body or link by more than this share: far away the rows are not linear.
 LARGEST_STEP = 0.5

@@ -1,4 +1,4 @@
-"""Instrumental variables: X = (Z^T W)^-1 Z^T Y with Z from a noise-free run of the model beside the record.
+"""Instrumental variables: X = (Z^T W)^-1 Z^T Y with Z from a noise-free simulation of the model.
 
 Noise in the columns of W biases least squares, the more the higher the derivatives. Z is the same rows behind
 the same filters, at the same samples, built from a simulation with the present estimate: it correlates with
@@ -42,7 +42,7 @@ EXACTNESS = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What the model is run beside."""
+    """The records, filters and controller that the model is simulated with."""
 
     model: Model
     records: Sequence[Record]
@@ -147,10 +147,10 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
 
 
 def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
-    """Return the instrumental-variable fit with weights from the residuals.
+    """Return the instrumental-variable fit with instruments Z, shape (n, columns) a block, and new weights.
 
-    No residual counts as smaller than what sampling and filters allow: a load row that is nearly exact would
-    outweigh the forces, which alone fix the scale.
+    They come from the residuals. No residual counts as smaller than what sampling and filters allow: a load
+    row that is nearly exact would outweigh the forces, which alone fix the scale.
     """
     tiny = float(np.finfo(float).tiny)
     weights = []

@@ -33,8 +33,8 @@ MOVING = ("inertia", "stiffness", "damping")
 TRIED_SHARES = (0.1, 1.0)
 TRIED_FREQUENCY = 0.6
 TRIED_DAMPING = 0.5
-# The search for a start ends when the squared error falls by less than this share: along what the records
-# hardly tell apart it would creep on.
+# The search for a start ends when the squared error falls by less than this share: in directions
+# that the records hardly determine it would fall slowly for long.
 NEAR_ENOUGH = 1e-4
 # Samples at both ends where differences are poor.
 EDGE = 10
@@ -55,7 +55,7 @@ def physical_starts(first: Fit, setting: Setting) -> Iterator[Mapping[str, float
     vanished = _vanished(model, found)
     if not vanished:
         yield found
-    # noise bends the composites apart, and which chain comes closest to them hangs on their weights
+    # noise makes the composites inconsistent, and which chain fits them best depends on their weights
     other = _from_composites(model, first, lambda fit: printed_covariance(fit)[1])
     if not _vanished(model, other):
         yield other

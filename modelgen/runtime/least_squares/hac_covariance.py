@@ -146,7 +146,7 @@ def joined_covariance(sums: Sequence[KernelSums], bandwidth: float, n: int) -> F
     """Return the covariance, shape (c, c), from the sums of all records, n instants together.
 
     Each record's share grows by the factor for the instants that it rests on. One factor a record, for all
-    columns: their near dependences, which composites live by, stay as they are.
+    columns: their near dependences, which composites rest on, stay as they are.
     """
     power = np.diag(np.sum([one.total for one in sums], axis=0))
     alive = power > 0.0
@@ -270,7 +270,10 @@ def andrews_bandwidth(series: Sequence[Series | FloatArray]) -> float:
 
 
 def bandwidth_from_moments(power: FloatArray, product: FloatArray, n: int) -> float:
-    """Return the same from sums of squares and of products of neighbours, and the longest record's length."""
+    """Return the same from sums of squares and of products of neighbours, shape (c,) each.
+
+    `n` is the number of instants of the longest record.
+    """
     alive = power > 0.0
     if not np.any(alive):
         return 1.0

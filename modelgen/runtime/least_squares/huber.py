@@ -60,7 +60,7 @@ def huber(fit: Fit) -> tuple[Fit, tuple[FloatArray, ...]]:
 
 
 def huber_notes(weights: tuple[FloatArray, ...]) -> tuple[str, ...]:
-    """Return the sentence that says how many samples count less."""
+    """Return the sentence that says how many samples count less; weights of shape (n,) a block."""
     every = np.concatenate(weights)
     less = int(np.sum(every < 1.0))
     share = 100.0 * less / len(every)

@@ -34,7 +34,10 @@ def two_stage(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
 
 
 def with_regressors(fit: Fit, projected: tuple[FloatArray, ...]) -> Fit:
-    """Return the fit of the same weighted rows whose Y is regressed on `projected`, in place of W."""
+    """Return the fit of the same weighted rows whose Y is regressed on `projected`, in place of W.
+
+    Its arrays have the shape (n, columns), one a block.
+    """
     parts = [
         weight * triangle_of(tall_triangle(part, block.Y)[:, 1:])
         for weight, part, block in zip(fit.weights, projected, fit.blocks, strict=True)

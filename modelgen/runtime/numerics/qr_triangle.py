@@ -12,7 +12,7 @@ TALL = 1 << 18
 
 # Rows to one factorisation: with eight columns they stay in the innermost cache.
 ROWS_AT_A_TIME = 1024
-# From so many rows compiled code is worth the half second that loading it takes.
+# From so many rows on, compiled code saves more than the half second that loading it takes.
 COMPILED_ROWS = 50_000
 
 

@@ -79,7 +79,10 @@ def bounded_fit(fit: Fit, model: Model, covariance: FloatArray) -> tuple[Fit, Bo
 
 
 def bounded_physical(fit: Fit, model: Model, covariance: FloatArray) -> tuple[Fit, BoundCost]:
-    """Return the same for a fit whose columns are physical parameters, and further ones without bounds."""
+    """Return the same for a fit whose columns are physical parameters, and further ones without bounds.
+
+    `covariance` is that of the columns, shape (c, c).
+    """
     bounded = bounded_names(model)
     lower = np.array([0.0 if name in bounded else -np.inf for name in fit.columns])
     return _fit_within(fit, lower, np.full(len(lower), np.inf), covariance)

@@ -44,7 +44,10 @@ class Covariances(FrozenValues):
     printed: FloatArray
 
     def standard_deviations(self, gradient: FloatArray) -> tuple[float, float, float, float]:
-        """Return those of a function with this gradient, to first order, in the order of the attributes."""
+        """Return those of a function with this gradient, to first order, in the order of the attributes.
+
+        `gradient` is by the identified parameters, shape (identified,).
+        """
         variances = [
             gradient @ matrix @ gradient for matrix in (self.total, self.noise, self.drift, self.printed)
         ]
@@ -202,7 +205,11 @@ def _filled(model: Model, base: FloatArray, nuisance: Mapping[str, float]) -> Fl
 def fit_composites(
     model: Model, base: FloatArray, covariance: FloatArray, start: Mapping[str, float]
 ) -> PhysicalSolution:
-    """Fit all physical parameters to the identified base ones, weighted by their covariance, from a start."""
+    """Fit all physical parameters to the identified base ones, weighted by their covariance, from a start.
+
+    `base` holds all base parameters of the model, shape (columns,), NaN for those that are not identified;
+    `covariance` is that of the others, shape (identified, identified). All in SI units.
+    """
     identified = np.flatnonzero(np.isfinite(base))
     p = np.array([start[name] for name in model.parameters])
     size = np.where(p == 0.0, 1.0, np.abs(p))

@@ -37,7 +37,7 @@ SMALL_STEP = 1e-6
 # Singular values and components below these count as zero; scaled by the parameters, all are of size one.
 RANK_TOLERANCE = 1e-9
 NULL_SHARE = 1e-6
-# A parameter hangs on others that explain this share of its variance.
+# A parameter depends on others that explain this share of its variance.
 HANGING_SHARE = 0.75
 # Standard deviations in a direction are taken as at least this share of the largest (after scaling to one).
 SMALLEST_SPREAD = 1e-5

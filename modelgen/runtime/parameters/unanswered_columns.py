@@ -42,7 +42,8 @@ def friction_without_steady_motion(
 ) -> dict[str, str]:
     """Return the friction parameters to ground of bodies that only ever vibrate, with the reason.
 
-    While a body vibrates, friction is small beside inertial forces, and what is fitted is mostly their error.
+    While a body vibrates, friction is small compared with inertial forces, and what is fitted is mostly their
+    error.
     """
     limit_hz = STEADY_BAND * (choice.dynamics_hz or choice.cutoff_hz)
     reasons: dict[str, str] = {}

@@ -159,7 +159,7 @@ def _own_and_averaged(
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return every parameter as estimated, by each one's own weights, and by the average ones instead.
 
-    An estimate is weighted by its own drift with the settings, which goes along with its own error. What that
+    An estimate is weighted by its own drift with the settings, which is correlated with its error. What that
     changes follows from the same estimates with average weights: the two are nearly equal.
     """
     alike = _alike(estimates)

@@ -121,7 +121,7 @@ class Record:
         return self.signals[channel][start:stop]
 
     def edited(self, edits: Mapping[str, Edit | FloatArray]) -> Record:
-        """Return the record with some channels made of others, or new; in memory where this one is."""
+        """Return the record with channels made of others, or new, shape (n,); in memory where this one is."""
         if not edits:
             return self
         if isinstance(self.signals, ChannelSignals):
@@ -255,7 +255,7 @@ def _channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list
 
 
 def magnitude_problem(where: str, samples: npt.NDArray[Any]) -> Problem | None:
-    """Return what is wrong where samples that are finite are beyond the limits, or all of them too small."""
+    """Return what is wrong where finite samples, shape (n,), are beyond the limits, or all too small."""
     size = np.abs(samples, dtype=np.longdouble if samples.dtype.itemsize > 8 else np.float64)
     peak = float(np.fmax.reduce(size, initial=0.0))
     if peak == 0.0 or FAINTEST <= peak <= LARGEST:

@@ -116,7 +116,7 @@ class RecordFacts:
         return self._extents[channel]
 
     def spectrum(self, channel: str) -> ReadingSpectrum:
-        """Return the density of a reading beside its own noise, see `reading_spectrum`."""
+        """Return the density of a reading and of its own noise, see `reading_spectrum`."""
         if channel not in self._spectra:
             fs = self._source.fs
             self._spectra[channel] = mean_spectrum(

@@ -1,7 +1,7 @@
 """The same data given twice: it tells nothing new, but would make every interval smaller.
 
 Records are compared by what they hold, whatever their files, formats, names and tags: whole records of equal
-length up to a factor and to rounding (a table of seven digits beside the binary file), and, where they are in
+length up to a factor and to rounding (a table of seven digits and the binary file), and, where they are in
 memory, any stretch that two records share sample by sample. Data with noise of its own is never that equal.
 """
 
@@ -68,7 +68,7 @@ def refuse_pairs(records: Sequence[tuple[str, int]], shared: Mapping[tuple[int, 
 
 
 def alike(looks: Sequence[FloatArray]) -> list[tuple[int, int]]:
-    """Return the pairs of records that look the same."""
+    """Return the pairs of records that look the same; one array a record, see `look`, shape (k,)."""
     groups: dict[int, list[int]] = {}
     for index, one in enumerate(looks):
         groups.setdefault(one.size, []).append(index)

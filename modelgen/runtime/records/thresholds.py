@@ -6,7 +6,7 @@ from __future__ import annotations
 FILTER_ORDER = 4
 
 GAP = 1.5  # of the median step: a longer one means that samples are missing
-NOTED_OFFSET = 0.02  # of a channel's rms: a smaller mean is not worth a line
+NOTED_OFFSET = 0.02  # of a channel's rms: a smaller mean is not reported
 
 # Points that the name, the unit and the samples of a column must earn to be proposed for a channel.
 LEAST_SCORE = 2.0

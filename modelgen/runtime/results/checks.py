@@ -40,7 +40,7 @@ class Checks:
     residuals : tuple of ResidualTest
         Of every row on every record that was used.
     signals : tuple of SignalToNoise
-        Every derivative in use beside its noise.
+        Every derivative in use, compared with its noise.
     periods : Periods or None
         Where every record is periodic.
     held_out : HeldOut or None

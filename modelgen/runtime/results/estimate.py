@@ -129,7 +129,7 @@ class Estimate:
         )
 
     def summary(self) -> str:
-        """Return everything worth reading as plain text."""
+        """Return the whole estimate as plain text."""
         return summary_text(self)
 
     def to_dict(self) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from modelgen.errors import DataError
 from modelgen.runtime.records.channels import Channels, not_finite, read_continued
 from modelgen.runtime.rows.signal_plan import SignalPlan
 
-# Samples between halos; and at least so many halos, lest they dominate.
+# Samples between halos; and at least so many halos, so that these take a small part of the work.
 CHUNK_SAMPLES = 1 << 18
 HALOS = 8
 

@@ -74,7 +74,7 @@ class RowBlock:
         return tall_triangle(self.W, self.Y)
 
     def own(self, x: FloatArray) -> FloatArray:
-        """Return the entries of an array over all columns that belong to those of W."""
+        """Return the entries that belong to the columns of W, of an array of shape (columns, ...)."""
         return x if self.touched is None else np.asarray(x[self.touched])
 
     def residual(self, x: FloatArray) -> FloatArray:
@@ -82,11 +82,14 @@ class RowBlock:
         return np.asarray(self.Y - self.W @ self.own(x))
 
     def residual_norm(self, x: FloatArray) -> float:
-        """Return the norm of Y - W x."""
+        """Return the norm of Y - W x; x is in the order of all columns, shape (columns,)."""
         return float(np.linalg.norm(self.triangle[:, -1] - self.triangle[:, 1:-1] @ self.own(x)))
 
     def terms_norm(self, x: FloatArray) -> float:
-        """Return the norm of the largest term W_j x_j about its mean: the size of what the row balances."""
+        """Return the norm of the largest term W_j x_j about its mean: the size of what the row balances.
+
+        x is in the order of all columns, shape (columns,).
+        """
         spread = np.linalg.norm(self.triangle[1:, 1:-1], axis=0)
         return float(np.max(spread * np.abs(self.own(x)), initial=0.0))
 
@@ -181,7 +184,7 @@ def observe(
 
 
 def runs_of(place: IntArray) -> list[IntArray]:
-    """Return the indices of samples that are neighbours on the grid, gap by gap."""
+    """Return the indices of samples that are neighbours on the grid, gap by gap; `place` has shape (n,)."""
     return np.split(np.arange(len(place)), np.flatnonzero(np.diff(place) != 1) + 1)
 
 

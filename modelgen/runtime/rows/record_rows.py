@@ -27,7 +27,7 @@ from modelgen.runtime.rows.thresholds import SUPPORT_TOLERANCE
 
 Found = TypeVar("Found")
 
-# From so many samples compiled filters are worth the half second that loading numba takes.
+# From so many samples on, compiled filters save more than the half second that loading numba takes.
 COMPILED_SAMPLES = 500_000
 
 

@@ -20,12 +20,12 @@ class RowTerms:
     entries: tuple[Terms, ...]
 
     def fill(self, lines: FloatArray | Sequence[FloatArray], signals: Mapping[str, FloatArray]) -> None:
-        """Fill in the columns touched, and y, one a line, shape (n,) each."""
+        """Fill in the columns touched, and y, one a line; lines and signals have shape (n,) each."""
         for line, terms in zip(lines, self.entries, strict=True):
             _sum_into(line, terms, signals)
 
     def evaluate(self, signals: Mapping[str, FloatArray]) -> FloatArray:
-        """Return the same in a new array."""
+        """Return the same in a new array, shape (columns touched + 1, n)."""
         lines = np.empty((len(self.entries), len(signals["1"])))
         self.fill(lines, signals)
         return lines

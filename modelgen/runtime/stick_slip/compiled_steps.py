@@ -115,7 +115,10 @@ def has_numba() -> bool:
 def follow_input(
     flow: Flow, initial: FloatArray, w: FloatArray, stride: int, steps_a_node: int = 1
 ) -> Trajectory:
-    """Return the motion under an input known every so many steps, shape (nodes,), linear in between."""
+    """Return the motion under an input `w` known every so many steps, shape (nodes, m), linear in between.
+
+    `initial` is the state in SI, shape (2n + lags,).
+    """
     nothing = Sampling((0.0,) * 7 + (1.0, 1.0), np.zeros((1, 3)), steps_a_node, 0)
     return _run(flow, initial, np.ascontiguousarray(w), nothing, stride, (len(w) - 1) * steps_a_node)[0]
 

@@ -105,7 +105,8 @@ class Flow:
     ) -> tuple[FloatArray, Mode, list[Event]]:
         """Integrate step k from event to event; return the state and mode at its end, and the events.
 
-        States have shape (2n + lags,), in the time unit of steps; inputs at start and end have shape (m,).
+        The state `x` has shape (2n + lags,), in the time unit of steps; the inputs `w` at the start and
+        `w_end` at the end have shape (m,).
         """
         z = np.r_[x, w, w_end - w, 1.0]
         left = 1.0

@@ -155,7 +155,8 @@ class ModeMotion:
         """Return the states after each step, shape (steps, 2n), and how many steps come before an event.
 
         The recursion runs as a scan: pass s adds what happened 2^s steps earlier, so that log2(steps) matrix
-        products replace a loop over the steps. `w` has shape (steps + 1, m).
+        products replace a loop over the steps. `x` is the state before, shape (2n,); `w` has shape
+        (steps + 1, m).
         """
         with np.errstate(over="ignore", invalid="ignore"):
             path = w[:-1] @ self._G0 + w[1:] @ self._G1 + self._constant
@@ -201,7 +202,7 @@ class ModeMotion:
         return first
 
     def after(self, guard: int, z: FloatArray) -> tuple[int, int]:
-        """Return the body whose mode ends with this guard, and its next mode; `z` has the length of M."""
+        """Return the body whose mode ends with this guard, and its next mode; `z` has the shape (len(M),)."""
         body, sign = self.owners[guard]
         if self.mode[body] == 0:
             return body, sign
@@ -210,7 +211,7 @@ class ModeMotion:
         return body, 0 if follow == sign else follow
 
     def mode_at_rest(self, body: int, z: FloatArray) -> int:
-        """Return the mode of a body at rest, which the net force on it decides; `z` has the length of M."""
+        """Return the mode of a body at rest, decided by the net force on it; `z` has the shape (len(M),)."""
         pull = float(self.free[body] @ z)
         for spring in self._springs:
             pull += spring.push[self._bodies[body].velocity] * float(spring.deflection @ z[: self._nx]) ** 3

@@ -1,4 +1,4 @@
-"""Other estimators recover the truth where they can, and stand beside least squares."""
+"""Other estimators recover the truth where they can, and are compared with least squares."""
 
 from __future__ import annotations
 

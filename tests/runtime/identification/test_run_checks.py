@@ -50,7 +50,7 @@ def test_a_trapezoid_alone_leaves_combinations_and_says_which() -> None:
     assert "J_m + J_c = " in advice.where
     said = float(advice.where.split("J_m + J_c = ")[1].split()[0])
     assert said == pytest.approx(total, rel=0.02)
-    # with the chirp beside it nothing is missing, and nothing is said
+    # together with the chirp nothing is missing, and nothing is said
     both = identify(TWO_MASS, [chirp, trapezoid])
     assert set(both.params) == set(TWO_MASS.base_parameters)
     assert kinds(both) == []

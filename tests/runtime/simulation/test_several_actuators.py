@@ -1,4 +1,4 @@
-"""Chains with several actuators: all forces drive the simulation, and the model that runs beside a record."""
+"""Chains with several actuators: all forces drive the simulation, and the model simulated along a record."""
 
 from __future__ import annotations
 
