@@ -25,7 +25,8 @@ from modelgen.errors import DataError
 from modelgen.runtime.comparison.kalman_model import KalmanModel
 from modelgen.runtime.comparison.thresholds import NOISE_SHARE, PARAMETER_STD, PASSES, SETTLED, VELOCITY_STD
 from modelgen.runtime.filters.zero_phase import zero_phase
-from modelgen.runtime.iv.output_error import CUTOFF_SHARE, FILTER_ORDER, Response
+from modelgen.runtime.iv.output_error import Response
+from modelgen.runtime.iv.thresholds import CUTOFF_SHARE, FILTER_ORDER
 from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record

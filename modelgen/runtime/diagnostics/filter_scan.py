@@ -10,7 +10,8 @@ import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import counted
-from modelgen.runtime.filter_choice.filter_choice import HIGHEST_CUTOFF, FilterChoice, decimation_for
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice, decimation_for
+from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.records.record import Record

@@ -17,7 +17,8 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import counted
-from modelgen.runtime.filter_choice.filter_choice import HIGHEST_CUTOFF, FilterChoice
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.thresholds import LOAD_ROW_SHARE
 from modelgen.runtime.least_squares.wls import fit_matched

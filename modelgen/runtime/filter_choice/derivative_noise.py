@@ -18,19 +18,16 @@ from math import inf, log10
 
 import numpy as np
 
+from modelgen.runtime.filter_choice.thresholds import (
+    CUTOFF_STEP,
+    LEAST_KEPT,
+    LEAST_SNR_DB,
+    MOST_STEEPER,
+    STRONGEST,
+)
 from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, low_pass, tones
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-
-# What is no signal may be 1 % of the rms of a highest derivative;
-LEAST_SNR_DB = 40.0
-# half of its power is not given up for that,
-LEAST_KEPT = 0.5
-# nor is the filter's order raised by more than this. Tones are sought among so many lines,
-MOST_STEEPER = 4
-STRONGEST = 100
-# cut-offs in steps of a twenty-fourth octave.
-STEP = 2.0 ** (-1.0 / 24.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +176,7 @@ def quiet_cutoff(
     loudest = min(loud, key=lambda one: one.snr_db(ceiling_hz, order)[0])
     cutoff = ceiling_hz
     while any(one.snr_db(cutoff, order)[0] < LEAST_SNR_DB for one in loud):
-        lower = STEP * cutoff
+        lower = CUTOFF_STEP * cutoff
         if any(one.kept(lower, order, within_hz) < LEAST_KEPT for one in asking):
             break
         cutoff = lower

@@ -38,20 +38,18 @@ from modelgen.runtime.filter_choice.explain import (
     quiet_sentence,
     seen_sentence,
 )
+from modelgen.runtime.filter_choice.thresholds import (
+    DECIMATION_MARGIN,
+    DISTORTION,
+    DYNAMICS_SHARE,
+    FEWEST_SAMPLES,
+    FORCE_SHARE,
+    HIGHEST_CUTOFF,
+    LOWEST_SAMPLING_RATIO,
+)
 from modelgen.runtime.filters.power_spectrum import band_limit_hz
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
-
-FORCE_SHARE = 0.999
-DYNAMICS_SHARE = 0.998
-DISTORTION = 0.05
-HIGHEST_CUTOFF = 0.4  # of the sampling frequency
-DECIMATION_MARGIN = 0.8
-# eq. (9) wants 100 times the closed loop's bandwidth, which no record states; below this ratio to what the
-# record does show, the differences themselves suffer
-LOWEST_SAMPLING_RATIO = 20.0
-
-FEWEST_SAMPLES = 50
 
 ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.thresholds import LARGEST_PERCENT, NOTED_DRIFT, NOTED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
 from modelgen.runtime.least_squares.wls import refit
@@ -29,12 +30,6 @@ from modelgen.runtime.results.estimate_parts import (
     RowDiagnostics,
 )
 from modelgen.runtime.rows.observation import Observation
-
-# Drifts that are noted: in standard deviations of the noise, and relative to the value.
-NOTED_DRIFT = 2.0
-NOTED_SHARE = 1e-3
-# A physical parameter from composites needs a relative standard deviation below this.
-LARGEST_PERCENT = 20.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from modelgen.runtime.diagnostics.motion_checks import (
 )
 from modelgen.runtime.diagnostics.noise_bias import lost_in_noise
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.identification.thresholds import WITHOUT_NUMBER_PERCENT
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
@@ -24,9 +25,6 @@ from modelgen.runtime.parameters.dependence import dependences
 from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX, LARGEST_INDEX
 from modelgen.runtime.parameters.unanswered_columns import not_identifiable
 from modelgen.runtime.records.record import Record, missing_name
-
-# Columns that move together leave a parameter without a number from this relative standard deviation in % on.
-WITHOUT_NUMBER_PERCENT = 100.0
 
 
 def refusals(

@@ -17,20 +17,13 @@ from modelgen.errors import ModelgenError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.thresholds import BETTER, TRIES, UNEXPLAINED
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
 from modelgen.runtime.parameters.unanswered_columns import not_identifiable
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
-
-# A row that leaves this share of its largest term unexplained is looked into,
-UNEXPLAINED = 0.9
-# and an exchange is reported if it leaves less than this share of what the worst row left before; or,
-# where values were impossible, if none is any more and no row leaves this share of its largest term.
-BETTER = 0.5
-# Solving again costs as much as the estimate: so many times at most.
-TRIES = 12
 
 
 @dataclass(frozen=True)

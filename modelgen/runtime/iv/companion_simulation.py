@@ -20,6 +20,13 @@ from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import ORDER_OF, FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
+from modelgen.runtime.iv.thresholds import (
+    FEEDBACK_SHARE,
+    LEAST_INERTIA,
+    SMOOTHING,
+    SMOOTHING_ORDER,
+    START_TOLERANCE,
+)
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
@@ -29,15 +36,7 @@ from modelgen.runtime.simulation.motion import move, readings
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulation.thresholds import DAMPING_RATIO
 
-# Bandwidth of the weak feedback, as a share of the dynamics' frequency; and of what it sees of the record,
-# as a multiple of that bandwidth.
-FEEDBACK_SHARE = 1.0 / 30.0
-SMOOTHING = 4.0
-SMOOTHING_ORDER = 2
-# What the start of the motion may differ by for looking at the start of the record only.
-START_TOLERANCE = 1e-9
 # An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
-LEAST_INERTIA = 1e-6
 REFERENCE = "reference"
 
 

@@ -21,6 +21,14 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.iv.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.iv.instrumental_variables import Setting, diverged, simulation_parameters
 from modelgen.runtime.iv.starting_values import physical_starts
+from modelgen.runtime.iv.thresholds import (
+    COMPOSITE_MOVE,
+    COMPOSITE_ROUNDS,
+    FARTHEST,
+    HOPELESS,
+    LARGEST_STEP,
+    SMALL_CHANGE,
+)
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
@@ -33,16 +41,7 @@ from modelgen.runtime.rows.observation import Observation
 # records -> rows without the samples that a consistent estimate must not use
 Rows = Callable[[tuple[Record, ...]], Observation]
 
-ROUNDS = 25
-# Done when nothing moves by more than this share of its standard deviation, or of its value;
-SMALL_MOVE = 0.02
-SMALL_CHANGE = 1e-6
-# what has a standard deviation beyond this share of its value may move: its value is not reported.
-HOPELESS = 0.5
-# A step changes no parameter of the body or link by more than this share: far away the rows are not linear.
-LARGEST_STEP = 0.5
 # Nor can a parameter be this many times smaller or larger than at the start.
-FARTHEST = 1e4
 SIGNED = ("offset", "viscous", "coulomb")
 PLAIN = Rules()
 
@@ -153,7 +152,7 @@ def fit_physical_iv(
     plain = fit_matched(observation)
     if plain.absent:
         raise diverged(f"the records do not move what {', '.join(plain.absent)} needs")
-    for done in range(1, ROUNDS + 1):
+    for done in range(1, COMPOSITE_ROUNDS + 1):
         if late and done > 1:
             observation = rows(tuple(advanced(record, now.delays) for record in setting.records))
             plain = replace(plain, blocks=tuple(block for block in observation.blocks if block.place.size))
@@ -163,7 +162,7 @@ def fit_physical_iv(
         if not np.all(np.isfinite(move)):
             raise diverged("its estimate is not finite")
         size = np.r_[np.abs(x[:c]), np.full(len(late), SMALLEST_STEP * sample / SMALL_CHANGE)]
-        small = np.maximum(SMALL_MOVE * spread, SMALL_CHANGE * size)
+        small = np.maximum(COMPOSITE_MOVE * spread, SMALL_CHANGE * size)
         hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(len(late), np.inf)]
         if done > 1 and np.all((np.abs(move) <= small) | hopeless):
             return Found(observation, in_base_columns(step, now.delays, done), now.p, x[:c])
@@ -176,11 +175,11 @@ def _restless(model: Model, values: FloatArray, spread: FloatArray) -> Identifia
     """Return the error of steps that do not come to rest, with the parameters that nothing holds."""
     loose = [name for name, one, std in zip(model.parameters, values, spread, strict=True) if std > abs(one)]
     if not loose:
-        return diverged(f"after {ROUNDS} rounds the physical parameters still move")
+        return diverged(f"after {COMPOSITE_ROUNDS} rounds the physical parameters still move")
     return IdentifiabilityError.at(
         "method iv",
-        f"the records do not hold {', '.join(loose)}: after {ROUNDS} rounds they still move, with standard "
-        "deviations above their values",
+        f"the records do not hold {', '.join(loose)}: after {COMPOSITE_ROUNDS} rounds they still move, with "
+        "standard deviations above their values",
         "sense more (modelgen show --sensors all), give one of them as known, excite more, or give the "
         "delays of forces where they are known (--delay none)",
     )

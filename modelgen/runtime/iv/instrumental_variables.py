@@ -17,6 +17,15 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
+from modelgen.runtime.iv.thresholds import (
+    EXACTNESS,
+    FORESEEN,
+    NEAR,
+    NEAR_SHARE,
+    ROUNDS,
+    SMALL_CHANGE,
+    SMALL_MOVE,
+)
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
@@ -26,18 +35,6 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import matched_rows
 from modelgen.runtime.rows.row_terms import row_terms
 from modelgen.runtime.rows.standstill_speeds import NOTHING
-
-ROUNDS = 20
-# Converged: no parameter moves by more than this share of its standard deviation, or of its value.
-SMALL_MOVE = 0.01
-SMALL_CHANGE = 1e-6
-# A move that is foreseen, not seen, is to stay below this share of that.
-FORESEEN = 0.1
-# Noise-free records serve for estimates that differ by so many standard deviations, or this share of a value.
-NEAR = 3.0
-NEAR_SHARE = 0.25
-# Rows hold no more exactly than to this share of their largest term.
-EXACTNESS = 1e-3
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,16 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.iv.thresholds import (
+    BETWEEN,
+    CUTOFF_SHARE,
+    FAR,
+    FILTER_ORDER,
+    FINEST,
+    MOST_EVALUATIONS,
+    RELATIVE_STEP,
+    WEIGHTING_ROUNDS,
+)
 from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -32,19 +42,6 @@ from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.runtime.simulation.validate import initial_state
 from modelgen.runtime.stick_slip.hybrid_system import refinement
-
-# The reference's rate is the measured velocity below this share of the sampling frequency.
-CUTOFF_SHARE = 0.1
-FILTER_ORDER = 4
-# Points a sample on a spline through the force: straight lines take (pi f / fs)^2 / 3 off a sine of f Hz.
-BETWEEN = 4
-ROUNDS = 2
-MOST_EVALUATIONS = 30
-RELATIVE_STEP = 1e-5
-FAR = 1e6
-# A trial so stiff that a step of the simulation has to be divided into more parts than this, and than twice
-# those of the start, is as good as far off: next to no inertia would cost a hundred times the time.
-FINEST = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +95,7 @@ def fit_response(
         return np.concatenate([w * e for w, e in zip(weights, joined, strict=True)])
 
     x = np.array([plant.parameters[name] for name in names]) / scale
-    for _ in range(ROUNDS):
+    for _ in range(WEIGHTING_ROUNDS):
         weights = [1.0] * len(weights)
         each = residual(x).reshape(len(weights), count)
         weights = [1.0 / max(float(np.sqrt(np.mean(e**2))), 1e-300) for e in each]

@@ -19,6 +19,14 @@ from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.companion_simulation import nearest_sensor, possible
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.output_error import fit_response
+from modelgen.runtime.iv.thresholds import (
+    EDGE,
+    LEAST_SHARE,
+    NEAR_ENOUGH,
+    TRIED_DAMPING,
+    TRIED_FREQUENCY,
+    TRIED_SHARES,
+)
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
 from modelgen.runtime.model.model import Model
@@ -26,18 +34,7 @@ from modelgen.runtime.simulation.closed_loop import vibration
 from modelgen.runtime.simulation.plant import Plant, make_plant
 
 # A body with less than this share of the inertia that the actuator feels has vanished.
-LEAST_SHARE = 1e-3
 MOVING = ("inertia", "stiffness", "damping")
-# What has vanished is tried as a body of these shares of the inertia that the actuator feels, on a spring
-# that lets it swing at this share of the dynamics' frequency with this damping ratio.
-TRIED_SHARES = (0.1, 1.0)
-TRIED_FREQUENCY = 0.6
-TRIED_DAMPING = 0.5
-# The search for a start ends when the squared error falls by less than this share: in directions
-# that the records hardly determine it would fall slowly for long.
-NEAR_ENOUGH = 1e-4
-# Samples at both ends where differences are poor.
-EDGE = 10
 
 
 def physical_starts(first: Fit, setting: Setting) -> Iterator[Mapping[str, float]]:

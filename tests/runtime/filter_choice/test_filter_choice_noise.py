@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from generated import emps300_qm_ac, emps300_qm_qc, tree_mixed
-from modelgen.runtime.filter_choice.derivative_noise import LEAST_KEPT, STEP, highest_derivatives
+from modelgen.runtime.filter_choice.derivative_noise import highest_derivatives
 from modelgen.runtime.filter_choice.explain import percent
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter, distortion_bound_hz
+from modelgen.runtime.filter_choice.thresholds import CUTOFF_STEP, LEAST_KEPT
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.identification.identify import identify
@@ -68,7 +69,7 @@ def test_the_cutoff_goes_down_until_noise_is_one_percent_of_the_highest_derivati
     assert choice.cutoff_hz < 0.95 * ceiling
     # the highest that does, within the ends that are left out here: two steps up and it is more than 1 %
     assert behind(white(noise), choice) <= 0.0108 * behind(POSITION, choice)
-    above = choice.cutoff_hz / STEP**2
+    above = choice.cutoff_hz / CUTOFF_STEP**2
     assert behind(white(noise), choice, above) > 0.0108 * behind(POSITION, choice, above)
     said = " ".join(choice.sentences)
     assert f"instead of {ceiling:.4g} Hz" in said
@@ -80,7 +81,7 @@ def test_half_of_the_power_is_kept_however_loud_the_noise() -> None:
     assert choice.filter_order == 4  # white noise is no matter of the order
     whole = float(np.std(np.sin(PHASE)[2000:-2000]))
     assert (behind(POSITION, choice) / whole) ** 2 > 0.97 * LEAST_KEPT
-    assert (behind(POSITION, choice, STEP**2 * choice.cutoff_hz) / whole) ** 2 < LEAST_KEPT
+    assert (behind(POSITION, choice, CUTOFF_STEP**2 * choice.cutoff_hz) / whole) ** 2 < LEAST_KEPT
     assert behind(white(1e-6), choice) > 0.01 * behind(POSITION, choice)
 
 

@@ -1,0 +1,27 @@
+"""How cut-off, order and decimation are chosen from spectra: every limit with its reason."""
+
+from __future__ import annotations
+
+# What is no signal may be 1 % of the rms of a highest derivative;
+LEAST_SNR_DB = 40.0
+# half of its power is not given up for that,
+LEAST_KEPT = 0.5
+# nor is the filter's order raised by more than this. Tones are sought among so many lines,
+MOST_STEEPER = 4
+STRONGEST = 100
+# cut-offs in steps of a twenty-fourth octave.
+CUTOFF_STEP = 2.0 ** (-1.0 / 24.0)
+
+# Shares of the power, of the force and of a body's acceleration, below the limits of their bands.
+FORCE_SHARE = 0.999
+DYNAMICS_SHARE = 0.998
+# What the filter takes off, forward and backward, at the limit of the dynamics.
+DISTORTION = 0.05
+HIGHEST_CUTOFF = 0.4  # of the sampling frequency
+# The cut-off, as a share of the new Nyquist frequency.
+DECIMATION_MARGIN = 0.8
+# eq. (9) wants 100 times the closed loop's bandwidth, which no record states; below this ratio to what the
+# record does show, the differences themselves suffer
+LOWEST_SAMPLING_RATIO = 20.0
+# A record with fewer samples is too short to filter.
+FEWEST_SAMPLES = 50

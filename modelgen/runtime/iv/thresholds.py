@@ -1,0 +1,68 @@
+"""When an estimate has converged, how a model is simulated along a record: every limit with its reason."""
+
+from __future__ import annotations
+
+# Bandwidth of the weak feedback, as a share of the dynamics' frequency; and of what it sees of the record,
+# as a multiple of that bandwidth.
+FEEDBACK_SHARE = 1.0 / 30.0
+SMOOTHING = 4.0
+SMOOTHING_ORDER = 2
+# What the start of the motion may differ by for looking at the start of the record only.
+START_TOLERANCE = 1e-9
+# An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
+LEAST_INERTIA = 1e-6
+
+# Gauss-Newton steps from one start, at most.
+COMPOSITE_ROUNDS = 25
+# Done when nothing moves by more than this share of its standard deviation, or of its value;
+COMPOSITE_MOVE = 0.02
+SMALL_CHANGE = 1e-6
+# what has a standard deviation beyond this share of its value may move: its value is not reported.
+HOPELESS = 0.5
+# A step changes no parameter of the body or link by more than this share: far away the rows are not linear.
+LARGEST_STEP = 0.5
+# Nor can a parameter be this many times smaller or larger than at the start.
+FARTHEST = 1e4
+
+# Rounds of simulation and estimate, at most.
+ROUNDS = 20
+# Converged: no parameter moves by more than this share of its standard deviation, or of its value.
+SMALL_MOVE = 0.01
+# A move that is foreseen, not seen, is to stay below this share of that.
+FORESEEN = 0.1
+# Noise-free records are used again for estimates that differ by so many standard deviations, or this share of a value.
+NEAR = 3.0
+NEAR_SHARE = 0.25
+# Rows hold no more exactly than to this share of their largest term.
+EXACTNESS = 1e-3
+
+# The reference's rate is the measured velocity below this share of the sampling frequency.
+CUTOFF_SHARE = 0.1
+# Of the low-pass in front of that derivative.
+FILTER_ORDER = 4
+# Points a sample on a spline through the force: straight lines take (pi f / fs)^2 / 3 off a sine of f Hz.
+BETWEEN = 4
+# Fits: weights of the channels come from the residuals of the fit before.
+WEIGHTING_ROUNDS = 2
+# Evaluations of a fit (max_nfev of SciPy), at most.
+MOST_EVALUATIONS = 30
+# Differences by the parameters, in shares of their size.
+RELATIVE_STEP = 1e-5
+# Residual of a trial that cannot be simulated.
+FAR = 1e6
+# A trial so stiff that a step of the simulation has to be divided into more parts than this, and than twice
+# those of the start, is as good as far off: next to no inertia would cost a hundred times the time.
+FINEST = 8
+
+# A body with less than this share of the inertia that the actuator feels has vanished.
+LEAST_SHARE = 1e-3
+# What has vanished is tried as a body of these shares of the inertia that the actuator feels, on a spring
+# that lets it swing at this share of the dynamics' frequency with this damping ratio.
+TRIED_SHARES = (0.1, 1.0)
+TRIED_FREQUENCY = 0.6
+TRIED_DAMPING = 0.5
+# The search for a start ends when the squared error falls by less than this share: in directions
+# that the records hardly determine it would fall slowly for long.
+NEAR_ENOUGH = 1e-4
+# Samples at both ends where differences are poor.
+EDGE = 10
