@@ -18,16 +18,12 @@ from functools import cached_property
 import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray
-from modelgen.runtime.diagnostics.settings_drift import FARTHER_FACTORS, other_cutoffs, other_direction
+from modelgen.runtime.diagnostics.settings_drift import other_cutoffs, other_direction
+from modelgen.runtime.diagnostics.thresholds import FARTHER_FACTORS, SIGNIFICANT_MOVE, SMALLEST_SHARE
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import influence, long_run_covariance
 from modelgen.runtime.model.model import Model
-
-# A move of more standard deviations of the difference than this is no chance.
-SIGNIFICANT = 3.0
-# Nor does a move below this share of the value count: sampling and filters are not exact beyond it.
-SMALLEST_SHARE = 2e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +82,7 @@ class Disagreement:
     @property
     def significant(self) -> BoolArray:
         """Which columns move by more than noise explains."""
-        least = np.maximum(SIGNIFICANT * self.std, SMALLEST_SHARE * np.abs(self.value))
+        least = np.maximum(SIGNIFICANT_MOVE * self.std, SMALLEST_SHARE * np.abs(self.value))
         return np.asarray(np.abs(self.move) > least)
 
     @property

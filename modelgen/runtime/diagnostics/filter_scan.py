@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import sqrt
 
 import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import counted
+from modelgen.runtime.diagnostics.thresholds import HIGHEST_ORDER, LOWEST_ORDER, ORDER_STEPS, SCANNED_FACTORS
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, decimation_for
 from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF
 from modelgen.runtime.least_squares.fit import Fit
@@ -17,10 +17,6 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.records.record import Record
 
 AUTO = "auto"
-# Tried by default: multiples of the cut-off in use, and differences from the order in use.
-CUTOFF_FACTORS = (0.5, 1.0 / sqrt(2.0), 1.0, sqrt(2.0), 2.0)
-ORDER_STEPS = (-2, 2, 4)
-LOWEST_ORDER, HIGHEST_ORDER = 2, 20
 
 
 @dataclass(frozen=True)
@@ -65,7 +61,7 @@ def scanned_settings(
             raise DataError.at("scan_cutoffs", f"is {cutoffs_hz!r}", f'give frequencies in Hz, or "{AUTO}"')
         highest = HIGHEST_CUTOFF * lowest_fs
         wanted = [
-            factor * choice.cutoff_hz for factor in CUTOFF_FACTORS if factor * choice.cutoff_hz <= highest
+            factor * choice.cutoff_hz for factor in SCANNED_FACTORS if factor * choice.cutoff_hz <= highest
         ]
         orders = [choice.filter_order + step for step in ORDER_STEPS]
         others = [

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.diagnostics.thresholds import SIGNIFICANT_ASYMMETRY
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
@@ -20,9 +21,6 @@ from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.standstill_speeds import NOTHING
-
-# Preferred when the difference is this many standard deviations: a chance of 1 in 16 000.
-SIGNIFICANT = 4.0
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Asymmetry:
     @property
     def preferred(self) -> bool:
         """Whether friction that depends on the direction fits significantly better."""
-        return abs(self.value) > SIGNIFICANT * self.std
+        return abs(self.value) > SIGNIFICANT_ASYMMETRY * self.std
 
 
 def asymmetries(

@@ -11,15 +11,11 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.thresholds import SIGNIFICANT_MOVE, SMALLEST_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.rows.observation import Observation
-
-# A difference of this many standard deviations is no chance.
-SIGNIFICANT = 3.0
-# Nor does a difference below this share of the value count: sampling and filters are not exact beyond it.
-SMALLEST_SHARE = 2e-4
 
 
 @dataclass(frozen=True)
@@ -49,7 +45,7 @@ class Move:
     @property
     def significant(self) -> bool:
         """Whether it is more than noise."""
-        return abs(self.move) > SIGNIFICANT * self.std and abs(self.share) > SMALLEST_SHARE
+        return abs(self.move) > SIGNIFICANT_MOVE * self.std and abs(self.share) > SMALLEST_SHARE
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.thresholds import (
+    FEWEST_STRETCHES,
+    FEWEST_SWINGS,
+    LARGEST_LOSS,
+    LEAST_CHANGE,
+    LEAST_SPEED,
+)
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.thresholds import LEAST_TREND
 from modelgen.runtime.filters.zero_phase import DECIMATE_CUTOFF
@@ -20,17 +27,6 @@ from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.parameters.unanswered_columns import columns_that_vanish
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.thresholds import WHOLE
-
-# A filtered sign() that goes to the other side by less than this share of itself never saw a reversal.
-LEAST_CHANGE = 0.2
-# A steady velocity of so many standard deviations of its noise is a motion.
-LEAST_SPEED = 3.0
-# A record needs so many times the stretch over which its residuals stay correlated,
-FEWEST_STRETCHES = 10.0
-# so many periods of the slowest mode,
-FEWEST_SWINGS = 5.0
-# and should not lose more than this share to the filter's reach at both ends.
-LARGEST_LOSS = 0.5
 
 
 def resting_bodies(model: Model, records: Sequence[Record]) -> dict[str, str]:

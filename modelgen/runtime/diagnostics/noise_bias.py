@@ -15,16 +15,12 @@ from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
 from modelgen.runtime.diagnostics.row_noise import noise_band
+from modelgen.runtime.diagnostics.thresholds import LEAST_BIAS, LEAST_DEVIATIONS, LOST_SHARE
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
-
-# A bias is reported from this share of the value and this many standard deviations of the noise.
-LEAST_SHARE, LEAST_DEVIATIONS = 0.01, 2.0
-# A parameter that is pulled by more than this share of what is left of it is lost.
-LOST_SHARE = 1.0
 
 
 def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit) -> FloatArray:
@@ -85,7 +81,7 @@ def significant_bias(fit: Fit, bias: FloatArray, noise: FloatArray) -> FloatArra
     `noise` is the covariance that the residuals explain, shape (c, c). An infinite bias leaves no interval.
     """
     spread = np.sqrt(np.maximum(np.diag(noise), 0.0))
-    least = np.maximum(LEAST_SHARE * np.abs(fit.solution.x), LEAST_DEVIATIONS * spread)
+    least = np.maximum(LEAST_BIAS * np.abs(fit.solution.x), LEAST_DEVIATIONS * spread)
     return np.where(np.isfinite(bias) & (np.abs(bias) > least), bias, 0.0)
 
 

@@ -10,6 +10,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import row_noise
+from modelgen.runtime.diagnostics.thresholds import LARGEST_NOISE, LEAST_SNR_DB, NULL_SHARE, SIGNIFICANT_MOVE
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import SignalToNoise
 from modelgen.runtime.least_squares.fit import Fit
@@ -20,16 +21,6 @@ from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import RowBlock
-
-# A value this many standard deviations below zero is no chance.
-SIGNIFICANT = 3.0
-# A row without a force that leaves this share of its largest term, or a row that leaves this share of its
-# force, explains nothing.
-NULL_SHARE = 0.9
-# A residual below this multiple of what noise of the sensors gives its row is noise.
-LARGEST_NOISE = 1.5
-# Derivatives with less signal than this above their noise bias least squares visibly.
-LEAST_SNR_DB = 20.0
 
 REMEDIES = {
     "inertia": "accelerate harder",
@@ -100,7 +91,7 @@ def negative_values(model: Model, parameters: Sequence[Parameter]) -> tuple[Advi
         role = model.roles.get(entry.name)
         if role is None or role.role not in POSITIVE_ROLES:
             continue
-        if entry.value < -SIGNIFICANT * entry.std:
+        if entry.value < -SIGNIFICANT_MOVE * entry.std:
             found.append(
                 Advice(
                     "negative",

@@ -16,6 +16,14 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.thresholds import (
+    CONFIDENCE,
+    FEWEST_PERIODS,
+    FOUND_CORRELATION,
+    LEAST_CORRELATION,
+    MOST_CLUSTERS,
+    SAME_CORRELATION,
+)
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import influence_parts
@@ -25,17 +33,6 @@ from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.thresholds import WHOLE
 
 NONE = "none"
-# So many whole periods at least, for a spread; more than so many are taken together.
-FEWEST_PERIODS = 4
-MOST_CLUSTERS = 50
-# A period is found where a force correlates like this with itself one period later, and a declared one is
-# taken.
-FOUND_CORRELATION = 0.98
-LEAST_CORRELATION = 0.7
-# Peaks this much below the highest are as good: multiples of a period differ by chance.
-SAME_CORRELATION = 2e-3
-# The spread counts as larger than the noise beyond the bound that chance passes in 1 % of all records.
-CONFIDENCE = 0.99
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,23 +13,20 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.residual_whiteness import CONFIDENCE, Coloured, coloured, whiteness
+from modelgen.runtime.diagnostics.residual_whiteness import Coloured, coloured, whiteness
+from modelgen.runtime.diagnostics.thresholds import (
+    CONFIDENCE,
+    FEWEST_PERIODS,
+    INPUT_LAGS,
+    LEAST_EXPLAINED,
+    LEAST_REPEATED,
+    SMALLEST_ERROR,
+)
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-
-# Past samples of the decimated grid that the residual is correlated with, as MATLAB's resid takes them.
-LAGS = 25
-# A correlation that explains less than this share of the residual's power is not reported, however
-# significant it is.
-LEAST_SHARE = 0.01
-# What repeats in every period counts from this share of the residual's power.
-LEAST_REPEATED = 0.1
-FEWEST_PERIODS = 4
-# Below this share of the largest term of its row, a residual is what sampling and filters leave undone.
-SMALLEST_ERROR = 5e-4
 
 
 @dataclass(frozen=True)
@@ -47,7 +44,7 @@ class Correlation:
     @property
     def significant(self) -> bool:
         """Whether it is more than noise, and large enough to matter."""
-        return abs(self.value) > self.bound and self.value**2 > LEAST_SHARE
+        return abs(self.value) > self.bound and self.value**2 > LEAST_EXPLAINED
 
 
 @dataclass(frozen=True)
@@ -183,7 +180,7 @@ def _correlation(fit: Fit, index: int, colour: Coloured, step_s: float) -> Corre
     e = e - e.mean()
     regressor, touched = fit.regressor(index)
     n = len(e)
-    lags = min(LAGS, n // 4)
+    lags = min(INPUT_LAGS, n // 4)
     size = quick_length(2 * n)
     E = np.fft.rfft(e, size)
     density = _smooth(np.abs(E) ** 2)

@@ -15,21 +15,18 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.diagnostics.thresholds import (
+    CONFIDENCE,
+    FEWEST_LINES,
+    LEAST_POWER,
+    MOST_SAMPLES,
+    WHITENESS_LAGS,
+    WHITENESS_ROUNDS,
+)
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import gain
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.observation import RowBlock, runs_of
-
-# A residual is tested on its longest stretch without masked samples, of so many frequencies at least, and of
-# so many samples at most: more of them tell no more than that no model is exact.
-FEWEST_LINES = 32
-MOST_SAMPLES = 1 << 15
-LAGS = 20
-ROUNDS = 8
-# Frequencies at which the filter leaves less than this share of its largest power hold only rounding.
-LEAST_SHARE = 1e-4
-# The bounds hold with this probability while the model is right.
-CONFIDENCE = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +75,7 @@ def coloured(
     frequency_hz = np.asarray(np.fft.rfftfreq(n, 1.0 / rate)[every], dtype=float)
     power = np.abs(np.fft.rfft(e * window)[every]) ** 2
     shapes = _shapes(model, block.row, x, choice, frequency_hz, rate, fs)
-    inside = shapes.max(axis=1) > LEAST_SHARE * shapes.max() if shapes.size else np.zeros(0, dtype=bool)
+    inside = shapes.max(axis=1) > LEAST_POWER * shapes.max() if shapes.size else np.zeros(0, dtype=bool)
     if inside.sum() < FEWEST_LINES or not np.any(power[inside] > 0.0):
         return None
     noise = _fitted(shapes[inside], power[inside])
@@ -96,7 +93,7 @@ def whiteness(found: Coloured, tests: int = 1) -> tuple[float, float]:
 
     lines = found.whitened
     m = len(lines)
-    lags = min(LAGS, m // 4)
+    lags = min(WHITENESS_LAGS, m // 4)
     place = (np.arange(m) + 0.5) / m
     correlation = np.cos(np.pi * np.outer(np.arange(1, lags + 1), place)) @ lines / m
     return float(2.0 * m * np.sum(correlation**2)), float(chi2.isf((1.0 - CONFIDENCE) / tests, lags))
@@ -164,7 +161,7 @@ def _fitted(shapes: FloatArray, power: FloatArray) -> FloatArray:
 
     scale = shapes.max(axis=0)
     noise = np.full(len(power), power.mean())
-    for _ in range(ROUNDS):
+    for _ in range(WHITENESS_ROUNDS):
         levels, _ = nnls(shapes / scale / noise[:, None], power / noise)
         noise = np.maximum(shapes @ (levels / scale), 1e-12 * power.mean())
     return noise

@@ -8,20 +8,18 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
+from modelgen.runtime.diagnostics.thresholds import HIGHEST, NOISE_LINES
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import gain
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
-# The noise is integrated over so many frequencies up to this multiple of the cut-off.
-LINES, HIGHEST = 2000, 6.0
-
 
 def noise_band(record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
     """Return frequencies in Hz, and at each the filter's gain in power times the width of its line in Hz."""
     top_hz = min(0.5 * record.fs, HIGHEST * choice.cutoff_hz)
-    frequency_hz = top_hz * (np.arange(LINES) + 0.5) / LINES
-    return frequency_hz, gain(frequency_hz, choice, 0, record.fs) ** 2 * top_hz / LINES
+    frequency_hz = top_hz * (np.arange(NOISE_LINES) + 0.5) / NOISE_LINES
+    return frequency_hz, gain(frequency_hz, choice, 0, record.fs) ** 2 * top_hz / NOISE_LINES
 
 
 def row_noise(model: Model, record: Record, choice: FilterChoice, row: int, x: FloatArray) -> float:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import sqrt
 from typing import TypeVar
 
 import numpy as np
@@ -17,6 +16,11 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import counted
+from modelgen.runtime.diagnostics.thresholds import (
+    CUTOFF_FACTORS,
+    DIRECTION_FACTOR,
+    LOAD_ROW_FACTORS,
+)
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF
 from modelgen.runtime.least_squares.fit import Fit
@@ -25,15 +29,6 @@ from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.rows.observation import Observation
 
 Found = TypeVar("Found")  # a fit, of whatever kind
-
-# Cut-offs and weights of load rows that are tried, as multiples of those in use.
-CUTOFF_FACTORS = (1.0 / sqrt(2.0), sqrt(2.0))
-# farther cut-offs, once the near ones have shown that the model lacks something
-FARTHER_FACTORS = (0.35, 0.5, 2.0)
-LOAD_ROW_FACTORS = (0.5, 2.0)
-# The cut-off of directions that is tried: a fast vibration shifts the moment at which a low-passed velocity
-# changes its sign, and where that matters, this shows it.
-DIRECTION_FACTOR = 2.0
 
 
 def cutoff_drift(

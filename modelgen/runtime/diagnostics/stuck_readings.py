@@ -12,29 +12,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray, IntArray
-
-# What is usual in a long channel is seen in so many stretches of so many samples.
-EXCERPTS, EXCERPT = 16, 1 << 12
-# Readings are rounded to a step where most of their differences are nearly integer multiples of the least.
-ROUNDING, NEARLY, MOST = 1e-12, 0.1, 0.8
-# Chance that a run of equal readings as long as one that counts comes about in a record by itself.
-CHANCE = 1e-6
-SHORTEST_RUN = 8
-# Clipped readings come in runs of at least three; so many runs at the ends of the range, and fewer than this
-# share elsewhere, are no chance.
-CLIPPED_RUN, OFTEN, RARELY = 3, 4, 0.1
-# A step before or after a run is one at full speed from this share of the rms step on, if it is also so many
-# times the resolution, and so many times the usual change from step to step.
-FULL_SPEED, RESOLUTIONS, USUAL_CHANGES = 0.15, 4.0, 4.0
-# A ramp that ends in a run (a command, not a limit) bends less than this share of such a step.
-STRAIGHT = 1e-6
-# Noise changes the sign of its fourth difference nearly every sample; it counts from so many resolutions on.
-ALTERNATING, VISIBLE_NOISE = 0.6, 2.0
-# A sensor that was stuck leaps to where the motion is by then: by this many of the largest usual steps.
-LEAP = {"position": 1.0, "velocity": 5.0}
-# Forces and accelerations repeat a reading by fault where fewer than this share of the others are repeated,
-# and the machine moves during most of the run.
-SELDOM, MOSTLY = 0.01, 0.9
+from modelgen.runtime.diagnostics.thresholds import (
+    ALTERNATING,
+    CHANCE,
+    CLIPPED_RUN,
+    EXCERPT,
+    EXCERPTS,
+    FULL_SPEED,
+    LEAP_AFTER_STUCK,
+    MOST,
+    MOSTLY,
+    NEARLY,
+    OFTEN,
+    RARELY,
+    RESOLUTIONS,
+    ROUNDING,
+    SELDOM,
+    SHORTEST_RUN,
+    STRAIGHT,
+    USUAL_CHANGES,
+    VISIBLE_NOISE,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,9 +111,9 @@ def faulty_runs(
     bent = np.maximum(_at(bends, runs.first - 3), _at(bends, runs.last + 1)) > STRAIGHT * full
     short = extreme & (lengths >= CLIPPED_RUN)
     clipped = short & bent & ((before & after) | _only_there(short, lengths, len(samples)))
-    if measures in LEAP:
+    if measures in LEAP_AFTER_STUCK:
         largest = max(full, float(np.quantile(excerpt(steps), 0.99)))
-        wrong = _at(steps, runs.last) > LEAP[measures] * largest
+        wrong = _at(steps, runs.last) > LEAP_AFTER_STUCK[measures] * largest
         if measures == "position":
             wrong |= _sudden(steps, bends, runs.first - 1, runs.first - 2, full)
     else:

@@ -17,6 +17,17 @@ from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import IdentifiabilityError, ModelgenError, Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.stuck_readings import Runs, equal_runs, excerpt, faulty_runs
+from modelgen.runtime.diagnostics.thresholds import (
+    AROUND,
+    FEWEST_STEPS,
+    LEAP,
+    LEAP_RESOLUTIONS,
+    LEAP_SPEED,
+    LISTED,
+    MOVES,
+    OVERLAP,
+    WIDEST,
+)
 from modelgen.runtime.diagnostics.unit_errors import unlike_units
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -24,19 +35,6 @@ from modelgen.runtime.records.record_facts import Extent
 from modelgen.runtime.records.thresholds import WHOLE
 
 Run = tuple[int, int, float]  # first and last sample, reading
-
-# A step unlike its neighbours by this many times the 99.9th percentile, so many resolutions and this share
-# of the rms step is a leap.
-LEAP, LEAP_RESOLUTIONS, LEAP_SPEED = 20.0, 6.0, 0.3
-# Fewer steps than this between the least and the largest reading are too few to differentiate.
-FEWEST_STEPS = 50
-# A machine's readings do not span more than this.
-WIDEST = {"m": 100.0, "m/s": 100.0, "m/s^2": 1e5, "rad/s": 1e5, "rad/s^2": 1e8}
-# The machine moves where a sensor's speed, over so many samples before and after, is this share of its rms.
-MOVES, AROUND = 0.1, 8
-# A leap is looked for between the second and the last but one step of a stretch.
-OVERLAP = 3
-LISTED = 3
 
 
 def suspicions(model: Model, records: Iterable[Record]) -> tuple[Advice, ...]:

@@ -11,20 +11,21 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.thresholds import (
+    ALIKE,
+    BANDS,
+    COHERENCE,
+    FEW_SENSORS,
+    FIRST_BIN,
+    FLAT,
+    SMALLEST_BAND,
+    THIRD_OCTAVE,
+    UNIT_FACTOR,
+)
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
 
-# What a chain's own dynamics do not explain: a resonance with 0.5 % damping gives 100.
-FACTOR = 200.0
-# Values that are off by one factor: within so much of each other.
-ALIKE = 10.0
-# Bands of a third of an octave in which two sensors move alike; in the lowest of them a chain moves as one.
-THIRD_OCTAVE, SMALLEST_BAND, FIRST_BIN = 1.26, 8, 4
-COHERENCE, BANDS = 0.9, 3
-# The ratio may change so much from band to band; far above a resonance it falls with the frequency.
-FLAT = 3.0
 # Every two of so many sensors are compared.
-FEW = 10
 ORDERS = {"position": 0, "velocity": 1, "acceleration": 2}
 
 
@@ -34,14 +35,14 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
     levers |= {actuator.body: actuator.lever for actuator in model.actuators}
     sensors = [sensor for sensor in model.sensors if sensor.body in levers and sensor.key in keys]
     # along a long chain a wrong unit shows between neighbours
-    pairs = combinations(sensors, 2) if len(sensors) <= FEW else pairwise(sensors)
+    pairs = combinations(sensors, 2) if len(sensors) <= FEW_SENSORS else pairwise(sensors)
     for one, other in pairs:
         ratio = low_frequency_ratio(record, one, other)
         if ratio is None:
             continue
         # a body's lever is how far it moves when the chain moves as one
         ratio *= abs(levers[str(one.body)] / levers[str(other.body)])
-        if not 1.0 / FACTOR < ratio < FACTOR:
+        if not 1.0 / UNIT_FACTOR < ratio < UNIT_FACTOR:
             where = f"{record.name}, channel {other.key}, samples 0 to {record.n - 1}"
             what = (
                 f"moves {_times(ratio)} what {one.key} says at low frequencies: one of them has another unit"
@@ -68,7 +69,7 @@ def unlike_nominal(model: Model, physical: Mapping[str, float], records: Sequenc
         if not logs or np.ptp(logs) > np.log10(ALIKE):
             return ()
         ratios.append(float(10.0 ** np.mean(logs)))
-    if not ratios or any(1.0 / FACTOR < ratio < FACTOR for ratio in ratios):
+    if not ratios or any(1.0 / UNIT_FACTOR < ratio < UNIT_FACTOR for ratio in ratios):
         return ()
     nearest = min(ratios, key=lambda ratio: abs(np.log(ratio)))
     sets, channels = ", ".join(model.parameter_sets), ", ".join(model.channels)

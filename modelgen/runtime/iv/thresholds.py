@@ -30,7 +30,8 @@ ROUNDS = 20
 SMALL_MOVE = 0.01
 # A move that is foreseen, not seen, is to stay below this share of that.
 FORESEEN = 0.1
-# Noise-free records are used again for estimates that differ by so many standard deviations, or this share of a value.
+# Noise-free records are used again for estimates that differ by so many standard deviations, or by this
+# share of a value.
 NEAR = 3.0
 NEAR_SHARE = 0.25
 # Rows hold no more exactly than to this share of their largest term.

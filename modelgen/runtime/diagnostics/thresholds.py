@@ -1,0 +1,136 @@
+"""When a motion, a sample, a residual or an estimate is reported as wrong: every limit with its reason."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+# A move of more standard deviations of the difference than this is no chance.
+SIGNIFICANT_MOVE = 3.0
+# Nor does a move below this share of the value count: sampling and filters are not exact beyond it.
+SMALLEST_SHARE = 2e-4
+
+# Tried by default: multiples of the cut-off in use, and differences from the order in use.
+SCANNED_FACTORS = (0.5, 1.0 / sqrt(2.0), 1.0, sqrt(2.0), 2.0)
+ORDER_STEPS = (-2, 2, 4)
+# Orders of a filter that are tried, at least and at most.
+LOWEST_ORDER, HIGHEST_ORDER = 2, 20
+
+# Preferred when the difference is this many standard deviations: a chance of 1 in 16 000.
+SIGNIFICANT_ASYMMETRY = 4.0
+
+# A filtered sign() that goes to the other side by less than this share of itself never saw a reversal.
+LEAST_CHANGE = 0.2
+# A steady velocity of so many standard deviations of its noise is a motion.
+LEAST_SPEED = 3.0
+# A record needs so many times the stretch over which its residuals stay correlated,
+FEWEST_STRETCHES = 10.0
+# so many periods of the slowest mode,
+FEWEST_SWINGS = 5.0
+# and should not lose more than this share to the filter's reach at both ends.
+LARGEST_LOSS = 0.5
+
+# A bias is reported from this share of the value and this many standard deviations of the noise.
+LEAST_BIAS, LEAST_DEVIATIONS = 0.01, 2.0
+# A parameter that is pulled by more than this share of what is left of it is lost.
+LOST_SHARE = 1.0
+
+# A row without a force that leaves this share of its largest term, or a row that leaves this share of its
+# force, explains nothing.
+NULL_SHARE = 0.9
+# A residual below this multiple of what noise of the sensors gives its row is noise.
+LARGEST_NOISE = 1.5
+# Derivatives with less signal than this above their noise bias least squares visibly.
+LEAST_SNR_DB = 20.0
+
+# So many whole periods at least, for a spread; more than so many are taken together.
+FEWEST_PERIODS = 4
+MOST_CLUSTERS = 50
+# A period is found where a force correlates like this with itself one period later, and a declared one is
+# taken.
+FOUND_CORRELATION = 0.98
+LEAST_CORRELATION = 0.7
+# Peaks this much below the highest are as good: multiples of a period differ by chance.
+SAME_CORRELATION = 2e-3
+# The spread counts as larger than the noise beyond the bound that chance passes in 1 % of all records.
+CONFIDENCE = 0.99
+
+# Past samples of the decimated grid that the residual is correlated with, as MATLAB's resid takes them.
+INPUT_LAGS = 25
+# A correlation that explains less than this share of the residual's power is not reported, however
+# significant it is.
+LEAST_EXPLAINED = 0.01
+# What repeats in every period counts from this share of the residual's power.
+LEAST_REPEATED = 0.1
+# Below this share of the largest term of its row, a residual is what sampling and filters leave undone.
+SMALLEST_ERROR = 5e-4
+
+# A residual is tested on its longest stretch without masked samples, of so many frequencies at least, and of
+# so many samples at most: more of them tell no more than that no model is exact.
+FEWEST_LINES = 32
+MOST_SAMPLES = 1 << 15
+# Lags of the whiteness, and rounds in which the residual's colour is fitted.
+WHITENESS_LAGS = 20
+WHITENESS_ROUNDS = 8
+# Frequencies at which the filter leaves less than this share of its largest power hold only rounding.
+LEAST_POWER = 1e-4
+
+# The noise is integrated over so many frequencies up to this multiple of the cut-off.
+NOISE_LINES, HIGHEST = 2000, 6.0
+
+# Cut-offs and weights of load rows that are tried, as multiples of those in use.
+CUTOFF_FACTORS = (1.0 / sqrt(2.0), sqrt(2.0))
+# Farther cut-offs, once the near ones have shown that the model lacks something
+FARTHER_FACTORS = (0.35, 0.5, 2.0)
+LOAD_ROW_FACTORS = (0.5, 2.0)
+# The cut-off of directions that is tried: a fast vibration shifts the moment at which a low-passed velocity
+# changes its sign, and where that matters, this shows it.
+DIRECTION_FACTOR = 2.0
+
+# What is usual in a long channel is seen in so many stretches of so many samples.
+EXCERPTS, EXCERPT = 16, 1 << 12
+# Readings are rounded to a step where most of their differences are nearly integer multiples of the least.
+ROUNDING, NEARLY, MOST = 1e-12, 0.1, 0.8
+# Chance that a run of equal readings as long as one that counts comes about in a record by itself.
+CHANCE = 1e-6
+SHORTEST_RUN = 8
+# Clipped readings come in runs of at least three; so many runs at the ends of the range, and fewer than this
+# share elsewhere, are no chance.
+CLIPPED_RUN, OFTEN, RARELY = 3, 4, 0.1
+# A step before or after a run is one at full speed from this share of the rms step on, if it is also so many
+# times the resolution, and so many times the usual change from step to step.
+FULL_SPEED, RESOLUTIONS, USUAL_CHANGES = 0.15, 4.0, 4.0
+# A ramp that ends in a run (a command, not a limit) bends less than this share of such a step.
+STRAIGHT = 1e-6
+# Noise changes the sign of its fourth difference nearly every sample; it counts from so many resolutions on.
+ALTERNATING, VISIBLE_NOISE = 0.6, 2.0
+# A sensor that was stuck leaps to where the motion is by then: by this many of the largest usual steps.
+LEAP_AFTER_STUCK = {"position": 1.0, "velocity": 5.0}
+# Forces and accelerations repeat a reading by fault where fewer than this share of the others are repeated,
+# and the machine moves during most of the run.
+SELDOM, MOSTLY = 0.01, 0.9
+
+# A step unlike its neighbours by this many times the 99.9th percentile, so many resolutions and this share
+# of the rms step is a leap.
+LEAP, LEAP_RESOLUTIONS, LEAP_SPEED = 20.0, 6.0, 0.3
+# Fewer steps than this between the least and the largest reading are too few to differentiate.
+FEWEST_STEPS = 50
+# A machine's readings do not span more than this.
+WIDEST = {"m": 100.0, "m/s": 100.0, "m/s^2": 1e5, "rad/s": 1e5, "rad/s^2": 1e8}
+# The machine moves where a sensor's speed, over so many samples before and after, is this share of its rms.
+MOVES, AROUND = 0.1, 8
+# A leap is looked for between the second and the last but one step of a stretch.
+OVERLAP = 3
+# Samples of a kind that are listed.
+LISTED = 3
+
+# What a chain's own dynamics do not explain: a resonance with 0.5 % damping gives 100.
+UNIT_FACTOR = 200.0
+# Values that are off by one factor: within so much of each other.
+ALIKE = 10.0
+# Bands of a third of an octave in which two sensors move alike; in the lowest of them a chain moves as one.
+THIRD_OCTAVE, SMALLEST_BAND, FIRST_BIN = 1.26, 8, 4
+COHERENCE, BANDS = 0.9, 3
+# The ratio may change so much from band to band; far above a resonance it falls with the frequency.
+FLAT = 3.0
+# Every two of so many sensors are compared.
+FEW_SENSORS = 10
