@@ -122,12 +122,11 @@ def _moving(n: int, sensors: Mapping[str, FloatArray], measures: Mapping[str, st
     Over a few samples, so that noise of a sensor is no motion.
     """
     found = np.zeros(n, dtype=bool)
-    ahead = np.minimum(np.arange(n) + AROUND, n - 1)
-    behind = np.maximum(np.arange(n) - AROUND, 0)
     for key, samples in sensors.items():
         if measures[key] != "acceleration":
             travelled = samples if measures[key] == "position" else np.cumsum(samples)
-            speed = np.abs(travelled[ahead] - travelled[behind])
+            around = np.pad(travelled, AROUND, mode="edge")
+            speed = np.abs(around[2 * AROUND :] - around[: -2 * AROUND])
             found |= speed > MOVES * float(np.sqrt(np.mean(speed**2)))
     return found
 

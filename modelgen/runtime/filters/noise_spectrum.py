@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import BoolArray, FloatArray
-from modelgen.runtime.filters.power_spectrum import band_limit_hz, quick_length
+from modelgen.runtime.filters.power_spectrum import band_limit_hz, hann, quick_length, square
 from modelgen.runtime.filters.thresholds import (
     BAND_SHARE,
     FEWEST_LINES,
@@ -104,9 +104,8 @@ def reading_spectrum(samples: FloatArray, fs: float) -> ReadingSpectrum:
     steady = float(differenced.mean())
     differenced = differenced - steady
     n = len(differenced)
-    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
-    size = quick_length(n)
-    power = 2.0 * np.abs(np.fft.rfft(differenced * window, size)) ** 2 / (fs * float(np.sum(window**2)))
+    window, size = hann(n), quick_length(n)
+    power = 2.0 * square(np.fft.rfft(differenced * window, size)) / (fs * float(np.sum(window**2)))
     frequency_hz = np.fft.rfftfreq(size, 1.0 / fs)[1:]
     density = power[1:] / (2.0 * np.sin(np.pi * frequency_hz / fs)) ** 2
     noise = float(np.median(density[frequency_hz >= NOISE_FROM * 0.5 * fs])) / log(2.0)

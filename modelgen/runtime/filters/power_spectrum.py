@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
+import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.thresholds import NOISE_FACTOR, NOISE_FROM
@@ -39,23 +42,36 @@ def power_spectrum(
     if not keep_mean:
         differenced = differenced - differenced.mean()
     n = len(differenced)
-    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
     size = quick_length(n)
-    power = np.abs(np.fft.rfft(differenced * window, size)) ** 2
+    power = square(np.fft.rfft(differenced * hann(n), size))
     frequency_hz = np.fft.rfftfreq(size, 1.0 / fs)
     # the power of the reading itself, in which the noise is white
     slope = np.ones(len(frequency_hz))
     slope[1:] = 2.0 * np.sin(np.pi * frequency_hz[1:] / fs)
-    reading = power / slope ** (2 * times)
+    slope = (slope**times) ** 2
+    reading = power / slope
     noise = float(np.median(reading[frequency_hz >= NOISE_FROM * 0.5 * fs]))
     clear = reading > NOISE_FACTOR * noise
     if np.any(clear):  # a flat spectrum looks like noise and is kept as it is
         power = np.where(clear, power, 0.0)
     omega = np.ones(len(frequency_hz))
     omega[1:] = 2.0 * np.pi * frequency_hz[1:] / fs
-    power = power * omega ** (2 * derivative) / slope ** (2 * times)
+    power = power * (omega**derivative) ** 2 / slope
     first = 0 if keep_mean else 1
     return np.asarray(frequency_hz[first:]), np.asarray(power[first:])
+
+
+@lru_cache(maxsize=8)
+def hann(n: int) -> FloatArray:
+    """Return Hann's window for a stretch of n samples, shape (n,), not to be changed."""
+    window = np.asarray(0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / max(n, 1)))
+    window.flags.writeable = False
+    return window
+
+
+def square(lines: npt.NDArray[np.complex128]) -> FloatArray:
+    """Return the squared magnitudes of lines of a Fourier transform, shape (n,)."""
+    return np.asarray(lines.real**2 + lines.imag**2)
 
 
 def quick_length(n: int) -> int:

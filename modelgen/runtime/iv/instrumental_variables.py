@@ -132,11 +132,11 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
             factor = choice.decimation[block.record]
             rows = matched_rows(model, runs[block.record], choice, factor, setting.drop, survey=NOTHING)
             lines[block.record] = rows.lines()
-        Z = np.zeros((len(block.place), len(fit.columns)))
+        Z = np.zeros((len(fit.columns), len(block.place)))
         for column, line in zip(touched[block.row], lines[block.record][block.row][:-1], strict=True):
             if column in place:
-                Z[:, place[column]] = line[block.place]
-        found.append(Z)
+                Z[place[column]] = line if len(block.place) == len(line) else line[block.place]
+        found.append(Z.T)
     still = [name for name, size in zip(fit.columns, _norms(found), strict=True) if size == 0.0]
     if still:
         raise diverged(f"its simulation does not move what {', '.join(still)} needs")

@@ -30,7 +30,8 @@ def two_stage(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
     rank = float(np.finfo(float).eps) * sum(len(z) for z in Z)
     P = np.linalg.lstsq(triangle[:, :c] / scale, triangle[:, c:-1], rcond=rank)[0] / scale[:, None]
     seen = triangle_of(np.column_stack([triangle[:, :c] @ P, triangle[:, -1]]))
-    return _regressed(fit, tuple(z @ P for z in Z), seen)
+    # columns in lines, as those of W are
+    return _regressed(fit, tuple((P.T @ z.T).T for z in Z), seen)
 
 
 def with_regressors(fit: Fit, projected: tuple[FloatArray, ...]) -> Fit:
