@@ -102,18 +102,6 @@ class EstimationOptions:
         """
         from modelgen.runtime.identification.options import values_of
 
-        return values_of(
-            method,
-            filter_order=self.filter_order,
-            decimation=self.decimation,
-            direction_cutoff_hz=self.direction_cutoff_hz,
-            drop=self.drop,
-            delays=delays_from(self.delay or ()),
-            held=tuple(self.held or ()),
-            residual_dof=self.residual_dof,
-            keep=tuple(self.keep or ()),
-            robust=self.robust,
-            bounds=self.bounds,
-            directions=directions_from(data.direction or ()),
-            **more,
-        )
+        flat = vars(self) | {"held": tuple(self.held or ()), "keep": tuple(self.keep or ())}
+        delays, directions = delays_from(flat.pop("delay") or ()), directions_from(data.direction or ())
+        return values_of(method, delays=delays, directions=directions, **flat, **more)

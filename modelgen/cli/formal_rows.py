@@ -13,7 +13,6 @@ from modelgen.symbolic.compare import FormalRegressor, FormalSignal
 if TYPE_CHECKING:
     from modelgen.runtime.model.model import Feature, Model, Sensor
 
-ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
 # A number is taken for the simplest fraction within its rounding. That of an arbitrary number has numerator
 # times denominator near 2^53; a gear of 628.3, squared, has 100 * 39476089.
 LARGEST_PRODUCT = 10**13
@@ -106,7 +105,7 @@ class _Translation:
             # the record holds a direction of motion itself, in place of the body's velocity
             return {FormalSignal("q", key.removeprefix("sign_"), 1): Fraction(1)}
         sensor = self._sensors[signal.sensor]
-        order = ORDER_OF[sensor.measures] + signal.derivative
+        order = sensor.order + signal.derivative
         return {FormalSignal("q", body, order): share for body, share in self._combination(sensor).items()}
 
     def _feature(self, feature: Feature) -> Sum:
@@ -129,7 +128,7 @@ class _Translation:
         ones = dict.fromkeys((*self._model.parameters, *self._model.known), 1.0)
         space = self._model.state_space(ones, {friction.body: 1 for friction in self._model.friction})
         row = space.C[[s.key for s in self._model.sensors].index(sensor.key)]
-        n, order = len(bodies), ORDER_OF[sensor.measures]
+        n, order = len(bodies), sensor.order
         found = row[order * n : (order + 1) * n] if order < 2 else np.linalg.lstsq(space.A[n:].T, row)[0]
         # what the equations of motion were solved for has lost a few digits
         size = float(np.abs(found).max())

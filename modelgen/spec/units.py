@@ -10,7 +10,7 @@ Role = Literal["inertia", "viscous", "coulomb", "offset", "damping", "stiffness"
 
 _COORDINATE: dict[Motion, str] = {"rotation": "rad", "translation": "m"}
 _FORCE: dict[Motion, str] = {"rotation": "N m", "translation": "N"}
-_ORDER: dict[Measures, int] = {"position": 0, "velocity": 1, "acceleration": 2}
+ORDER: dict[Measures, int] = {"position": 0, "velocity": 1, "acceleration": 2}
 _PARAMETER: dict[Motion, dict[Role, str]] = {
     "rotation": {
         "inertia": "kg m^2",
@@ -35,7 +35,7 @@ _PARAMETER: dict[Motion, dict[Role, str]] = {
 
 def signal_unit(motion: Motion, measures: Measures, derivative: int) -> str:
     """Return the unit of the `derivative`-th time derivative of what a sensor measures, such as "rad/s^2"."""
-    return _COORDINATE[motion] + _per_seconds(_ORDER[measures] + derivative)
+    return _COORDINATE[motion] + _per_seconds(ORDER[measures] + derivative)
 
 
 def force_unit(motion: Motion, derivative: int) -> str:

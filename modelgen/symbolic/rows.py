@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from modelgen.errors import ModelError
 from modelgen.spec.load import ChainSpec
+from modelgen.spec.units import ORDER
 from modelgen.symbolic.elimination.composites import Composites
 from modelgen.symbolic.elimination.elimination import eliminated_rows
 from modelgen.symbolic.elimination.force_free_rows import scaled
@@ -22,7 +23,7 @@ from modelgen.symbolic.equations.equation_sums import NEVER, groups, sum_terms
 from modelgen.symbolic.equations.newton import MotionEquations, deflection
 from modelgen.symbolic.equations.row import IdentificationRows
 from modelgen.symbolic.equations.sensor_reading import Candidate, Reader
-from modelgen.symbolic.equations.sensor_span import ORDER, Sensing
+from modelgen.symbolic.equations.sensor_span import Sensing
 from modelgen.symbolic.equations.signals import DIRECTIONS, Exact, Term
 from modelgen.symbolic.equations.term_sum import paused_collector
 

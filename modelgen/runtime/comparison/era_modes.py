@@ -26,8 +26,6 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.plant import make_plant
 
-ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
-
 
 @dataclass(frozen=True)
 class Mode:
@@ -61,7 +59,7 @@ def modes_of_record(model: Model, record: Record, highest_hz: float) -> tuple[Mo
     cutoff = 0.4 * record.fs / factor
     outputs = []
     for sensor in model.sensors:
-        order = ORDER_OF[sensor.measures]
+        order = sensor.order
         smooth = zero_phase(record.signals[sensor.key], FILTER_ORDER, cutoff, record.fs)
         # accelerations: their impulse response decays even with a rigid mode
         outputs.append(differentiate(smooth, record.dt, 2 - order)[::factor])

@@ -26,7 +26,6 @@ from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
 
 # Every two of so many sensors are compared.
-ORDERS = {"position": 0, "velocity": 1, "acceleration": 2}
 
 
 def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterator[Advice]:
@@ -92,7 +91,7 @@ def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | N
     moves = [float(np.ptp(part)) for part in parts]
     most = moves.index(max(moves))
     first, second = (record.facts.lines(sensor.key)[most] for sensor in (one, other))
-    derivatives = ORDERS[other.measures] - ORDERS[one.measures]
+    derivatives = other.order - one.order
     if derivatives:
         omega = 2.0 * np.pi * record.fs / len(parts[most]) * np.maximum(np.arange(len(first)), 1)
         first = first * omega**derivatives

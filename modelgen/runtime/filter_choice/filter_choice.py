@@ -51,8 +51,6 @@ from modelgen.runtime.filters.power_spectrum import band_limit_hz
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
 
-ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
-
 
 @dataclass(frozen=True)
 class Band:
@@ -194,7 +192,7 @@ def record_band(model: Model, record: Record, noise_only: Collection[str] = ()) 
     shown = {name: sensor for name, sensor in best.items() if sensor.key not in noise_only}
     found: list[tuple[float, str]] = []
     for name, sensor in (shown or best).items():
-        spectrum = record.facts.power(sensor.key, 2 - ORDER_OF[sensor.measures])
+        spectrum = record.facts.power(sensor.key, 2 - sensor.order)
         limit = band_limit_hz(*spectrum, DYNAMICS_SHARE, force_hz)
         if limit:
             found.append((limit, name))
@@ -262,7 +260,7 @@ def _best_sensors(model: Model) -> dict[str, Sensor]:
     used = [sensor for sensor in model.sensors if sensor.key in model.channels]
     for sensor in [sensor for sensor in used if sensor.body is not None] or used:
         name = sensor.body or "-".join(sensor.deflection or ())
-        if name not in best or ORDER_OF[sensor.measures] > ORDER_OF[best[name].measures]:
+        if name not in best or sensor.order > best[name].order:
             best[name] = sensor
     return best
 

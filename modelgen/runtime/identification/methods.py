@@ -194,11 +194,7 @@ class WLS(Method):
 
     name = "wls"
     title = "weighted least squares on matched-filtered rows"
-
-    @staticmethod
-    def run(job: Job) -> tuple[Observation, Fit]:
-        """Return the rows of a job and their fit."""
-        return run_wls(job)
+    run = staticmethod(run_wls)
 
 
 @dataclass(frozen=True)
@@ -219,11 +215,7 @@ class IV(Method):
     name = "iv"
     title = "instrumental variables from a noise-free simulation"
     consistent = True
-
-    @staticmethod
-    def run(job: Job) -> tuple[Observation, Fit]:
-        """Return the rows of a job and their fit."""
-        return run_iv(job)
+    run = staticmethod(run_iv)
 
 
 @dataclass(frozen=True)
@@ -232,11 +224,7 @@ class TLS(Method):
 
     name = "tls"
     title = "total least squares, for comparison"
-
-    @staticmethod
-    def run(job: Job) -> tuple[Observation, Fit]:
-        """Return the rows of a job and their fit."""
-        return run_tls(job)
+    run = staticmethod(run_tls)
 
     @staticmethod
     def finish(fit: Fit, model: Model) -> Fit:
@@ -252,11 +240,7 @@ class Pham2002(Method):
     title = "the paper to the letter, forces not filtered"
     matched = False
     covariance_kind = "printed"
-
-    @staticmethod
-    def run(job: Job) -> tuple[Observation, Fit]:
-        """Return the rows of a job and their fit."""
-        return run_pham2002(job)
+    run = staticmethod(run_pham2002)
 
 
 METHODS: Mapping[str, type[Method]] = {one.name: one for one in (WLS, IV, TLS, Pham2002)}

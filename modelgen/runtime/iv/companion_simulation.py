@@ -17,7 +17,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
-from modelgen.runtime.filter_choice.filter_choice import ORDER_OF, FilterChoice
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.iv.thresholds import (
@@ -126,7 +126,7 @@ def _feedback_hz(choice: FilterChoice) -> float:
 def _followed(plant: Plant, body: str, record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
     """Return the slow part of a body's position and velocity, shape (n,) each."""
     sensor, gear = nearest_sensor(plant, body, record)
-    return _slow_part(record.signals[sensor.key] * gear, ORDER_OF[sensor.measures], record, choice)
+    return _slow_part(record.signals[sensor.key] * gear, sensor.order, record, choice)
 
 
 def _slow_part(
@@ -153,7 +153,7 @@ def nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, flo
     if not sensors:
         what = "has sensors of deflections only: nothing shows where the simulated model should be"
         raise DataError.at(record.name, what, "use method wls")
-    best = min(sensors, key=lambda sensor: (ORDER_OF[sensor.measures], sensor.body != body))
+    best = min(sensors, key=lambda sensor: (sensor.order, sensor.body != body))
     ratio = rigid[plant.bodies.index(body)] / rigid[plant.bodies.index(best.body or "")]
     return best, float(ratio)
 
@@ -165,7 +165,7 @@ def _initial_state(plant: Plant, record: Record, choice: FilterChoice) -> FloatA
     starts = []
     for body in plant.bodies:
         sensor, gear = nearest_sensor(plant, body, record)
-        order = ORDER_OF[sensor.measures]
+        order = sensor.order
         raw = (
             record.signals[sensor.key] if order == 2 else record.read(sensor.key, 0, min(2 * reach, record.n))
         )

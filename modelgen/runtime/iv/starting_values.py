@@ -13,7 +13,6 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, ModelgenError
-from modelgen.runtime.filter_choice.filter_choice import ORDER_OF
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.companion_simulation import nearest_sensor, possible
@@ -148,7 +147,7 @@ def _felt_inertia(setting: Setting, plant: Plant) -> float:
     force = motion = 0.0
     for record in setting.records:
         sensor, gear = nearest_sensor(plant, plant.bodies[plant.driven], record)
-        order = 2 - ORDER_OF[sensor.measures]
+        order = 2 - sensor.order
         smooth = zero_phase(record.signals[sensor.key], choice.filter_order, choice.cutoff_hz, record.fs)
         acceleration = gear * differentiate(smooth, record.dt, order)[EDGE:-EDGE]
         felt = sum(ratios[body] * record.signals[key] for key, body in actuators if key in record.signals)

@@ -34,6 +34,11 @@ class Sensor:
     measures: str
     unit: str
 
+    @property
+    def order(self) -> int:
+        """How often a position is differentiated in the reading: 0, 1 or 2."""
+        return {"position": 0, "velocity": 1, "acceleration": 2}[self.measures]
+
 
 @dataclass(frozen=True)
 class Actuator:

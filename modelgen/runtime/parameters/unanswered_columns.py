@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from modelgen.runtime.filter_choice.filter_choice import ORDER_OF, FilterChoice
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.power_spectrum import share_below
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model, Sensor
@@ -123,13 +123,13 @@ def _slowest_sensors(model: Model) -> Mapping[str, Sensor]:
         body = sensor.body
         if body is None or sensor.key not in model.channels:
             continue
-        if body not in best or ORDER_OF[sensor.measures] < ORDER_OF[best[body].measures]:
+        if body not in best or sensor.order < best[body].order:
             best[body] = sensor
     return best
 
 
 def _steady_share(record: Record, sensor: Sensor, limit_hz: float) -> float:
-    derivative = 1 - ORDER_OF[sensor.measures]
+    derivative = 1 - sensor.order
     # an accelerometer does not tell a constant velocity; its own constant is no motion
     spectrum = record.facts.power(sensor.key, derivative, keep_mean=derivative >= 0)
     return share_below(*spectrum, limit_hz)

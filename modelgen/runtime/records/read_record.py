@@ -151,17 +151,6 @@ def read(
     return Reading(record, taken_for(source, picks, units), findings, mended)
 
 
-def available_channels(path: str | Path) -> tuple[str, ...]:
-    """Return the names of a data file's columns, the times included.
-
-    Raises
-    ------
-    DataError
-        When the file is absent or of no known format.
-    """
-    return open_source(Path(path)).names
-
-
 def _load(source: Source, picks: Sequence[Pick], clocks: Sequence[str], optional: bool) -> Columns:
     """Load the picked columns and the times; times that were not asked for may be unreadable."""
     columns = dict.fromkeys(pick.column for pick in picks)

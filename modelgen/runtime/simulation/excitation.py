@@ -11,12 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import pi
 from types import MappingProxyType
-from typing import Any, TypedDict, Unpack
+from typing import TypedDict, Unpack
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
+from modelgen.frozen_values import FrozenValues
 from modelgen.keyword_options import with_defaults
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, is_usable, shown_number
 from modelgen.runtime.records.record import Record
@@ -24,7 +25,7 @@ from modelgen.runtime.simulation.thresholds import FADE, MOST_STEPS, SHORTEST_DW
 
 
 @dataclass(frozen=True, eq=False)
-class Excitation:
+class Excitation(FrozenValues):
     """Reference r, its rate r' and feedforward force, shape (K + 1,) each, at k / rate_hz, linear in between.
 
     Parameters
@@ -63,13 +64,9 @@ class Excitation:
         checked = Record(own | further, self.rate_hz, self.name).signals
         for key in keys:
             object.__setattr__(self, key, checked[key])
+        # a record's samples are read-only already: long ones are not copied once more
         forces = {key: checked[f"forces[{key}]"] for key in self.forces}
         object.__setattr__(self, "forces", MappingProxyType(forces))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # a mapping proxy cannot be sent to another process, a dict can
-        own = (self.reference, self.reference_rate, self.feedforward)
-        return Excitation, (*own, self.rate_hz, self.name, dict(self.forces))
 
     @property
     def t(self) -> FloatArray:

@@ -28,7 +28,6 @@ from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.runtime.simulation.thresholds import CUTOFF_SHARE, FILTER_ORDER, REACH_TOLERANCE, STEPS_A_SAMPLE
 
-ORDER_OF = {"position": 0, "velocity": 1, "acceleration": 2}
 NAMES = ("position", "velocity", "acceleration")
 
 
@@ -212,7 +211,7 @@ def initial_state(plant: Plant, record: Record, cutoff_hz: float) -> FloatArray:
     n = len(plant.bodies)
     found: dict[tuple[str, int], float] = {}
     for sensor in plant.model.sensors:
-        order = ORDER_OF[sensor.measures]
+        order = sensor.order
         if sensor.body is not None and sensor.key in record.signals and order < 2:
             smooth = zero_phase(record.signals[sensor.key], FILTER_ORDER, cutoff_hz, record.fs)
             found[sensor.body, order] = float(smooth[0])
@@ -230,7 +229,7 @@ def _sensor_checks(
     sensor: Sensor, record: Record, simulated: FloatArray, cutoff_hz: float
 ) -> list[SignalCheck]:
     """Return the reading itself, and its derivatives up to the acceleration."""
-    measured, first = record.signals[sensor.key], ORDER_OF[sensor.measures]
+    measured, first = record.signals[sensor.key], sensor.order
     checks = [SignalCheck(sensor.key, sensor.measures, sensor.unit, False, 0, measured, simulated)]
     smooth = [zero_phase(array, FILTER_ORDER, cutoff_hz, record.fs) for array in (measured, simulated)]
     for k in range(1, 3 - first):

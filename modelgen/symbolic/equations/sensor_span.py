@@ -12,12 +12,12 @@ from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 from modelgen.spec.load import ChainSpec, Sensor
+from modelgen.spec.units import ORDER
 from modelgen.symbolic.equations.newton import deflection
 from modelgen.symbolic.equations.signals import Exact, quotient
 
 Key = TypeVar("Key", bound=Hashable)
 
-ORDER = {"position": 0, "velocity": 1, "acceleration": 2}
 HIGHEST_SENSOR_ORDER = 2
 
 #: bodies and the coefficients their coordinates are added with

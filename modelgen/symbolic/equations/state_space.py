@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from modelgen.spec.load import Sensor
+from modelgen.spec.units import ORDER
 from modelgen.symbolic.equations.newton import MotionEquations, deflection
-from modelgen.symbolic.equations.sensor_span import ORDER, Sensing
+from modelgen.symbolic.equations.sensor_span import Sensing
 from modelgen.symbolic.equations.signals import Exact, Term
 
 #: sum of coefficient * parameter (a parameter of None counts as 1)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError
+from modelgen.runtime.files.formats import open_source
 from modelgen.runtime.records.mapping_options import parse_mapping, parse_scales
-from modelgen.runtime.records.read_record import available_channels, read_record
+from modelgen.runtime.records.read_record import read_record
 
 TABLE = "t,q_m,Gamma_m\n0.0,1.5,-2\n0.1,2.5,-3\n0.2,3.5e0,-4\n"
 
@@ -77,7 +78,7 @@ def test_text_suffixes(tmp_path: Path, suffix: str) -> None:
 def test_text_of_other_encodings(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "run.csv"
     path.write_bytes(TABLE.replace("Gamma_m", "angle °").encode(encoding))
-    assert available_channels(path) == ("t", "q_m", "angle °")
+    assert open_source(path).names == ("t", "q_m", "angle °")
     assert read_record(path, {"Gamma_m": "angle °"}).signals["Gamma_m"][2] == -4.0
 
 
@@ -176,7 +177,7 @@ def test_archive(tmp_path: Path) -> None:
     path = tmp_path / "run.npz"
     column = np.arange(6, dtype=np.uint16)[:, None]
     np.savez(path, q_m=column, q_c=np.arange(6.0)[None, :], gain=np.float32(0.5), fs=250, m=np.eye(3))
-    assert available_channels(path) == ("q_m", "q_c")
+    assert open_source(path).names == ("q_m", "q_c")
     record = read_record(path, {"q_m": "-q_m"}, {"q_m": "gain"}, needed=["q_m", "q_c"])
     assert record.fs == 250.0
     np.testing.assert_array_equal(record.signals["q_m"], -0.5 * np.arange(6))
@@ -218,7 +219,7 @@ def test_matlab_file(tmp_path: Path) -> None:
         "Fs": 100.0,
     }
     savemat(path, {**values, "note": "text", "s": {"a": 1.0}})
-    assert set(available_channels(path)) == {"q", "i", "ref"}
+    assert set(open_source(path).names) == {"q", "i", "ref"}
     record = read_record(path, {"q_m": "q", "F": "-i"}, {"F": "gtau"})
     assert record.fs == 100.0
     np.testing.assert_array_equal(record.signals["F"], -35.5 * np.arange(4, 8))
@@ -245,7 +246,7 @@ def test_the_file_itself(tmp_path: Path) -> None:
     assert "has the suffix '.xlsx'; give a file of one of the formats .csv," in complaint(tmp_path / "a.xlsx")
     assert "has no suffix" in complaint(tmp_path / "run")
     with pytest.raises(DataError, match="has no suffix"):
-        available_channels(tmp_path)
+        open_source(tmp_path)
 
 
 def test_parse_mapping() -> None:
@@ -276,7 +277,7 @@ def test_parse_scales() -> None:
 
 def test_positioning_bench(shared_data: Path) -> None:
     path = shared_data / "emps" / "DATA_EMPS.mat"
-    assert set(available_channels(path)) == {"qm", "qg", "t", "vir"}
+    assert set(open_source(path).names) == {"qm", "qg", "t", "vir"}
     record = read_record(path, {"q_m": "qm", "F": "vir"}, {"F": "gtau"}, needed=("q_m", "F"))
     assert (record.name, record.fs, record.n) == ("DATA_EMPS", 1000.0, 24841)
     np.testing.assert_allclose(
