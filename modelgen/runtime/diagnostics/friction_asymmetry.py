@@ -104,7 +104,7 @@ def asymmetry_notes(found: Sequence[Asymmetry]) -> tuple[str, ...]:
 
 
 def _is_refused(model: Model, feature: Feature, refused: Container[str]) -> bool:
-    """Return whether a column in which the feature stands is refused."""
+    """Return whether a column that holds the feature is refused."""
     return any(
         model.base_parameters[column] in refused
         for row in model.regressor_columns

@@ -90,7 +90,7 @@ def one_way_columns(model: Model, absent: Sequence[str]) -> dict[str, str]:
 
 
 def friction_and_offset(model: Model, one_way: Mapping[str, str], columns: Sequence[str]) -> dict[str, str]:
-    """Return frictions and offsets that only a reversal would tell apart, with the reason."""
+    """Return frictions and offsets that only a reversal distinguishes, with the reason."""
     reasons: dict[str, str] = {}
     for name, what in one_way.items():
         body = model.roles[name].bodies
@@ -105,7 +105,7 @@ def friction_and_offset(model: Model, one_way: Mapping[str, str], columns: Seque
 def one_way_advice(
     model: Model, one_way: Mapping[str, str], reasons: Mapping[str, str]
 ) -> tuple[Advice, ...]:
-    """Return one advice for every friction that no reversal tells from a constant force the model lacks."""
+    """Return one advice for every friction that no reversal distinguishes from a constant force."""
     return tuple(
         Advice(
             "never reversing",

@@ -62,14 +62,14 @@ def _ways(model: Model, fit: Fit, row: int, touched: IntArray) -> dict[str, list
 
 
 def lost_in_noise(fit: Fit, bias: FloatArray) -> dict[str, str]:
-    """Return the columns whose parameter noise pulls by more than its whole value, with the reason.
+    """Return the columns whose parameter noise biases by more than its whole value, with the reason.
 
-    `bias` is how far it pulls each column of the fit, shape (c,).
+    `bias` is that of each column of the fit, shape (c,).
     """
     return {
         name: "its column is mostly noise of the sensors"
         if not np.isfinite(move)
-        else f"noise of the sensors pulls it by {100.0 * abs(move / value):.0f} % of what is left of it"
+        else f"noise of the sensors biases it by {100.0 * abs(move / value):.0f} % of what is left of it"
         for name, move, value in zip(fit.columns, bias, fit.solution.x, strict=True)
         if abs(move) > LOST_SHARE * abs(value)
     }
@@ -88,7 +88,7 @@ def significant_bias(fit: Fit, bias: FloatArray, noise: FloatArray) -> FloatArra
 def bias_advice(
     fit: Fit, bias: FloatArray, noise: FloatArray, parameters: Sequence[Parameter]
 ) -> tuple[Advice, ...]:
-    """Return the warning that names what noise pulls, and by how much, where that matters.
+    """Return the warning that names what noise biases, and by how much, where that is significant.
 
     Parameters as in `significant_bias`: shapes (c,) and (c, c), in the order of the columns of the fit.
     """
@@ -101,7 +101,7 @@ def bias_advice(
         Advice(
             "biased by noise",
             ", ".join(pulled),
-            "is how far noise of the sensors pulls least squares; the intervals include it",
+            "is the bias that noise of the sensors gives least squares; the intervals include it",
             "use method iv, a lower cut-off or better sensors",
         ),
     )

@@ -69,7 +69,8 @@ def null_solution(
             what = f"leaves {100.0 * left:.0f} % of its force unexplained"
             remedy = "check channels, signs, units and delays"
         else:
-            what = f"has no force and leaves {100.0 * left:.0f} % of its largest term: noise pulls it to zero"
+            unexplained = f"leaves {100.0 * left:.0f} % of its largest term"
+            what = f"has no force and {unexplained}: noise biases it towards zero"
             remedy = "use method iv, lower the noise, or sense a force in that row"
         found.append(Advice("null solution", where, what, remedy))
     return tuple(found)

@@ -141,7 +141,7 @@ def repeated_share(series: FloatArray, period: float) -> float | None:
 
 
 def residual_advice(tests: Sequence[ResidualTest]) -> tuple[Advice, ...]:
-    """Return one advice for each row whose residual shows more than noise: what, and what it asks for."""
+    """Return one advice for each row whose residual shows more than noise, with its remedy."""
     found = []
     for test in tests:
         if test.is_noise:

@@ -151,7 +151,7 @@ def _told_clipped(where: str, extent: Extent, found: _Faults) -> Iterator[Advice
         there = [run for run in found.clipped if run[2] == limit]
         if there:
             count = sum(last - first + 1 for first, last, _ in there)
-            what = f"stands at its {side} reading {limit:.6g} for {count} samples: clipped, or at a limit"
+            what = f"stays at its {side} reading {limit:.6g} for {count} samples: clipped, or at a limit"
             remedy = "choose a larger range and record again, or cut the record there"
             yield Advice("clipped", f"{where}, {_places(there)}", what, remedy)
 

@@ -31,7 +31,7 @@ LARGEST_LOSS = 0.5
 
 # A bias is reported from this share of the value and this many standard deviations of the noise.
 LEAST_BIAS, LEAST_DEVIATIONS = 0.01, 2.0
-# A parameter that is pulled by more than this share of what is left of it is lost.
+# A parameter with a bias of more than this share of what is left of it is lost.
 LOST_SHARE = 1.0
 
 # A row without a force that leaves this share of its largest term, or a row that leaves this share of its

@@ -21,7 +21,7 @@ def order_sentence(order: int, least: int, loud: HighestDerivative | None, level
 
 
 def quiet_sentence(loud: HighestDerivative, cutoff_hz: float, ceiling_hz: float, order: int) -> str:
-    """Say why the cut-off is lower than the dynamics alone ask for."""
+    """Say why the cut-off is lower than the dynamics alone require."""
     before, after = (percent(-loud.snr_db(hz, order)[0]) for hz in (ceiling_hz, cutoff_hz))
     return (
         f"Cut-off {cutoff_hz:.4g} Hz instead of {ceiling_hz:.4g} Hz (order {order}, forward and backward): "

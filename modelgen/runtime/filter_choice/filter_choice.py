@@ -162,7 +162,7 @@ def _sampling(
         return None, [], []
     ratio = min(record.fs for record in records) / dynamics_hz
     sentence = (
-        f"Sampling is {ratio:.0f} times the dynamics; eq. (9) wants 100 times the closed loop's bandwidth."
+        f"Sampling is {ratio:.0f} times the dynamics; eq. (9) asks for 100 times the closed loop's bandwidth."
     )
     if ratio >= LOWEST_SAMPLING_RATIO:
         return ratio, [sentence], []

@@ -20,7 +20,7 @@ DISTORTION = 0.05
 HIGHEST_CUTOFF = 0.4  # of the sampling frequency
 # The cut-off, as a share of the new Nyquist frequency.
 DECIMATION_MARGIN = 0.8
-# eq. (9) wants 100 times the closed loop's bandwidth, which no record states; below this ratio to what the
+# eq. (9) asks for 100 times the closed loop's bandwidth, which no record states; below this ratio to what the
 # record does show, the differences themselves suffer
 LOWEST_SAMPLING_RATIO = 20.0
 # A record with fewer samples is too short to filter.

@@ -44,7 +44,7 @@ def check_certificates(certificates: Certificates) -> None:
 
 def _refuse_protected(where: str, path: str) -> None:
     if PROTECTED in read_bytes(path, CERTIFICATE):
-        what = "is protected by a pass phrase, which nobody would be asked for"
+        what = "is protected by a pass phrase, which cannot be asked for"
         raise DataError.at(where, what, "give a key without: openssl pkey -in KEY -out NEW")
 
 

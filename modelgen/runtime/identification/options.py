@@ -51,7 +51,7 @@ class CheckOptions:
     drift_check : bool
         With matched filters, fit again at 0.7 and 1.4 times the cut-off, with twice the cut-off of
         directions, and with half and twice the weight of rows without a force; add to the covariance how far
-        the estimate drifts, and how far noise of the sensors pulls it: no residual shows what noise in the
+        the estimate drifts, and the bias by noise of the sensors: no residual shows what noise in the
         columns and missing dynamics do. With `IV` only what noise does not explain counts: it is model error.
     keep : sequence of str
         Base parameters that pruning spares, and that get a number in spite of a doubt.

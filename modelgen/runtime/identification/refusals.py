@@ -65,8 +65,8 @@ def late_refusals(
 ) -> dict[str, str]:
     """Return what is refused once drift and bias are known: not all that is left, though.
 
-    `drift` is the mean square by which settings move the estimate, shape (c, c), `bias` how far noise pulls
-    it, shape (c,); both in the order of the columns of the fit and in their units.
+    `drift` is the mean square by which settings move the estimate, shape (c, c), `bias` the bias by
+    noise, shape (c,); both in the order of the columns of the fit and in their units.
     """
     found = dependent_columns(fit, refused, drift) | (lost_in_noise(fit, bias) if bias is not None else {})
     late = {name: reason for name, reason in found.items() if name not in refused and name not in keep}

@@ -106,7 +106,7 @@ def _held_out(task: Task, solution: Solution) -> HeldOut | None:
 
 
 def _bias(task: Task, fit: Fit) -> FloatArray | None:
-    """Return how far noise pulls the estimate where the method is least squares, else None."""
+    """Return the bias that noise gives the estimate where the method is least squares, else None."""
     job = task.job
     if not isinstance(task.method, WLS):
         return None

@@ -90,7 +90,7 @@ def iv_round(fit: Fit, setting: Setting, runs: Mapping[int, Record] | None = Non
 
 
 def diverged(what: str) -> IdentifiabilityError:
-    """Return the error that tells that the iteration of instruments failed."""
+    """Return the error of an iteration of instruments that failed."""
     remedy = "use method wls, give better first values by another cutoff_hz, or check the model"
     return IdentifiabilityError.at("method iv", f"does not converge: {what}", remedy)
 

@@ -83,7 +83,7 @@ def _weighted(fit: Fit, weights: tuple[FloatArray, ...]) -> Fit:
 
 
 def _with_sandwich(fit: Fit, found: Fit, weights: tuple[FloatArray, ...]) -> Fit:
-    """Return the fit with the inverse of sum psi'(e) R^T R: what lies beyond the bend adds nothing to it."""
+    """Return the fit with the inverse of sum psi'(e) R^T R, to which samples beyond the bend add nothing."""
     parts = zip(fit.weights, fit.regressors, weights, strict=True)
     inside = np.concatenate([weight * r[inner >= 1.0] for weight, r, inner in parts])
     scale = np.linalg.norm(inside, axis=0)

@@ -1,7 +1,7 @@
 """Weighted least squares (Pham 2002, eqs. (10)-(12)) on scaled columns, by orthogonal factorisation.
 
 Every block (one row of the model on one record) has one weight, the inverse of its residual's rms. A load row
-has a zero left-hand side and is solved by zeros: weighted like the others, noise pulls its parameters there,
+has a zero left-hand side and is solved by zeros: weighted like the others, noise biases its parameters so,
 and re-weighting follows until they vanish. Its weight is therefore bounded by a share of what its first
 residual, scaled by the forces, would give: enough to settle what the rows with a force leave open.
 """
@@ -146,7 +146,7 @@ def _solve(
 
 
 class _Weighted(Sequence[tuple[FloatArray, FloatArray]]):
-    """The weighted rows in pieces: all together they would stand in memory twice."""
+    """The weighted rows in pieces: all together they would be in memory twice."""
 
     def __init__(self, blocks: Sequence[RowBlock], weights: Sequence[float], columns: int) -> None:
         self._columns = columns
@@ -197,7 +197,7 @@ def _runaway_notes(fit: Fit, scales: list[float]) -> tuple[str, ...]:
     )
     probe = _weighted(fit.blocks, freely, len(fit.columns))
     return tuple(
-        f"{block.record_name}, row {block.row_name} holds no force and, weighted by its residual, would pull "
+        f"{block.record_name}, row {block.row_name} holds no force and, weighted by its residual, would bias "
         "its parameters towards zero; its weight is bounded, but noise of the sensors biases what it decides"
         for block in fit.blocks
         if not block.has_force

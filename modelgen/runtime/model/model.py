@@ -80,7 +80,7 @@ class Feature:
 
 @dataclass(frozen=True)
 class RowInfo:
-    """One row of the regressor: where it comes from, and the velocities whose reversals spoil it nearby."""
+    """One row of the regressor: its origin, and the velocities near whose reversals it does not hold."""
 
     name: str
     origin: str

@@ -80,5 +80,5 @@ def taken_for(source: Source, picks: Sequence[Pick], wanted: Mapping[str, str]) 
             said.append(f"{pick.key}: column {pick.column} converted from {text} to {pick.unit.si}")
         asked = wanted.get(pick.key)
         if asked and asked != pick.unit.si and not pick.scaled:
-            said.append(f"{pick.key}: column {pick.column} is in {pick.unit.si}, the model wants {asked}")
+            said.append(f"{pick.key}: column {pick.column} is in {pick.unit.si}, the model needs {asked}")
     return tuple(said)

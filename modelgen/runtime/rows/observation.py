@@ -70,7 +70,7 @@ class RowBlock:
 
     @cached_property
     def triangle(self) -> FloatArray:
-        """R of [1 W Y]: all that fits, weights and sizes of residuals and terms ask of the rows."""
+        """R of [1 W Y]: all that fits, weights and sizes of residuals and terms need of the rows."""
         return tall_triangle(self.W, self.Y)
 
     def own(self, x: FloatArray) -> FloatArray:

@@ -257,7 +257,7 @@ def _kernel() -> Callable[..., tuple[int, int, int]]:
 
 
 def _dated(version: int) -> Callable[..., tuple[int, int, int]]:
-    """Return `run` with a version in its closure: machine code that was kept serves the same one only."""
+    """Return `run` with a version in its closure: kept machine code is used for the same one only."""
 
     def steps(
         x: Any, m: int, tables: Any, w: Any, sampling: Any, stride: int, count: int, outputs: Any

@@ -70,7 +70,7 @@ def test_what_noise_pulls_is_named_and_in_the_interval() -> None:
 def test_what_is_lost_in_noise_gets_no_number() -> None:
     estimate = identify(RIGID, slow(6e-5), **values_of(cutoff_hz=10.0, direction_cutoff_hz=5.0))
     assert "M" not in estimate.params
-    assert "noise of the sensors pulls it by" in estimate.not_identifiable["M"]
+    assert "noise of the sensors biases it by" in estimate.not_identifiable["M"]
     kept = identify(RIGID, slow(6e-5), **values_of(cutoff_hz=10.0, direction_cutoff_hz=5.0, keep=("M",)))
     assert kept.params["M"] < 0.6 * TRUTH["M"]
 

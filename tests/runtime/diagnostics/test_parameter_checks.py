@@ -140,4 +140,4 @@ def test_a_load_row_that_noise_pulls_to_zero_is_named() -> None:
     lost = fit_paper(replace(rows, blocks=(rows.blocks[0], drowned)))
     (advice,) = null_solution(lost, TWO_MASS, (), CHOICE)
     assert advice.where == "run, row c"
-    assert "noise pulls it to zero" in advice.what
+    assert "noise biases it towards zero" in advice.what

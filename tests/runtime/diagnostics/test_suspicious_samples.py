@@ -184,7 +184,7 @@ def test_clipped_readings_are_counted_at_both_ends(key: str, noise: bool) -> Non
 
 def test_a_clipped_position_is_named(emps: Record) -> None:
     found = only(RIGID, faulty(emps, "q_m", clipped(0.0, 0.9)))
-    assert (found.kind, found.what.split(" for ")[0]) == ("clipped", "stands at its largest reading 0.221738")
+    assert (found.kind, found.what.split(" for ")[0]) == ("clipped", "stays at its largest reading 0.221738")
 
 
 def test_a_coarse_sensor_is_told_its_resolution(emps: Record) -> None:
