@@ -288,3 +288,62 @@ def test_cycles_are_found(last: str, cyclic: bool) -> None:
     )
     found = cycles_of(import_graph(dict(texts)))
     assert [sorted(group) for group in found] == ([["modelgen.a", "modelgen.b.c"]] if cyclic else [])
+
+
+# Judgement: the constants that decide stand in one table a package, each with its reason.
+
+# Not judgement but definitions: MATLAB's `decimate`, and the median of |e| of normal noise.
+DEFINITIONS = {"DECIMATE_RIPPLE_DB", "DECIMATE_CUTOFF", "MEDIAN_OF_NORMAL"}
+TABLE = "thresholds.py"
+
+
+def without_reason(text: str) -> list[str]:
+    """The constants of a table above which, up to the next blank line, no comment stands, nor behind them."""
+    found = []
+    lines = text.splitlines()
+    for index, line in enumerate(lines):
+        if not line[:1].isupper() or " = " not in line:
+            continue
+        block = [line]
+        for above in reversed(lines[:index]):
+            if not above:
+                break
+            block.append(above)
+        if not any("#" in one for one in (line, *(one for one in block if one.startswith("#")))):
+            found.append(line.partition(" = ")[0])
+    return found
+
+
+def scattered_constants(sources: Mapping[str, str]) -> list[str]:
+    """Numbers with a fraction that have a name of their own in a package whose judgement is in a table."""
+    packages = {path.removesuffix(TABLE) for path in sources if path.endswith("/" + TABLE)}
+    found = []
+    for path, text in sources.items():
+        folder, _, name = path.rpartition("/")
+        if folder + "/" not in packages or name == TABLE:
+            continue
+        for node in tree(text).body:
+            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant):
+                named = ast.unparse(node.targets[0])
+                if isinstance(node.value.value, float) and named not in DEFINITIONS:
+                    found.append(f"modelgen/{path}: {named}")
+    return found
+
+
+def test_every_threshold_has_its_reason(sources: dict[str, str]) -> None:
+    tables = {path: text for path, text in sources.items() if path.endswith("/" + TABLE)}
+    assert len(tables) > 10
+    missing = [f"modelgen/{path}: {name}" for path, text in tables.items() for name in without_reason(text)]
+    assert not missing, "say above each why it is what it is:\n" + "\n".join(missing)
+
+
+def test_judgement_is_in_the_tables(sources: dict[str, str]) -> None:
+    assert not scattered_constants(sources)
+
+
+def test_a_constant_without_a_reason_is_found() -> None:
+    assert without_reason("# Why.\nA = 1.0\nB = 2.0\n\nC = 3.0\nD = 4.0  # of the step\n") == ["C"]
+    table = {"part/thresholds.py": "A = 1.0"}
+    assert scattered_constants({**table, "part/module.py": "B = 1.0"}) == ["modelgen/part/module.py: B"]
+    assert not scattered_constants({"part/module.py": "B = 1.0"})
+    assert not scattered_constants({**table, "other/module.py": "B = 1.0\nC = 1"})

@@ -120,7 +120,7 @@ WIDEST = {"m": 100.0, "m/s": 100.0, "m/s^2": 1e5, "rad/s": 1e5, "rad/s^2": 1e8}
 MOVES, AROUND = 0.1, 8
 # A leap is looked for between the second and the last but one step of a stretch.
 OVERLAP = 3
-# Samples of a kind that are listed.
+# Stretches, or leaps, that are listed.
 LISTED = 3
 
 # What a chain's own dynamics do not explain: a resonance with 0.5 % damping gives 100.

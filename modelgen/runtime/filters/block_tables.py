@@ -8,9 +8,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.allpass_states import responses
-
-# A power of the transition below this counts as zero: rounding of the sum within the reach.
-POWER_TOLERANCE = 1e-15
+from modelgen.runtime.filters.thresholds import POWER_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,12 +20,11 @@ from modelgen.runtime.filters.thresholds import (
     FEWEST_LINES,
     LEAST_POWER,
     LEAST_TREND,
+    LOBE,
+    NEAR,
     NOISE_FACTOR,
     NOISE_FROM,
 )
-
-# A tone exceeds all lines within a tenth of its frequency, except for so many next to it that are its own.
-NEAR, LOBE = 0.1, 4
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,11 @@ REACH_TOLERANCE = 1e-15
 # The states must reproduce the kernel's tails to this share of its peak, or the operator is refused.
 STATE_TOLERANCE = 1e-11
 
+# A power of the transition below this counts as zero: rounding of the sum within the reach.
+POWER_TOLERANCE = 1e-15
+
+# A tone exceeds all lines within a tenth of its frequency, except for so many next to it that are its own.
+NEAR, LOBE = 0.1, 4
 # The band in which a derivative stands out holds this share of its power.
 BAND_SHARE = 0.999
 # Fewer lines above the noise than this, or less of the power, and nothing moves.

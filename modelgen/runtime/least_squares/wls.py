@@ -1,7 +1,7 @@
 """Weighted least squares (Pham 2002, eqs. (10)-(12)) on scaled columns, by orthogonal factorisation.
 
 Every block (one row of the model on one record) has one weight, the inverse of its residual's rms. A load row
-has a zero left-hand side and is solved by zeros: weighted like the others, noise biases its parameters so,
+has a zero left-hand side and is solved by zeros: weighted like the others, it biases its parameters,
 and re-weighting follows until they vanish. Its weight is therefore bounded by a share of what its first
 residual, scaled by the forces, would give: enough to settle what the rows with a force leave open.
 """
