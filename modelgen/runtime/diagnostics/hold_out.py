@@ -125,7 +125,7 @@ def held_out(fit: Fit, refused: Mapping[str, str], observation: Observation, own
             continue
         seen = block.chosen(columns)
         size = _size(block.Y, block.has_force, seen.terms_norm(fit.solution.x))
-        left = seen.residual_norm(fit.solution.x)
+        left = seen.summary.residual_norm(fit.solution.x)
         error, power = fitted.get(block.row_name, (0.0, 0.0))
         rows.append(
             HeldOutRow(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -24,15 +24,28 @@ from modelgen.runtime.diagnostics.thresholds import (
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares
 from modelgen.runtime.least_squares.thresholds import LOAD_ROW_SHARE
-from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.least_squares.wls import solve_matched
 from modelgen.runtime.rows.observation import Observation
 
 Found = TypeVar("Found")  # a fit, of whatever kind
 
 
+class Solved(Protocol):
+    """A solution and its columns: a fit, or what is found without keeping rows."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+
+    @property
+    def solution(self) -> LeastSquares:
+        """In their order."""
+
+
 def cutoff_drift(
-    fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Fit]
+    fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Solved]
 ) -> FloatArray:
     """Return the mean square of X's drift with the cut-off, shape (c, c); parameters as `other_cutoffs`."""
     others = other_cutoffs(choice, lowest_fs, lambda setting: _found(again(setting)))
@@ -70,7 +83,7 @@ def other_cutoffs(
 
 
 def direction_drift(
-    fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Fit]
+    fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Solved]
 ) -> FloatArray:
     """Return the square of X's drift with the cut-off of directions, shape (c, c); parameters as above."""
     others = other_direction(choice, lowest_fs, lambda setting: _found(again(setting)))
@@ -95,12 +108,12 @@ def load_row_drift(fit: Fit, observation: Observation) -> FloatArray:
     """Return the mean square of X's drift with the weight of the rows without a force, shape (c, c)."""
     if all(block.has_force for block in fit.blocks):
         return _mean_square(fit, ())
-    return _mean_square(
-        fit, [_found(fit_matched(observation, factor * LOAD_ROW_SHARE)) for factor in LOAD_ROW_FACTORS]
-    )
+    rows, names = observation.blocks, observation.columns
+    shares = [factor * LOAD_ROW_SHARE for factor in LOAD_ROW_FACTORS]
+    return _mean_square(fit, [_found(solve_matched(rows, names, share)) for share in shares])
 
 
-def _found(fit: Fit) -> tuple[tuple[str, ...], FloatArray]:
+def _found(fit: Solved) -> tuple[tuple[str, ...], FloatArray]:
     """Return columns and solution, shape (c,), of a fit, whose rows need not stay in memory."""
     return fit.columns, fit.solution.x
 

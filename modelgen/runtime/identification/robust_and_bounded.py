@@ -87,6 +87,8 @@ def treat(
 
 def unweighted(fit: Fit, plain: Fit) -> Fit:
     """Return a treated fit on the rows as they were, without robust weights."""
+    if fit is plain:
+        return fit
     blocks, projected = plain.rows(fit.columns)
     residuals = tuple(block.residual(fit.solution.x) for block in blocks)
     return replace(fit, blocks=blocks, projected=projected, residuals=residuals, weights=plain.weights)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -17,7 +17,12 @@ from modelgen.runtime.diagnostics.cutoff_agreement import (
     disagreement_notes,
     significant_drift,
 )
-from modelgen.runtime.diagnostics.settings_drift import cutoff_drift, direction_drift, load_row_drift
+from modelgen.runtime.diagnostics.settings_drift import (
+    Solved,
+    cutoff_drift,
+    direction_drift,
+    load_row_drift,
+)
 from modelgen.runtime.diagnostics.suspicious_samples import told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.methods import WLS, Job
@@ -26,9 +31,12 @@ from modelgen.runtime.identification.robust_and_bounded import Treatment, treat,
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.wls import solve_matched
 from modelgen.runtime.parameters.bounds import BoundCost, bound_reasons
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_triangles import observe_triangles
+from modelgen.runtime.rows.standstill_speeds import Survey
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +84,23 @@ class Solution:
 
     def at(self, task: Task, other: FilterChoice) -> Fit:
         """Return the fit with other filters, from this one on; delays stay."""
-        # speeds at standstill belong to the filter for directions
-        same = other.direction_cutoff_hz == task.choice.direction_cutoff_hz
-        surveys = self.observation.surveys if same else ()
+        surveys = self._surveys(task, other)
         job = replace(self.job, records=self.moved, late=(), choice=other, start=self.plain, surveys=surveys)
         return self.treatment(task.method.run(job)[1])
+
+    def found_at(self, task: Task, other: FilterChoice) -> Solved:
+        """Return the solution of that fit; of least squares without a second set of rows in memory."""
+        method, job = task.method, self.job
+        treated = method.robust is not None or method.bounds is not None
+        if not isinstance(method, WLS) or treated or job.rows_for_tag is not None:
+            return self.at(task, other)
+        rows = observe_triangles(job.model, self.moved, other, job.drop, self._surveys(task, other))
+        return solve_matched(rows, job.model.base_parameters)
+
+    def _surveys(self, task: Task, other: FilterChoice) -> tuple[Survey, ...]:
+        # speeds at standstill belong to the filter for directions
+        same = other.direction_cutoff_hz == task.choice.direction_cutoff_hz
+        return self.observation.surveys if same else ()
 
 
 def fitted(task: Task) -> Solution:
@@ -140,9 +160,10 @@ def settings_drift(
         named = [name for name in seen.names if name not in solution.refused]
         notes = disagreement_notes(found, seen.names, named)
         return seen.in_columns(significant_drift(found, len(seen.names))), notes
-    drift = cutoff_drift(fit, choice, lowest_fs, again)
+    found_at = partial(solution.found_at, task)
+    drift = cutoff_drift(fit, choice, lowest_fs, found_at)
     if directions:
-        drift += direction_drift(fit, choice, lowest_fs, again)
+        drift += direction_drift(fit, choice, lowest_fs, found_at)
     if isinstance(method, WLS):
         kept = [solution.plain.columns.index(name) for name in fit.columns]
         drift += load_row_drift(solution.plain, solution.observation)[np.ix_(kept, kept)]

@@ -13,6 +13,7 @@ from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares
 from modelgen.runtime.numerics.qr_triangle import triangle_of
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import RowBlock
+from modelgen.runtime.rows.row_triangles import RowTriangle
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,11 +136,24 @@ class Fit:
     @property
     def relative_error(self) -> float:
         """Norm of Y - W X relative to that of Y, both weighted."""
-        measured = float(np.linalg.norm(self.weighted_measurement))
-        return float(np.linalg.norm(self.weighted_residual)) / measured if measured > 0.0 else np.inf
+        measured = _norm(self.weights, [block.Y for block in self.blocks])
+        return self.residual_norm / measured if measured > 0.0 else np.inf
+
+    @property
+    def residual_norm(self) -> float:
+        """Norm of the weighted residual of all blocks."""
+        return _norm(self.weights, self.residuals)
 
 
-def triangle_rows(blocks: Sequence[RowBlock], weights: Sequence[float], columns: int) -> FloatArray:
+def _norm(weights: Sequence[float], parts: Sequence[FloatArray]) -> float:
+    """Return the norm of weighted parts together, shape (n,) each, without a copy of them."""
+    sizes = [weight * np.linalg.norm(part) for weight, part in zip(weights, parts, strict=True)]
+    return float(np.linalg.norm(sizes))
+
+
+def triangle_rows(
+    blocks: Sequence[RowBlock | RowTriangle], weights: Sequence[float], columns: int
+) -> FloatArray:
     """Return rows that are as good as the weighted [W Y] of the blocks, shape (few, columns + 1)."""
     parts = []
     for weight, block in zip(weights, blocks, strict=True):

@@ -31,9 +31,9 @@ def printed_covariance(fit: Fit, residual_dof: str = "r-c") -> tuple[float, Floa
     `residual_dof` says what |Y - W X|^2 is divided by: "r-c" (eq. (11)) or "r-1", the residual's plain
     variance, with which published figures are reproduced.
     """
-    residual = fit.weighted_residual
+    count = sum(len(residual) for residual in fit.residuals)
     lost = len(fit.columns) if residual_dof == "r-c" else 1
-    variance = float(residual @ residual) / (len(residual) - lost)
+    variance = fit.residual_norm**2 / (count - lost)
     return float(np.sqrt(variance)), variance * fit.solution.inverse
 
 

@@ -9,15 +9,15 @@ residual, scaled by the forces, would give: enough to settle what the rows with 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, Problem
 from modelgen.runtime.least_squares.fit import Fit, triangle_rows
-from modelgen.runtime.least_squares.orthogonal_solution import least_squares, polished
+from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares, least_squares, polished
 from modelgen.runtime.least_squares.thresholds import (
     LOAD_ROW_SHARE,
     RUNAWAY_SHRINKAGE,
@@ -25,6 +25,9 @@ from modelgen.runtime.least_squares.thresholds import (
     WEIGHTING_ROUNDS,
 )
 from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.row_triangles import RowTriangle
+
+Part = TypeVar("Part", RowBlock, RowTriangle)
 
 # Rows that are weighted at a time.
 ROWS_A_PIECE = 1 << 17
@@ -40,21 +43,53 @@ def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE
     IdentifiabilityError
         When no row with a force, or no more samples than columns, are left.
     """
-    blocks, columns, absent = _used_with_force(observation)
-    if len(blocks) == 1:
-        return _solve(blocks, columns, absent, (1.0,))
-    scales, c = _force_scales(blocks), len(columns)
-    rms = _rms(blocks, _weighted(blocks, [1.0 / scale for scale in scales], c))
+    blocks, columns, absent = _used_with_force(observation.blocks, observation.columns)
+    weights, scales = _matched_weights([block.summary for block in blocks], len(columns), load_row_share)
+    fit = _solve(blocks, columns, absent, weights)
+    return replace(fit, notes=_runaway_notes(fit, scales))
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedSolution:
+    """What `fit_matched` finds, without what it left of the rows: the columns, and their solution."""
+
+    columns: tuple[str, ...]
+    solution: LeastSquares
+
+
+def solve_matched(
+    rows: Sequence[RowBlock | RowTriangle],
+    names: Sequence[str],
+    load_row_share: float = LOAD_ROW_SHARE,
+) -> MatchedSolution:
+    """Return the solution of `fit_matched` from the triangles of the rows; `names` are those of all columns.
+
+    Raises
+    ------
+    IdentifiabilityError
+        As `fit_matched`.
+    """
+    used, columns, _ = _used_with_force([row.summary for row in rows], names)
+    weights, _ = _matched_weights(used, len(columns), load_row_share)
+    return MatchedSolution(columns, _weighted(used, weights, len(columns)))
+
+
+def _matched_weights(
+    rows: Sequence[RowTriangle], c: int, load_row_share: float
+) -> tuple[tuple[float, ...], list[float]]:
+    """Return the weights of the rows, and the size of the forces that each balances."""
+    scales = _force_scales(rows)
+    if len(rows) == 1:
+        return (1.0,), scales
+    rms = _rms(rows, _weighted(rows, [1.0 / scale for scale in scales], c).x)
     smallest = [
-        SMALLEST_RESIDUAL * scale if block.has_force else max(one / load_row_share, SMALLEST_RESIDUAL * scale)
-        for block, scale, one in zip(blocks, scales, rms, strict=True)
+        SMALLEST_RESIDUAL * scale if row.has_force else max(one / load_row_share, SMALLEST_RESIDUAL * scale)
+        for row, scale, one in zip(rows, scales, rms, strict=True)
     ]
     for _ in range(WEIGHTING_ROUNDS - 1):
         weights = tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True))
-        rms = _rms(blocks, _weighted(blocks, weights, c))
-    weights = tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True))
-    fit = _solve(blocks, columns, absent, weights)
-    return replace(fit, notes=_runaway_notes(fit, scales))
+        rms = _rms(rows, _weighted(rows, weights, c).x)
+    return tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True)), scales
 
 
 def fit_at(observation: Observation, start: Fit) -> Fit:
@@ -62,7 +97,7 @@ def fit_at(observation: Observation, start: Fit) -> Fit:
 
     Where these rows move other columns it is `fit_matched`; errors as there.
     """
-    blocks, columns, absent = _used_with_force(observation)
+    blocks, columns, absent = _used_with_force(observation.blocks, observation.columns)
     if columns != start.columns:
         return fit_matched(observation)
     residuals = tuple(block.residual(start.solution.x) for block in blocks)
@@ -75,13 +110,13 @@ def fit_paper(observation: Observation) -> Fit:
 
     With a single block this is ordinary least squares.
     """
-    blocks, columns, absent = _used(observation)
+    blocks, columns, absent = _used(observation.blocks, observation.columns)
     if len(blocks) == 1:
         return _solve(blocks, columns, absent, (1.0,))
     tiny = float(np.finfo(float).tiny)
     # rows of different orders differ by many powers of ten here: what rounding moves has to be undone
     rows = triangle_rows(blocks, [1.0] * len(blocks), len(columns))
-    rms = _rms(blocks, least_squares(rows[:, :-1], rows[:, -1]).x)
+    rms = _rms([block.summary for block in blocks], least_squares(rows[:, :-1], rows[:, -1]).x)
     return _solve(blocks, columns, absent, tuple(1.0 / max(one, tiny) for one in rms))
 
 
@@ -92,38 +127,40 @@ def refit(fit: Fit, columns: Sequence[str]) -> Fit:
 
 
 def _used_with_force(
-    observation: Observation,
-) -> tuple[tuple[RowBlock, ...], tuple[str, ...], tuple[str, ...]]:
+    rows: Sequence[Part], names: Sequence[str]
+) -> tuple[tuple[Part, ...], tuple[str, ...], tuple[str, ...]]:
     """Return what `_used` does, where a force fixes the scale."""
-    blocks, columns, absent = _used(observation)
-    if not any(block.has_force for block in blocks):
+    used, columns, absent = _used(rows, names)
+    if not any(row.has_force for row in used):
         what = "none that holds a measured force has samples left, so nothing fixes the scale"
         raise IdentifiabilityError.at("rows", what, "measure a force, and move without reversing for longer")
-    return blocks, columns, absent
+    return used, columns, absent
 
 
-def _used(observation: Observation) -> tuple[tuple[RowBlock, ...], tuple[str, ...], tuple[str, ...]]:
-    """Return the blocks with samples, reduced to the columns that are not zero, and both kinds of columns."""
-    blocks = [block for block in observation.blocks if block.place.size]
-    nonzero = np.zeros(len(observation.columns), dtype=bool)
-    for block in blocks:
-        touched = slice(None) if block.touched is None else block.touched
-        nonzero[touched] |= np.any(block.W, axis=0)
-    rows = sum(block.place.size for block in blocks)
+def _used(
+    rows: Sequence[Part], names: Sequence[str]
+) -> tuple[tuple[Part, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return the rows with samples, reduced to the columns that are not zero, and both kinds of columns."""
+    used = [row for row in rows if row.summary.count]
+    nonzero = np.zeros(len(names), dtype=bool)
+    for row in used:
+        touched = slice(None) if row.touched is None else row.touched
+        nonzero[touched] |= np.any(row.summary.triangle[:, 1:-1], axis=0)
+    count = sum(row.summary.count for row in used)
     if not nonzero.any():
         what, remedy = "its column is zero in every sample used", "move the body, or mask less"
-        raise IdentifiabilityError(*(Problem(name, what, remedy) for name in observation.columns))
-    if rows <= nonzero.sum():
-        what = f"{rows} samples are left for {len(nonzero)} columns"
+        raise IdentifiabilityError(*(Problem(name, what, remedy) for name in names))
+    if count <= nonzero.sum():
+        what = f"{count} samples are left for {len(nonzero)} columns"
         raise IdentifiabilityError.at(
             "records", what, "give longer records, with more motion between reversals"
         )
-    columns = tuple(name for name, used in zip(observation.columns, nonzero, strict=True) if used)
-    absent = tuple(name for name in observation.columns if name not in columns)
+    columns = tuple(name for name, moved in zip(names, nonzero, strict=True) if moved)
+    absent = tuple(name for name in names if name not in columns)
     if absent:
         kept = np.flatnonzero(nonzero).tolist()
-        blocks = [block.chosen(kept) for block in blocks]
-    return tuple(blocks), columns, absent
+        used = [row.chosen(kept) for row in used]
+    return tuple(used), columns, absent
 
 
 def _solve(
@@ -165,18 +202,18 @@ class _Weighted(Sequence[tuple[FloatArray, FloatArray]]):
         return weight * piece.W, weight * piece.Y
 
 
-def _weighted(blocks: Sequence[RowBlock], weights: Sequence[float], columns: int) -> FloatArray:
-    """Return the solution of the weighted rows, from the triangles of the blocks; good enough for weights."""
-    triangle = np.asarray(np.linalg.qr(triangle_rows(blocks, weights, columns), mode="r"))
-    return polished(triangle, ()).x
+def _weighted(rows: Sequence[RowTriangle], weights: Sequence[float], columns: int) -> LeastSquares:
+    """Return the solution of the weighted rows, from their triangles; rounding is not undone."""
+    triangle = np.asarray(np.linalg.qr(triangle_rows(rows, weights, columns), mode="r"))
+    return polished(triangle, ())
 
 
-def _rms(blocks: Sequence[RowBlock], x: FloatArray) -> list[float]:
-    """Return the rms of each block's residual."""
-    return [block.residual_norm(x) / float(np.sqrt(block.place.size)) for block in blocks]
+def _rms(rows: Sequence[RowTriangle], x: FloatArray) -> list[float]:
+    """Return the rms of each row's residual."""
+    return [row.residual_norm(x) / float(np.sqrt(row.count)) for row in rows]
 
 
-def _force_scales(blocks: tuple[RowBlock, ...]) -> list[float]:
+def _force_scales(blocks: Sequence[RowTriangle]) -> list[float]:
     """Return for every block the rms over all records of the forces, differentiated as often as its row."""
     scale_of: dict[int, float] = {}
     for row in dict.fromkeys(block.row for block in blocks):
@@ -189,13 +226,14 @@ def _force_scales(blocks: tuple[RowBlock, ...]) -> list[float]:
 
 def _runaway_notes(fit: Fit, scales: list[float]) -> tuple[str, ...]:
     """Return one note per load row whose terms would shrink if its weight were not bounded."""
-    if all(block.has_force for block in fit.blocks):
+    if len(fit.blocks) == 1 or all(block.has_force for block in fit.blocks):
         return ()
+    rows = [block.summary for block in fit.blocks]
     freely = tuple(
         1.0 / max(rms, SMALLEST_RESIDUAL * scale)
-        for rms, scale in zip(_rms(fit.blocks, fit.solution.x), scales, strict=True)
+        for rms, scale in zip(_rms(rows, fit.solution.x), scales, strict=True)
     )
-    probe = _weighted(fit.blocks, freely, len(fit.columns))
+    probe = _weighted(rows, freely, len(fit.columns)).x
     return tuple(
         f"{block.record_name}, row {block.row_name} holds no force and, weighted by its residual, would bias "
         "its parameters towards zero; its weight is bounded, but noise of the sensors biases what it decides"

@@ -18,6 +18,7 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.masks import turn_masks
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
+from modelgen.runtime.rows.row_triangles import RowTriangle
 from modelgen.runtime.rows.standstill_speeds import Survey
 from modelgen.runtime.rows.thresholds import LEAST_FORCE, LEAST_SHARE
 
@@ -69,9 +70,18 @@ class RowBlock:
     touched: IntArray | None = None
 
     @cached_property
+    def summary(self) -> RowTriangle:
+        """All that weights, and sizes of residuals and terms, ask of the rows."""
+        triangle = tall_triangle(self.W, self.Y)
+        count, touched = len(self.place), self.touched
+        return RowTriangle(
+            self.record, self.row, count, self.grid, self.has_force, self.force_scale, triangle, touched
+        )
+
+    @property
     def triangle(self) -> FloatArray:
-        """R of [1 W Y]: all that fits, weights and sizes of residuals and terms need of the rows."""
-        return tall_triangle(self.W, self.Y)
+        """R of [1 W Y], shape (k + 2, k + 2)."""
+        return self.summary.triangle
 
     def own(self, x: FloatArray) -> FloatArray:
         """Return the entries that belong to the columns of W, of an array of shape (columns, ...)."""
@@ -81,17 +91,9 @@ class RowBlock:
         """Return Y - W x, shape (n,); x is in the order of all columns."""
         return np.asarray(self.Y - self.W @ self.own(x))
 
-    def residual_norm(self, x: FloatArray) -> float:
-        """Return the norm of Y - W x; x is in the order of all columns, shape (columns,)."""
-        return float(np.linalg.norm(self.triangle[:, -1] - self.triangle[:, 1:-1] @ self.own(x)))
-
     def terms_norm(self, x: FloatArray) -> float:
-        """Return the norm of the largest term W_j x_j about its mean: the size of what the row balances.
-
-        x is in the order of all columns, shape (columns,).
-        """
-        spread = np.linalg.norm(self.triangle[1:, 1:-1], axis=0)
-        return float(np.max(spread * np.abs(self.own(x)), initial=0.0))
+        """Return the norm of the largest term; see `RowTriangle`."""
+        return self.summary.terms_norm(x)
 
     def column(self, index: int) -> FloatArray:
         """Return a column of the observation in this row, shape (n,)."""

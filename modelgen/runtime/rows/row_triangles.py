@@ -1,0 +1,125 @@
+"""Triangles in place of rows: all that weights and the solution of least squares ask, in constant memory.
+
+A fit at other settings is wanted for its solution only. Its rows are made chunk by chunk and taken into one
+triangle of [1 W Y] for every row of the model and record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.qr_triangle import tall_triangle, triangle_of
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.chunk import Chunk
+from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
+from modelgen.runtime.rows.standstill_speeds import Survey
+from modelgen.runtime.rows.thresholds import LEAST_FORCE
+
+
+@dataclass(frozen=True, eq=False)
+class RowTriangle:
+    """What the samples of one row of the model on one record come to.
+
+    Attributes
+    ----------
+    record, row, grid, has_force, force_scale, touched
+        As of `modelgen.runtime.rows.observation.RowBlock`.
+    count : int
+        Samples used.
+    triangle : array, shape (k + 2, k + 2)
+        R of [1 W Y], W of k columns.
+    """
+
+    record: int
+    row: int
+    count: int
+    grid: int
+    has_force: bool
+    force_scale: float
+    triangle: FloatArray
+    touched: IntArray | None = None
+
+    @property
+    def summary(self) -> RowTriangle:
+        """Itself: what a block of rows has, too."""
+        return self
+
+    def own(self, x: FloatArray) -> FloatArray:
+        """Return the entries that belong to the columns of W, of an array of shape (columns, ...)."""
+        return x if self.touched is None else np.asarray(x[self.touched])
+
+    def residual_norm(self, x: FloatArray) -> float:
+        """Return the norm of Y - W x; x is in the order of all columns, shape (columns,)."""
+        return float(np.linalg.norm(self.triangle[:, -1] - self.triangle[:, 1:-1] @ self.own(x)))
+
+    def terms_norm(self, x: FloatArray) -> float:
+        """Return the norm of the largest term W_j x_j about its mean: the size of what the row balances.
+
+        x is in the order of all columns, shape (columns,).
+        """
+        spread = np.linalg.norm(self.triangle[1:, 1:-1], axis=0)
+        return float(np.max(spread * np.abs(self.own(x)), initial=0.0))
+
+    def chosen(self, columns: Sequence[int]) -> RowTriangle:
+        """Return the same with these of all columns only, in their order."""
+        every = range(self.triangle.shape[1] - 2) if self.touched is None else self.touched
+        place = {int(column): index for index, column in enumerate(every)}
+        kept = [index for index, column in enumerate(columns) if column in place]
+        inside = [place[columns[index]] + 1 for index in kept]
+        triangle = triangle_of(self.triangle[:, [0, *inside, -1]])
+        return replace(self, triangle=triangle, touched=np.array(kept, dtype=np.int64))
+
+
+def observe_triangles(
+    model: Model,
+    records: Sequence[Record],
+    choice: FilterChoice,
+    drop: int = 0,
+    surveys: Sequence[Survey] = (),
+) -> list[RowTriangle]:
+    """Return the triangles of the rows that `observe` makes of the records, samples at turns included.
+
+    Parameters and errors are those of `modelgen.runtime.rows.observation.observe`.
+    """
+    found: list[RowTriangle] = []
+    for index, record in enumerate(records):
+        survey = surveys[index] if surveys else None
+        rows = matched_rows(model, record, choice, choice.decimation[index], drop, survey=survey)
+        found += row_triangles(rows, index)
+    return found
+
+
+def row_triangles(rows: RecordRows, index: int) -> list[RowTriangle]:
+    """Return the triangles of the rows of one record, the `index`-th, whose masks look at chunks alone."""
+
+    def of(chunk: Chunk) -> tuple[list[tuple[int, FloatArray]], dict[int, float]]:
+        signals, found = chunk.signals(), []
+        for terms, mask in zip(rows.terms, rows.masks, strict=True):
+            lines = terms.evaluate(signals)
+            signals.forget(terms.row)
+            masked = mask.of(chunk, rows.survey.thresholds)
+            used = lines[:, ~masked] if masked.any() else lines
+            found.append((used.shape[1], tall_triangle(used[:-1].T, used[-1])))
+        return found, signals.force_power
+
+    parts, powers = zip(*rows.over_chunks(of), strict=True)
+    total: dict[int, float] = {}
+    for power in powers:
+        for times, more in power.items():
+            total[times] = total.get(times, 0.0) + more
+    grid, found = len(rows.grid), []
+    for terms, info, of_row in zip(rows.terms, rows.plan.model.rows, zip(*parts, strict=True), strict=True):
+        count = sum(n for n, _ in of_row)
+        triangle = triangle_of(np.concatenate([R for _, R in of_row]))
+        scale = float(np.sqrt(total.get(info.differentiated, 0.0) / grid)) / info.lever
+        measured = float(np.linalg.norm(triangle[:, -1]))
+        has_force = measured > LEAST_FORCE * scale * np.sqrt(count)
+        touched = np.array(terms.columns, dtype=np.int64)
+        found.append(RowTriangle(index, terms.row, count, grid, bool(has_force), scale, triangle, touched))
+    return found
