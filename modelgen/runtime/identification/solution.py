@@ -90,9 +90,8 @@ class Solution:
 
     def found_at(self, task: Task, other: FilterChoice) -> Solved:
         """Return the solution of that fit; of least squares without a second set of rows in memory."""
-        method, job = task.method, self.job
-        treated = method.robust is not None or method.bounds is not None
-        if not isinstance(method, WLS) or treated or job.rows_for_tag is not None:
+        job, plain = self.job, isinstance(task.method, WLS) and self.treatment == Treatment()
+        if not plain or job.rows_for_tag is not None:
             return self.at(task, other)
         rows = observe_triangles(job.model, self.moved, other, job.drop, self._surveys(task, other))
         return solve_matched(rows, job.model.base_parameters)
