@@ -23,6 +23,7 @@ from modelgen.runtime.iv.thresholds import (
     NEAR,
     NEAR_SHARE,
     ROUNDS,
+    SHRINKING,
     SMALL_CHANGE,
     SMALL_MOVE,
 )
@@ -202,7 +203,7 @@ def _stands_still(moves: Sequence[float]) -> bool:
     if moves[-1] < 1.0:
         return True
     share = moves[-1] / moves[-2] if len(moves) > 1 else 1.0
-    return share < 0.5 and moves[-1] * share / (1.0 - share) < FORESEEN
+    return share < SHRINKING and moves[-1] * share / (1.0 - share) < FORESEEN
 
 
 def _is_near(fit: Fit, start: Fit) -> bool:

@@ -30,6 +30,8 @@ ROUNDS = 20
 SMALL_MOVE = 0.01
 # A move that is foreseen, not seen, is to stay below this share of that.
 FORESEEN = 0.1
+# Moves that shrink by this factor and more from round to round can be foreseen.
+SHRINKING = 0.5
 # Noise-free records are used again for estimates that differ by so many standard deviations, or by this
 # share of a value.
 NEAR = 3.0
