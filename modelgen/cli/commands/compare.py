@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -141,13 +142,7 @@ def _describe_model(title: str, model: Model, parameters: str | None, fs_hz: flo
     except ModelgenError as error:
         described["why"] = "; ".join(str(problem) for problem in error.problems)
         return described
-    return described | {
-        "parameter_set": found.parameter_set,
-        "condition_number": found.condition_number,
-        "cutoff_hz": found.cutoff_hz,
-        "filter_order": found.filter_order,
-        "gains": [{"channel": g.channel, "derivative": g.derivative, "gain": g.gain} for g in found.gains],
-    }
+    return described | asdict(found)
 
 
 def _yardsticks(model: Model, records: Sequence[Record]) -> dict[str, Any]:
@@ -165,11 +160,7 @@ def _yardsticks(model: Model, records: Sequence[Record]) -> dict[str, Any]:
             for y in found.methods
         ],
         "modes": [
-            {
-                "source": source,
-                "modes": [{"frequency_hz": m.frequency_hz, "damping_ratio": m.damping_ratio} for m in modes],
-            }
-            for source, modes in found.modes
+            {"source": source, "modes": [asdict(mode) for mode in modes]} for source, modes in found.modes
         ],
     }
 

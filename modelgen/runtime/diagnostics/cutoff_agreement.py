@@ -81,7 +81,7 @@ class Disagreement:
 
     @property
     def significant(self) -> BoolArray:
-        """Which columns move by more than noise explains."""
+        """Which columns move by more than noise explains, shape (c,)."""
         least = np.maximum(SIGNIFICANT_MOVE * self.std, SMALLEST_SHARE * np.abs(self.value))
         return np.asarray(np.abs(self.move) > least)
 

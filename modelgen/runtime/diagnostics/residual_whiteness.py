@@ -43,7 +43,7 @@ class Coloured:
 
     @property
     def whitened(self) -> FloatArray:
-        """The periodogram over the fitted spectrum, with a mean of 1."""
+        """The periodogram over the fitted spectrum, shape (frequencies,), with a mean of 1."""
         ratio = self.power / self.noise
         return np.asarray(ratio / ratio.mean())
 

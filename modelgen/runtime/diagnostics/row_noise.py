@@ -16,7 +16,7 @@ from modelgen.runtime.records.record import Record
 
 
 def noise_band(record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
-    """Return frequencies in Hz, and at each the filter's gain in power times the width of its line in Hz."""
+    """Return frequencies in Hz, and the filter's gain in power times a line's width in Hz: (n,) each."""
     top_hz = min(0.5 * record.fs, HIGHEST * choice.cutoff_hz)
     frequency_hz = top_hz * (np.arange(NOISE_LINES) + 0.5) / NOISE_LINES
     return frequency_hz, gain(frequency_hz, choice, 0, record.fs) ** 2 * top_hz / NOISE_LINES

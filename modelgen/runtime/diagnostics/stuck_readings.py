@@ -48,7 +48,7 @@ class Runs:
 
     @property
     def lengths(self) -> IntArray:
-        """Samples of each run."""
+        """Samples of each run, shape (runs,)."""
         return self.last - self.first + 1
 
 

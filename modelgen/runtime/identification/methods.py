@@ -71,7 +71,7 @@ class Job:
         return rows_by_tag(observation, self.records, self.rows_for_tag)
 
     def rates(self, fit: Fit, records: tuple[Record, ...], channel: str) -> tuple[FloatArray, ...]:
-        """Return how the mismatch of a fit's rows changes with the delay of a force channel."""
+        """Return d(Y - W X) / d tau of a force channel, shape (n,) a block of the fit, per s."""
         return delay_rates(fit, self.model, records, self.choice, self.drop, channel)
 
 

@@ -62,14 +62,14 @@ class Step:
 
     @property
     def x(self) -> FloatArray:
-        """Solution in the columns of `linear`, zero where a parameter is held there."""
+        """Solution in the columns of `linear`, shape (c,), zero where a parameter is held there."""
         x = np.zeros(len(self.linear.columns))
         x[self.free] = self.white.solution.x
         return x
 
     @property
     def spread(self) -> FloatArray:
-        """Standard deviations of `x`."""
+        """Standard deviations of `x`, shape (c,)."""
         spread = np.zeros(len(self.linear.columns))
         spread[self.free] = np.sqrt(np.maximum(np.diag(hac_covariance(self.white)), 0.0))
         return spread

@@ -158,7 +158,7 @@ def fit_with_delays(
 def delay_rates(
     fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice, drop: int, channel: str
 ) -> tuple[FloatArray, ...]:
-    """Return d(Y - W X) / d tau of one force channel, one array a block of the fit, per s.
+    """Return d(Y - W X) / d tau of one force channel, shape (n,) a block of the fit, per s.
 
     An advanced force changes by its derivative, which is filtered already where a row differentiates it.
     """

@@ -123,13 +123,13 @@ class Fit:
         return None if self.carried is None else self.carried.physical(names)
 
     def rows(self, columns: Sequence[str]) -> tuple[tuple[RowBlock, ...], tuple[FloatArray, ...] | None]:
-        """Return the blocks, and what Y was regressed on in place of W, with some of the columns only."""
+        """Return blocks, and what Y was regressed on in place of W, shape (n, columns), of some columns."""
         chosen = [self.columns.index(name) for name in columns]
         blocks = tuple(block.chosen(chosen) for block in self.blocks)
         return blocks, None if self.projected is None else tuple(part[:, chosen] for part in self.projected)
 
     def all_parameters(self, names: Sequence[str]) -> FloatArray:
-        """Return the solution in the order of these names, zero for those that are no columns of the fit."""
+        """Return the solution by these names, shape (names,), zero for those that are no columns."""
         values = dict(zip(self.columns, self.solution.x.tolist(), strict=True))
         return np.array([values.get(name, 0.0) for name in names])
 

@@ -121,7 +121,7 @@ class EditedChannels:
 
 
 def read_continued(source: Channels, channel: str, start: int, stop: int) -> FloatArray:
-    """Return samples start to stop of a channel, continued beyond the record by its odd mirror image."""
+    """Return samples start to stop, shape (stop - start,), continued beyond the ends by odd mirror images."""
     low, high = max(start, 0), min(stop, source.n)
     samples = np.asarray(source.read(channel, low, high), dtype=float)
     if low == start and high == stop:
@@ -131,7 +131,7 @@ def read_continued(source: Channels, channel: str, start: int, stop: int) -> Flo
 
 
 def in_stretches(source: Channels, channel: str, length: int | None = None) -> Iterator[FloatArray]:
-    """Yield the samples of a channel, one stretch of so many samples (by default 2^18) after the other.
+    """Yield the samples of a channel, shape (n,) each: stretches of so many samples (by default 2^18).
 
     Raises
     ------

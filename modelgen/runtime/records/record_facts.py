@@ -127,7 +127,7 @@ class RecordFacts:
     def power(
         self, channel: str, derivative: int = 0, keep_mean: bool = False
     ) -> tuple[FloatArray, FloatArray]:
-        """Return frequencies in Hz and the power of a derivative, see `power_spectrum`."""
+        """Return frequencies in Hz and power of a derivative, shape (lines,) each, see `power_spectrum`."""
         asked = channel, derivative, keep_mean
         if asked not in self._powers:
             found = [

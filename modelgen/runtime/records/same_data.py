@@ -84,7 +84,7 @@ def alike(looks: Sequence[FloatArray]) -> list[tuple[int, int]]:
 
 
 def look(source: Channels, channels: Sequence[str]) -> FloatArray:
-    """Return the length of a record and samples here and there, in units of the largest of each channel."""
+    """Return a record's length and some samples, shape (k,), in units of the largest of each channel."""
     starts = np.unique(np.linspace(0, max(0, source.n - WIDTH), STRETCHES).astype(int))
     looks = [np.array([float(source.n)])]
     for channel in channels:

@@ -47,7 +47,7 @@ class Chunk:
         self._directions: dict[str, FloatArray] = {}
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
-        """Return samples of a channel, at most the plan's margins and `halo` beyond the chunk."""
+        """Return samples of a channel, shape (n,), at most the plan's margins and `halo` beyond the chunk."""
         if channel not in self.plan.full_rate_channels:
             return read_continued(self.source, channel, start, stop)
         before, behind = self.plan.margins
@@ -63,7 +63,7 @@ class Chunk:
         return not_finite(self.source, channel, start, stop)
 
     def direction(self, key: str, start: int, stop: int) -> FloatArray:
-        """Return samples of a velocity whose sign is a direction of motion."""
+        """Return samples of a velocity whose sign is a direction of motion, shape (n,)."""
         before, behind = self.plan.feature_operator.margins
         low = self.start - max(before, self.halo)
         if key not in self._directions:

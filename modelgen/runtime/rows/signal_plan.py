@@ -31,13 +31,13 @@ class Stretch(Protocol):
     """A stretch of a record and what lies around it, continued beyond the ends of the record."""
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
-        """Return samples of a channel."""
+        """Return samples start to stop of a channel, shape (stop - start,)."""
 
     def not_finite(self, channel: str, start: int, stop: int) -> DataError:
         """Return the error that names the sample of a channel that is not finite."""
 
     def direction(self, key: str, start: int, stop: int) -> FloatArray:
-        """Return samples of a velocity whose sign is a direction of motion."""
+        """Return samples start to stop of a velocity whose sign is a direction, shape (stop - start,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +89,11 @@ class SignalPlan:
     fast: bool
 
     def table(self, stretch: Stretch, channel: str, start: int, count: int) -> FloatArray:
-        """Return the derivatives of a channel at count samples kept, the first at `start`."""
+        """Return the derivatives of a channel at samples kept from `start` on, shape (count, derivatives)."""
         return self._filtered(stretch, channel, self.operators[channel], start, count)
 
     def feature(self, stretch: Stretch, feature: Feature, start: int, count: int) -> FloatArray:
-        """Return a feature, formed at the full rate and then filtered, at count samples kept from `start`."""
+        """Return a feature, formed at full rate, filtered, at samples kept from `start`, shape (count,)."""
         before, behind = self.feature_operator.margins
         stop = start + (count - 1) * self.filtering.factor + 1
         low, high = start - before, stop + behind
