@@ -24,7 +24,7 @@ def repo_root() -> Path:
 
 @pytest.fixture(scope="session")
 def shared_data(repo_root: Path) -> Path:
-    """Folder of the measured records, beside the checkout; skips where it is absent."""
+    """Folder of the measured records, next to the checkout; skips where it is absent."""
     folder = repo_root.parent / "shared" / "data"
     if not folder.is_dir():
         pytest.skip("measured records not found at ../shared/data: tests on real records need them there")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 # inputs of a closed loop: the first is needed for every simulation, the others are used where they are mapped
 REFERENCE = ("reference",)
-BESIDE_REFERENCE = ("reference_rate", "feedforward")
+FURTHER_INPUTS = ("reference_rate", "feedforward")
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def reading_options(
     measured = [key for model in models for key in model.channels if key not in sources]
     mapped = [key for key in optional if key in columns]
     wanted = tuple(dict.fromkeys((*measured, *sources.values(), *extra, *mapped)))
-    channels = dict.fromkeys((*units, *wanted, *REFERENCE, *BESIDE_REFERENCE))
+    channels = dict.fromkeys((*units, *wanted, *REFERENCE, *FURTHER_INPUTS))
     where = str(options.map_file) if options.map_file else "--map"
     problems = [missing_name(where, "channel", key, channels) for key in columns if key not in channels]
     if problems:

@@ -1,4 +1,4 @@
-"""The report's and the figure's files: refused before any work, found beside the chain, written whole."""
+"""The report's and the figure's files: refused before any work, found next to the chain, written whole."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_the_chain_is_found_by_its_hash_only(tmp_path: Path, monkeypatch: pytest
     found = _spec_of(model, module)
     assert found is not None
     assert found.sha256 == model.spec_sha256
-    # a changed chain beside it is not taken for it; an unreadable one is passed over
+    # a changed chain next to it is not taken for it; an unreadable one is passed over
     (tmp_path / "emps_rigid.toml").write_bytes(catalog_path("emps_rigid").read_bytes() + b"# changed\n")
     (tmp_path / "generated" / "emps_rigid.toml").write_text("[chain", encoding="utf-8")
     again = _spec_of(model, module)

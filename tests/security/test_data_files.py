@@ -71,7 +71,7 @@ ARCHIVES: dict[str, tuple[Callable[[], bytes], str]] = {
     "pickle": (lambda: PICKLE, "is no NumPy archive"),
     "pickle as a member": (lambda: archive("q_m.npy", PICKLE), "is no NumPy archive|data type"),
     "object array": (lambda: npz(q_m=OBJECTS), OBJECT),
-    "object array beside a good one": (
+    "object array next to a good one": (
         lambda: npz(q_m=np.ones(9), a_c=OBJECTS),
         OBJECT,
     ),

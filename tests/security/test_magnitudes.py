@@ -53,7 +53,7 @@ TAKEN: dict[str, Any] = {
     "half": GOOD.astype(np.float16),
     "long double": GOOD.astype(np.longdouble),
     "big endian": GOOD.astype(">f8"),
-    "small beside large": with_sample(1e-300),
+    "small next to large": with_sample(1e-300),
 }
 FREQUENCIES = [
     1e308,

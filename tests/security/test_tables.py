@@ -1,4 +1,4 @@
-"""Tables beside a spec, one value or key of them replaced by anything: taken, or explained."""
+"""Further tables of a spec, one value or key of them replaced by anything: taken, or explained."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import typer
 
 from modelgen.cli.arguments import cutoffs_from, given_options, hold_out_from, period_from
 from modelgen.cli.data_arguments import (
-    BESIDE_REFERENCE,
+    FURTHER_INPUTS,
     REFERENCE,
     DataOptions,
     read_files,
@@ -82,7 +82,7 @@ def identify(
     model = load_model(module, trust)
     outputs = OutputFiles(output, report_file, figure, overwrite)
     outputs.check()  # before the work, not after it
-    inputs = (REFERENCE, BESIDE_REFERENCE) if controller and report_file else ()
+    inputs = (REFERENCE, FURTHER_INPUTS) if controller and report_file else ()
     readings = tagged(read_files(data, [model], given, *inputs), tag or ())
     settings = estimation.settings(
         method,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from modelgen.cli.data_arguments import BESIDE_REFERENCE, REFERENCE, DataOptions, read_files, reading_lines
+from modelgen.cli.data_arguments import FURTHER_INPUTS, REFERENCE, DataOptions, read_files, reading_lines
 from modelgen.cli.estimation_options import EstimationOptions, MethodName
 from modelgen.cli.options import Data, Json, Module, Trust, refuse_given
 from modelgen.cli.output import note, print_json
@@ -77,7 +77,7 @@ def validate(
     loop, drive = load_controller(controller)
     saved = load_estimate(estimate)
     parameters = {**parameters_of(saved, model), **amounts("--set", value or ())}
-    readings = read_files(data, [model], given, REFERENCE, BESIDE_REFERENCE)
+    readings = read_files(data, [model], given, REFERENCE, FURTHER_INPUTS)
     note(reading_lines(data, readings))
     records = [reading.record for reading in readings]
     options: dict[str, Any] = {"drive": drive, "cutoff_hz": cutoff_hz, "oversample": oversample}
