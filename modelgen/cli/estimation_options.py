@@ -10,7 +10,7 @@ import typer
 from modelgen.cli.arguments import delays_from, directions_from
 from modelgen.cli.data_arguments import DataOptions
 
-MethodName = Literal["wls", "iv", "tls", "pham2002"]
+MethodName = Literal["auto", "wls", "iv", "tls", "pham2002"]
 Method = Annotated[
     MethodName,
     typer.Option(

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.thresholds import LARGEST_PERCENT, NOTED_DRIFT, NOTED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
@@ -40,7 +41,7 @@ class Solved:
     """
 
     job: Job
-    method: str
+    method: Method
     observation: Observation
     fit: Fit
     refused: Mapping[str, str]
@@ -65,7 +66,7 @@ class Solved:
 def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     """Return the estimate with everything that is needed to judge it."""
     model, fit, identified = solved.job.model, solved.fit, solved.identified
-    method = METHODS[solved.method]
+    method = solved.method
     place = [fit.columns.index(name) for name in identified]
     sigma, printed = printed_covariance(fit, residual_dof)
     noise = hac_covariance(fit) if method.covariance_kind == "hac" else printed
@@ -89,7 +90,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     others = other_solutions(model, base, covariances, physical)
     residual = fit.weighted_residual
     described = EstimatedFit(
-        method=solved.method,
+        method=solved.method.name,
         method_title=method.title,
         covariance_kind=method.covariance_kind,
         filtering=solved.job.choice,
@@ -190,7 +191,7 @@ def row_diagnostics(observation: Observation, fit: Fit) -> tuple[RowDiagnostics,
 def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
     """Apply the paper's rule; columns that are not identifiable stay in as nuisances."""
     fit, identified = solved.fit, solved.identified
-    hac = METHODS[solved.method].covariance_kind == "hac"
+    hac = solved.method.covariance_kind == "hac"
     drifts = dict(zip(fit.columns, np.diag(solved.drift).tolist(), strict=True))
 
     if fit.carried is not None:
@@ -206,7 +207,7 @@ def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
         reduced = fit
         if len(columns) < len(fit.columns):
             reduced = refit(fit, columns)
-            reduced = METHODS[solved.method].finish(reduced, solved.job.model)
+            reduced = solved.method.finish(reduced, solved.job.model)
         covariance = hac_covariance(reduced) if hac else printed_covariance(reduced, residual_dof)[1]
         place = [reduced.columns.index(name) for name in kept]
         variance = np.diag(covariance)[place] + np.array([drifts[name] for name in kept])

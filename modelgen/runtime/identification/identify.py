@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import partial
 from types import ModuleType
 
-import numpy as np
-
 from modelgen.progress import heard, step
 from modelgen.runtime.diagnostics.friction_asymmetry import asymmetries, asymmetry_notes
 from modelgen.runtime.identification.assemble_estimate import Solved, judge
@@ -27,7 +25,7 @@ from modelgen.runtime.results.estimate import Estimate
 def identify(
     model: Model | ModuleType,
     records: Record | Channels | Sequence[Record | Channels],
-    method: str | Method = "wls",
+    method: str | Method = "auto",
     filters: Filters | None = None,
     checks: CheckOptions | None = None,
     cutoff_hz: float | None = None,
@@ -44,8 +42,8 @@ def identify(
         With the channels of the model's sensors and actuators, in SI; in memory, or read in stretches from
         files of any length (`modelgen.runtime.files`).
     method : str or Method
-        `WLS`, `IV`, `TLS` or `Pham2002` with their options, or the name of one: "wls", "iv", "tls",
-        "pham2002".
+        `Auto`, `WLS`, `IV`, `TLS` or `Pham2002` with their options, or the name of one: "auto", "wls", "iv",
+        "tls", "pham2002".
     filters : Filters, optional
         What is not given is chosen from the records.
     checks : CheckOptions, optional
@@ -76,21 +74,20 @@ def identify(
 def _identified(
     model: Model | ModuleType,
     records: Record | Channels | Sequence[Record | Channels],
-    chosen: Method,
+    method: Method,
     filters: Filters,
     checks: CheckOptions,
 ) -> Estimate:
     """Return the estimate: every step of an identification by its name."""
-    task = prepared(model, records, chosen, filters, checks)
-    solution = fitted(task)
-    again, fit = partial(solution.at, task), solution.fit
-    drift = np.zeros((len(fit.columns), len(fit.columns)))
+    task, solution = fitted(prepared(model, records, method, filters, checks))
+    chosen, again, fit, drift = task.method, partial(solution.at, task), solution.fit, solution.drift
     if task.checks.drift_check and chosen.matched:
         step("changing cut-off and weights")
-        drift, notes = settings_drift(task, solution, again)
+        moved, notes = settings_drift(task, solution, again)
+        drift = drift + moved
         fit = replace(fit, notes=fit.notes + notes)
     extras = compared(task, solution, again)
-    drift += more_than_noise(fit, extras)
+    drift = drift + more_than_noise(fit, extras)
     refused = late_refusals(fit, solution.refused, drift, task.checks.keep, extras.bias)
     step("judging the fit")
     if chosen.matched:
@@ -99,6 +96,6 @@ def _identified(
         fit = replace(fit, notes=fit.notes + asymmetry_notes(asymmetric))
     keep, no_number = tuple(task.checks.keep), {**refused, **solution.at_bounds}
     fixed = dict.fromkeys(solution.at_bounds, 0.0)
-    solved = Solved(solution.job, chosen.name, solution.observation, fit, no_number, drift, fixed, keep)
+    solved = Solved(solution.job, chosen, solution.observation, fit, no_number, drift, fixed, keep)
     estimate = judge(solved, chosen.residual_dof, task.checks.prune_percent)
     return replace(estimate, checks=examine(estimate, task, solution, drift, refused, extras))

@@ -3,116 +3,76 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, ClassVar
 
-from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.least_squares.delays import delay_rates, fit_with_delays
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.total_least_squares import fit_total
 from modelgen.runtime.least_squares.wls import fit_at, fit_matched, fit_paper
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.observation import Observation, observe, rows_by_tag
+from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.paper_rows import observe_paper
-from modelgen.runtime.rows.standstill_speeds import Survey
 
 if TYPE_CHECKING:
     from modelgen.runtime.iv.companion_simulation import Loop
 
 
-@dataclass(frozen=True, eq=False)
-class Job:
-    """What is to be estimated from what; see `modelgen.identify` for the options.
-
-    `late` names the force channels whose delay is estimated as well. `start` is a fit at other settings,
-    close to the one wanted; it saves rounds. `robust`, `bounds` and `at_zero` are for physical parameters
-    fitted to composites; other fits are treated afterwards, see `robust_and_bounded`. `surveys` are those of
-    an observation of the records with the same filter for directions, or nothing.
-    """
-
-    model: Model
-    records: tuple[Record, ...]
-    choice: FilterChoice
-    drop: int = 0
-    rows_for_tag: Mapping[str, Sequence[str]] | None = None
-    loop: Loop | None = None
-    late: tuple[str, ...] = ()
-    start: Fit | None = None
-    robust: str | None = None
-    bounds: str | None = None
-    at_zero: tuple[str, ...] = ()
-    surveys: tuple[Survey, ...] = ()
-
-    def observed(self, records: tuple[Record, ...], turns: bool = True) -> Observation:
-        """Return the rows of records that these stand for, delays compensated, say."""
-        rows = observe(self.model, records, self.choice, self.drop, turns, self.surveys)
-        return self.only_rows_for_tag(rows)
-
-    def observing(self, turns: bool = True) -> Callable[[tuple[Record, ...]], Observation]:
-        """Return the same for one alignment of the forces after another: directions stay, found once."""
-        surveys = [self.surveys]
-
-        def observed(records: tuple[Record, ...]) -> Observation:
-            rows = replace(self, surveys=surveys[0]).observed(records, turns)
-            surveys[0] = rows.surveys
-            return rows
-
-        return observed
-
-    def only_rows_for_tag(self, observation: Observation) -> Observation:
-        """Return the rows that the records' tags may feed."""
-        if self.rows_for_tag is None:
-            return observation
-        return rows_by_tag(observation, self.records, self.rows_for_tag)
-
-    def rates(self, fit: Fit, records: tuple[Record, ...], channel: str) -> tuple[FloatArray, ...]:
-        """Return d(Y - W X) / d tau of a force channel, shape (n,) a block of the fit, per s."""
-        return delay_rates(fit, self.model, records, self.choice, self.drop, channel)
-
-
 def run_wls(job: Job) -> tuple[Observation, Fit]:
     """Weighted least squares on matched-filtered rows."""
-    observed = job.observing()
+    observed = job.observing(job.turns)
 
     def run(records: tuple[Record, ...], _: Fit | None) -> tuple[Observation, Fit]:
         observation = observed(records)
         return observation, fit_matched(observation)
 
-    return fit_with_delays(job.records, job.late, run, job.rates) if job.late else run(job.records, None)
+    if job.effects:
+        return _with_effects(job, job.start or run(job.records, None)[1], False)
+    return job.with_delays(run)
+
+
+def _with_effects(job: Job, near: Fit, simulated: bool) -> tuple[Observation, Fit]:
+    from modelgen.runtime.iv.freed_effects import fit_with_effects
+    from modelgen.runtime.iv.instrumental_variables import Setting
+
+    setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
+    found = fit_with_effects(setting, job.calm, near, job.effects, simulated)
+    return found.observation, found.fit
 
 
 def run_iv(job: Job) -> tuple[Observation, Fit]:
-    """Instrumental variables on matched-filtered rows, started from their least-squares fit."""
-    # its simulation is loaded by those who use it only
+    """Instrumental variables on matched-filtered rows, without the samples near a reversal."""
     from modelgen.runtime.iv.composite_iv import fit_composites_iv
     from modelgen.runtime.iv.gauss_newton_step import Rules
     from modelgen.runtime.iv.instrumental_variables import Setting, fit_iv, iv_round
 
     observed = job.observing(turns=False)
 
+    setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
+
     def calm(records: tuple[Record, ...]) -> Observation:
         return observed(records).dense()
 
     if all_from_composites(job.model):
-        setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
         rules = Rules(job.robust is not None, job.bounds is not None, job.at_zero)
         return fit_composites_iv(setting, calm, job.late, job.start, rules)
 
     def run(records: tuple[Record, ...], start: Fit | None) -> tuple[Observation, Fit]:
         observation = calm(records)
-        setting = Setting(job.model, records, job.choice, job.drop, job.loop)
         start = start or job.start
         first = fit_matched(observation) if start is None else fit_at(observation, start)
+        here = replace(setting, records=records)
         if not job.late:
-            return observation, fit_iv(first, setting)
-        return observation, first if start is None else iv_round(first, setting)
+            return observation, fit_iv(first, here)
+        return observation, first if start is None else iv_round(first, here)
 
-    return fit_with_delays(job.records, job.late, run, job.rates) if job.late else run(job.records, None)
+    if job.effects:
+        return _with_effects(job, job.start or run(job.records, None)[1], True)
+    return job.with_delays(run)
 
 
 def run_pham2002(job: Job) -> tuple[Observation, Fit]:
@@ -190,11 +150,31 @@ class Method(ABC):
 
 @dataclass(frozen=True)
 class WLS(Method):
-    """Weighted least squares, every signal through the same zero-phase filter; options as for `Method`."""
+    """Weighted least squares, every signal through the same zero-phase filter; options as for `Method`.
+
+    Parameters
+    ----------
+    turns : bool
+        Whether to use the samples near a reversal. Without them, and where noise of the sensors does not
+        matter, what moves with the cut-off is model error.
+    """
+
+    turns: bool = True
 
     name = "wls"
-    title = "weighted least squares on matched-filtered rows"
     run = staticmethod(run_wls)
+
+    @property
+    def title(self) -> str:  # type: ignore[override]
+        """What it is called in a report."""
+        return "weighted least squares on matched-filtered rows" + (
+            "" if self.turns else " that keep off reversals"
+        )
+
+    @property
+    def consistent(self) -> bool:  # type: ignore[override]
+        """Whether what moves with the cut-off is model error."""
+        return not self.turns
 
 
 @dataclass(frozen=True)
@@ -243,4 +223,35 @@ class Pham2002(Method):
     run = staticmethod(run_pham2002)
 
 
-METHODS: Mapping[str, type[Method]] = {one.name: one for one in (WLS, IV, TLS, Pham2002)}
+@dataclass(frozen=True)
+class Auto(Method):
+    """The default: `IV`, or least squares where that finds nothing; the estimate says which it was, and why.
+
+    Delays of forces are estimated unless they are given; options as for `Method`.
+
+    Parameters
+    ----------
+    loop : Loop, optional
+        As for `IV`.
+    """
+
+    loop: Loop | None = None
+
+    name = "auto"
+    title = "instrumental variables, or least squares where these find nothing"
+    consistent = True
+    run = staticmethod(run_iv)
+
+    @property
+    def instrumental(self) -> IV:
+        """The same with instruments."""
+        return IV(**{one.name: getattr(self, one.name) for one in fields(self)})
+
+    @property
+    def least_squares(self) -> WLS:
+        """The same by least squares, without the samples near a reversal."""
+        options = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "loop"}
+        return WLS(**options, turns=False)
+
+
+METHODS: Mapping[str, type[Method]] = {one.name: one for one in (Auto, WLS, IV, TLS, Pham2002)}

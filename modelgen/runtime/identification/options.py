@@ -74,13 +74,13 @@ class CheckOptions:
     prune_percent: float = 10.0
 
 
-def values_of(method: str = "wls", **options: Any) -> dict[str, Any]:
+def values_of(method: str = "auto", **options: Any) -> dict[str, Any]:
     """Return flat options, as the command line has them, as the values that `modelgen.identify` takes.
 
     Parameters
     ----------
     method : str
-        "wls", "iv", "tls" or "pham2002".
+        "auto", "wls", "iv", "tls" or "pham2002".
     **options
         Options of that method, of `Filters` and of `CheckOptions`, by their names; others are handed on.
 

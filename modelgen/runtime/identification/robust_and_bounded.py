@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from modelgen.errors import Problem
-from modelgen.runtime.identification.methods import Job
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.huber import huber, huber_notes
@@ -19,7 +19,7 @@ from modelgen.runtime.parameters.bounds import PHYSICAL, BoundCost, bounded_fit,
 
 HUBER = "huber"
 # Methods whose fit is a (weighted, projected) least-squares problem that robust weights and bounds can enter.
-TREATABLE = ("wls", "iv")
+TREATABLE = ("auto", "wls", "iv")
 
 
 def treatment_problems(method: str, robust: str | None, bounds: str | None) -> list[Problem]:

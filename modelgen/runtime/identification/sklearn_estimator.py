@@ -46,7 +46,7 @@ class ChainEstimator:
     def __init__(
         self,
         model: Any,
-        method: str = "wls",
+        method: str = "auto",
         cutoff_hz: float | None = None,
         filter_order: int | None = None,
         decimation: int | None = None,

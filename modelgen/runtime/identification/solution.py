@@ -25,7 +25,9 @@ from modelgen.runtime.diagnostics.settings_drift import (
 )
 from modelgen.runtime.diagnostics.suspicious_samples import told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.identification.methods import WLS, Job
+from modelgen.runtime.identification.choose_method import begun
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import WLS
 from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.robust_and_bounded import Treatment, treat, unweighted
 from modelgen.runtime.identification.task import Task
@@ -59,6 +61,8 @@ class Solution:
         What bounds cost.
     job : Job
         What was done, for doing it again.
+    drift : array, shape (c, c)
+        Mean square of what effects would move that the residual shows and that were not estimated.
     """
 
     observation: Observation
@@ -71,6 +75,7 @@ class Solution:
     treatment: Treatment
     cost: BoundCost | None
     job: Job
+    drift: FloatArray
 
     @property
     def delays(self) -> dict[str, float]:
@@ -102,8 +107,8 @@ class Solution:
         return self.observation.surveys if same else ()
 
 
-def fitted(task: Task) -> Solution:
-    """Return the fit of an task, and what its records cannot answer.
+def fitted(task: Task) -> tuple[Task, Solution]:
+    """Return the task with the method that the default became, its fit, and what the records cannot answer.
 
     Raises
     ------
@@ -112,25 +117,28 @@ def fitted(task: Task) -> Solution:
     IdentifiabilityError
         When the records answer none of the parameters.
     """
-    model, job, method = task.model, task.job, task.method
     step("filtering and solving")
     with told_on_failure(task.doubts):
-        observation, plain = method.run(job)
+        start = begun(task)
+        task, told = start.task, start.found
+        model, job, method, plain = task.model, task.job, task.method, told.fit
         refused, advice = refusals(model, job.records, job.choice, plain, task.checks.keep)
         if all(name in refused for name in plain.columns):
             raise all_refused(refused)
     fit, treatment, cost = treat(plain, model, method.robust, method.bounds)
-    return Solution(
-        observation,
+    kept = [plain.columns.index(name) for name in fit.columns]
+    return task, Solution(
+        told.observation,
         plain,
         fit,
         unweighted(fit, plain),
         refused,
         bound_reasons(cost, fit) if cost else {},
-        (*task.doubts, *advice),
+        (*task.doubts, *told.advice, *advice),
         treatment,
         cost,
         treatment.job(job),
+        told.drift[np.ix_(kept, kept)],
     )
 
 

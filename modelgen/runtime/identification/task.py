@@ -15,7 +15,8 @@ from modelgen.runtime.diagnostics.hold_out import held_apart
 from modelgen.runtime.diagnostics.periods import periods_of
 from modelgen.runtime.diagnostics.suspicious_samples import suspicions, told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
-from modelgen.runtime.identification.methods import IV, Job, Method
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import IV, Auto, Method
 from modelgen.runtime.identification.options import CheckOptions, Filters, option_problems
 from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.model.model import Model, model_from_module
@@ -100,7 +101,7 @@ def prepared(
         choice,
         filters.drop or 0,
         rows_for_tags(model, method.rows_for_tag),
-        method.loop if isinstance(method, IV) else None,
+        method.loop if isinstance(method, (IV, Auto)) else None,
         late,
         robust=method.robust,
         bounds=method.bounds,

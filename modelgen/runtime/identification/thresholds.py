@@ -18,3 +18,21 @@ UNEXPLAINED = 0.9
 BETTER = 0.5
 # Solving again costs as much as the estimate: so many times at most.
 TRIES = 12
+
+# Noise of the sensors does not matter where it pulls least squares by less of a standard deviation than this.
+BIAS_SHARE = 0.2
+# Least squares and instruments disagree where they are so many standard deviations apart.
+DISAGREEMENT = 3.0
+# Where instruments find nothing, least squares stands in if noise pulls nothing by more than this share of
+# its value, and if no row leaves more than this share of its largest term.
+EXPLAINED = 0.3
+# Zeros are told where they bring what a row leaves down to this share.
+ZEROS_BETTER = 0.5
+
+# So many effects are estimated at most: the records do not hold more.
+MOST_EFFECTS = 3
+# Another effect explains the residual as well where it falls behind by less than this, as a chi square.
+AS_GOOD = 20.0
+# A row is left unexplained from this share of its largest term on, and this multiple of the sensors' noise.
+LEFT_SHARE = 0.3
+OVER_NOISE = 3.0

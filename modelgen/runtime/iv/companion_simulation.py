@@ -32,12 +32,26 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation, excitation_from_record
-from modelgen.runtime.simulation.motion import move, readings
+from modelgen.runtime.simulation.motion import Motion, move, readings, true_signals
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulation.thresholds import DAMPING_RATIO
 
 # An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
 REFERENCE = "reference"
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """A record as the model would have read it, noise-free.
+
+    `record` holds the channels, `motion` the signals of all bodies (``v_BODY`` and the like), `index` says
+    which of the records it is.
+    """
+
+    plant: Plant
+    record: Record
+    motion: Mapping[str, FloatArray]
+    index: int
 
 
 @dataclass(frozen=True)
@@ -75,20 +89,37 @@ def run_beside(
     DataError
         When the model cannot be simulated, the record lacks a force, or the motion grows without bound.
     """
+    plant, motion = _beside(model, parameters, record, choice, loop)
+    return _as_read(record, readings(plant, motion))
+
+
+def simulated_beside(
+    model: Model,
+    parameters: Mapping[str, float],
+    record: Record,
+    choice: FilterChoice,
+    loop: Loop | None = None,
+    index: int = 0,
+) -> Simulated:
+    """Return the same with the plant and the signals of all bodies; `index` says which record it is."""
+    plant, motion = _beside(model, parameters, record, choice, loop)
+    return Simulated(plant, _as_read(record, readings(plant, motion)), true_signals(plant, motion), index)
+
+
+def _beside(
+    model: Model, parameters: Mapping[str, float], record: Record, choice: FilterChoice, loop: Loop | None
+) -> tuple[Plant, Motion]:
     plant = make_plant(model, parameters)
     start = _initial_state(plant, record, choice)
     if loop is not None and REFERENCE in record.signals:
         excitation = replace(excitation_from_record(record, 1), forces=measured_forces(plant, record)[1])
-        motion = move(plant, loop.controller, loop.drive, excitation, start, 1)
-    else:
-        motion = move(plant, *_weak_feedback(plant, record, choice), start, 1)
-    true = readings(plant, motion)
-    return Record(
-        {key: true.get(key, samples) for key, samples in record.signals.items()},
-        record.fs,
-        record.name,
-        record.tag,
-    )
+        return plant, move(plant, loop.controller, loop.drive, excitation, start, 1)
+    return plant, move(plant, *_weak_feedback(plant, record, choice), start, 1)
+
+
+def _as_read(record: Record, true: Mapping[str, FloatArray]) -> Record:
+    signals = {key: true.get(key, samples) for key, samples in record.signals.items()}
+    return Record(signals, record.fs, record.name, record.tag)
 
 
 def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
@@ -154,8 +185,10 @@ def nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, flo
         what = "has sensors of deflections only: nothing shows where the simulated model should be"
         raise DataError.at(record.name, what, "use method wls")
     best = min(sensors, key=lambda sensor: (sensor.order, sensor.body != body))
-    ratio = rigid[plant.bodies.index(body)] / rigid[plant.bodies.index(best.body or "")]
-    return best, float(ratio)
+    own, seen = rigid[plant.bodies.index(body)], rigid[plant.bodies.index(best.body or "")]
+    if not (np.isfinite(own) and np.isfinite(seen) and seen):
+        raise DataError.at("simulation", f"{body} and {best.key} do not move together", "use method wls")
+    return best, float(own / seen)
 
 
 def _initial_state(plant: Plant, record: Record, choice: FilterChoice) -> FloatArray:

@@ -145,9 +145,15 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
 
 
 def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
-    """Return the instrumental-variable fit with instruments Z, shape (n, columns) a block, and new weights.
+    """Return the fit with instruments Z, shape (n, columns) a block, and weights from the residuals."""
+    return two_stage(weighed(fit), Z)
 
-    They come from the residuals. No residual counts as smaller than what sampling and filters allow: a load
+
+def weighed(fit: Fit) -> Fit:
+    """Return the fit with weights from its residuals.
+
+
+    No residual counts as smaller than what sampling and filters allow: a load
     row that is nearly exact would outweigh the forces, which alone fix the scale.
     """
     tiny = float(np.finfo(float).tiny)
@@ -156,7 +162,7 @@ def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
         samples = np.sqrt(max(len(residual), 1))
         least = EXACTNESS * block.terms_norm(fit.solution.x) / samples
         weights.append(1.0 / max(float(np.linalg.norm(residual) / samples), least, tiny))
-    return two_stage(replace(fit, weights=tuple(weights), notes=()), Z)
+    return replace(fit, weights=tuple(weights), notes=())
 
 
 def simulation_parameters(

@@ -69,3 +69,38 @@ TRIED_DAMPING = 0.5
 NEAR_ENOUGH = 1e-4
 # Samples at both ends where differences are poor.
 EDGE = 10
+
+# A low-pass of first order is followed for so many time constants, and a few samples more;
+LAGS, SHORTEST_REACH = 14.0, 16
+# its frequency response is exact up to this share of the sampling frequency,
+KEPT = 0.3
+# and sampled so many times finer than the time it is followed for.
+RESOLVED = 8
+# Speeds at which Stribeck friction is tried, as quantiles of the speed.
+STRIBECK_QUANTILE = 0.1
+
+# An effect with less than this share of itself outside of the regressors cannot be told from them.
+LEAST_OWN_SHARE = 1e-5
+# Level of all tests together.
+LEVEL = 1e-2
+# An effect matters from this share of the residual's power, or where it moves a parameter by so many
+# standard deviations.
+LEAST_EXPLAINED = 0.03
+LEAST_MOVE = 0.5
+# What adds more than this share of the largest term to the rows is no effect that was overlooked.
+LARGEST_SHARE = 0.5
+
+# Rounds with effects, at most.
+EFFECT_ROUNDS = 25
+# Done when nothing moves by more than this share of its standard deviation, or of its value.
+EFFECT_MOVE = 0.1
+EFFECT_CHANGE = 1e-6
+# Steps become shorter by this factor where they turn back.
+SHORTER = 0.6
+
+# An effect is tried at this share of the readings' size: small, so that directions of motion do not change.
+TRIED_SHARE = 1e-5
+
+# The chain is held by a feedback of this share of its lowest elastic frequency, or of the highest in the
+# record: any will do, as rows do not feel it.
+HOLDING_SHARE = 0.1

@@ -38,7 +38,9 @@ Run = Callable[[tuple[Record, ...], Fit | None], tuple[Observation, Fit]]
 # fit, records, channel -> how Y - W X changes with the channel's delay, one array a block
 Rates = Callable[[Fit, tuple[Record, ...], str], tuple[FloatArray, ...]]
 
-# A delay beyond this, in samples, is no small misalignment any more.
+# fit -> delays in s to start from
+First = Callable[[Fit], Mapping[str, float]]
+
 POINTS = 8
 
 
@@ -98,7 +100,7 @@ def with_holds(records: Sequence[Record], channels: Sequence[str]) -> tuple[Reco
 
 
 def fit_with_delays(
-    records: tuple[Record, ...], channels: Sequence[str], run: Run, rates_of: Rates
+    records: tuple[Record, ...], channels: Sequence[str], run: Run, rates_of: Rates, first_of: First
 ) -> tuple[Observation, Fit]:
     """Estimate delays of force channels together with the parameters, by Gauss-Newton steps.
 
@@ -111,6 +113,8 @@ def fit_with_delays(
         Takes records, and a fit to start from once there is one, to rows and their fit: one round of it.
     rates_of : callable
         Takes a fit, its records and a channel to what `delay_rates` returns.
+    first_of : callable
+        Takes the first fit to the delays to start from, in s.
 
     Returns
     -------
@@ -123,7 +127,7 @@ def fit_with_delays(
         When the rounds do not come to rest.
     """
     sample = 1.0 / min(record.fs for record in records)
-    delays = dict.fromkeys(channels, 0.0)
+    delays = dict(first_of(run(records, None)[1]))
     start: Fit | None = None
     for _ in range(DELAY_ROUNDS):
         moved = tuple(advanced(record, delays) for record in records)

@@ -10,7 +10,7 @@ SMALLEST_STEP = 1e-4
 # A parameter rests when it moves by less than this share of itself.
 SMALLEST_CHANGE = 1e-6
 # A delay beyond this, in samples, is no small misalignment any more.
-LARGEST_DELAY = 20.0
+LARGEST_DELAY = 50.0
 
 # Correlations beyond this make the plug-in bandwidth explode; Andrews and Monahan (1992) cut there, too.
 LARGEST_CORRELATION = 0.97
@@ -51,3 +51,10 @@ SMALLEST_RESIDUAL = 1e-12
 LOAD_ROW_SHARE = 0.2
 # A load row whose terms shrink to less than this when it is weighted freely is on its way to zero.
 RUNAWAY_SHRINKAGE = 0.8
+
+# Delays in samples that are looked at.
+EARLIEST, LATEST = -12, 40
+# A delay is worth starting from where it leaves less than this share of the residual without it.
+COARSE_BETTER = 0.9
+# Samples of a record and row that are looked at.
+LOOKED_AT = 20_000

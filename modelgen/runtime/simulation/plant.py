@@ -96,8 +96,6 @@ class Plant:
         The direct model holds it only multiplied by the equations of motion: C is it times the lower half of
         A, likewise with B and E, whatever the parameters; random ones make the equations independent.
         """
-        if not self.model.cubic_springs:
-            return np.zeros((len(self.model.sensors), len(self.bodies)))
         draws = np.random.default_rng(0).uniform(1.0, 2.0, len(self.parameters))
         space = self.model.state_space(dict(zip(self.parameters, draws.tolist(), strict=True)), {})
         motion = np.hstack((space.A, space.B, space.E))[len(self.bodies) :]

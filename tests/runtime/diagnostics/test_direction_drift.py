@@ -7,7 +7,8 @@ import numpy as np
 from modelgen.runtime.diagnostics.settings_drift import direction_drift
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.fit import Fit
 from tests.runtime.rigid_motion import CHOICE, FS, RIGID, SETTINGS, TRUTH, rigid_record, swings

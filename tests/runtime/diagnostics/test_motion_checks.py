@@ -11,7 +11,8 @@ import pytest
 from generated import emps300_qm_qc, emps_rigid_asymmetric_qm, three_mass_va_vb_vc
 from modelgen.runtime.diagnostics.motion_checks import band_above_filter, one_way_friction, resting_bodies
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record

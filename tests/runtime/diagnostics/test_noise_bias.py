@@ -9,7 +9,8 @@ from generated import emps300_qm_ac
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record

@@ -9,7 +9,8 @@ import pytest
 from modelgen.errors import DataError
 from modelgen.runtime.diagnostics.periods import period_advice, period_spread, periods_of, spread_beyond_noise
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
 from modelgen.runtime.records.record import Record

@@ -10,7 +10,8 @@ from modelgen.runtime.diagnostics.residual_tests import repeated_share, residual
 from modelgen.runtime.diagnostics.residual_whiteness import coloured, whiteness
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_matched

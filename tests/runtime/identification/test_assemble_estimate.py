@@ -6,7 +6,7 @@ import pytest
 from generated import emps300_qm_qc
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.assemble_estimate import Solved, judge, row_diagnostics
-from modelgen.runtime.identification.methods import Job
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.rows.observation import Observation, RowBlock

@@ -4,7 +4,8 @@ import numpy as np
 
 from generated import emps_rigid_qm
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 

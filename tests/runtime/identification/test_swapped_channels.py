@@ -12,7 +12,8 @@ from generated import emps300_qm_ac, emps300_qm_qc, three_mass_qa_qb_qc, two_mas
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.model.model import Model, model_from_module

@@ -17,7 +17,8 @@ from modelgen.runtime.diagnostics.cutoff_agreement import (
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.reversals import turns
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model, model_from_module

@@ -13,7 +13,8 @@ from generated import emps300_qm_ac, emps300_qm_qc
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.iv import instrumental_variables
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside

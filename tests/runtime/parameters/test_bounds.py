@@ -6,7 +6,8 @@ from scipy.optimize import lsq_linear
 
 from generated import emps300_qm_qc, emps_rigid_asymmetric_qm, three_mass_qa_qb_qc
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import model_from_module

@@ -9,7 +9,8 @@ from generated import emps300_qm_ac, emps300_qm_qc
 from modelgen.cli.arguments import load_chain
 from modelgen.cli.candidates import Candidates, candidate_models
 from modelgen.errors import DataError
-from modelgen.runtime.identification.methods import METHODS, Job
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.planning import predicted_precision as predictions
 from modelgen.runtime.planning.monte_carlo import Spread, misorders, monte_carlo, worst_spread

@@ -1,0 +1,189 @@
+"""What the default method becomes: instruments, or least squares where these find nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.progress import step
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.identification.explain_residual import Explained, explained, found_by
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import IV, Auto, Method
+from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.thresholds import BIAS_SHARE, DISAGREEMENT, EXPLAINED, ZEROS_BETTER
+from modelgen.runtime.iv.freed_effects import fit_with_effects
+from modelgen.runtime.iv.instrumental_variables import Setting
+from modelgen.runtime.iv.model_errors import zero_effects
+from modelgen.runtime.least_squares.coarse_delays import coarse_delays
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.parameters.physical_parameters import all_from_composites
+from modelgen.runtime.rows.observation import Observation
+
+
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """A task whose method has been run: rows and their fit, and what the residual says."""
+
+    task: Task
+    found: Explained
+
+
+def begun(task: Task) -> Begun:
+    """Return a task with its method run; the default method becomes one of two.
+
+    Raises
+    ------
+    DataError
+        When a record is too short for the filter.
+    IdentifiabilityError
+        When the records answer none of the parameters.
+    """
+    method = task.method
+    if not isinstance(method, Auto):
+        return _ran(task, method)
+    try:
+        first = _instrumental(task, method.instrumental)
+    except (IdentifiabilityError, DataError) as error:
+        return _stand_in(task, method, error)
+    if first.found.fit.carried is not None:
+        return _with_note(first, "method iv, in the physical parameters")
+    plain, bias = _least_squares_of(first)
+    apart = _apart(first.found.fit, plain, bias)
+    if not np.any(apart):
+        return _with_note(first, "method iv: instruments, which noise of the sensors does not pull")
+    return _disagreeing(first, apart)
+
+
+def _instrumental(task: Task, method: IV) -> Begun:
+    """Return instruments; where a row is left unexplained, with the zeros of positions estimated as well."""
+    plain: Begun | IdentifiabilityError
+    try:
+        plain = _ran(task, method)
+        left = _left(plain.found.fit)
+    except IdentifiabilityError as error:
+        plain, left = error, np.inf
+    if left > EXPLAINED:
+        try:
+            found = _with_zeros(task, method)
+        except (IdentifiabilityError, DataError):
+            found = None
+        if found is not None and _left(found.found.fit) < ZEROS_BETTER * left:
+            return found
+    if isinstance(plain, IdentifiabilityError):
+        raise plain
+    return plain
+
+
+def _left(fit: Fit) -> float:
+    """Return the largest share of its largest term that a row leaves on a record."""
+    return max(
+        float(np.linalg.norm(residual)) / (block.terms_norm(fit.solution.x) or 1.0)
+        for block, residual in zip(fit.blocks, fit.residuals, strict=True)
+    )
+
+
+def _ran(task: Task, method: Method) -> Begun:
+    job = replace(task.job, turns=getattr(method, "turns", True))
+    observation, fit = method.run(job)
+    if not (method.consistent and task.checks.drift_check):
+        found = Explained(observation, fit, (), np.zeros((len(fit.columns),) * 2), ())
+        return Begun(replace(task, method=method, job=job), found)
+    step("looking for what the model lacks")
+    found = explained(job, found_by(job, observation, fit), fit, isinstance(method, IV))
+    return Begun(replace(task, method=method, job=replace(job, effects=found.effects)), found)
+
+
+def _with_zeros(task: Task, method: IV) -> Begun | None:
+    """Return instruments with the zeros of positions estimated from the start; None where there are none.
+
+    Where zeros differ by more than deflections, a link seems to carry a constant force that nothing
+    explains, and nothing comes out without them.
+    """
+    job, zeros = task.job, zero_effects(task.model, len(task.records))
+    if not zeros or all_from_composites(task.model):
+        return None
+    step("estimating zeros")
+    setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
+    start = _about_means(job)
+    freed = fit_with_effects(setting, job.calm, start, zeros)
+    found = explained(job, freed, start, True, zeros)
+    advice = Advice(
+        "zeros",
+        ", ".join(dict.fromkeys(zero.name for zero in zeros)),
+        "are estimated with the parameters: the readings of positions do not begin at a common zero",
+        "subtract the readings at rest, where the links carry no force",
+    )
+    found = replace(found, advice=(advice, *found.advice))
+    return Begun(replace(task, method=method, job=replace(job, effects=found.effects)), found)
+
+
+def _about_means(job: Job) -> Fit:
+    """Return least squares of the rows with a constant in each block, which takes up zeros."""
+    observation = job.calm(job.records)
+    plain = fit_matched(observation)
+    c, count = len(plain.columns), len(plain.blocks)
+    blocks = tuple(
+        replace(block, W=np.column_stack([block.W, np.tile(np.eye(count)[index], (len(block.place), 1))]))
+        for index, block in enumerate(plain.blocks)
+    )
+    names = tuple(f"constant {index}" for index in range(count))
+    larger = fit_matched(Observation(plain.columns + names, blocks))
+    values = dict(zip(larger.columns, larger.solution.x.tolist(), strict=True))
+    x = np.array([values[name] for name in plain.columns])
+    late = coarse_delays(larger, job.model, job.records, job.choice, job.late)
+    delays = tuple((channel, delay, 0.0) for channel, delay in late.items())
+    return replace(plain, solution=replace(plain.solution, x=x[:c]), delays=delays)
+
+
+def _with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:
+    found = one.found
+    fit = replace(found.fit, notes=(note, *found.fit.notes))
+    return replace(one, found=replace(found, fit=fit, drift=found.drift if drift is None else drift))
+
+
+def _least_squares_of(one: Begun) -> tuple[Fit, FloatArray]:
+    """Return least squares of the rows that instruments were used on, and how far noise pulls it."""
+    fit, task = one.found.fit, one.task
+    plain = fit_matched(Observation(fit.columns, fit.blocks))
+    return plain, noise_bias(task.model, task.records, task.choice, plain)
+
+
+def _apart(fit: Fit, plain: Fit, bias: FloatArray) -> FloatArray:
+    """Return by how much least squares differs where neither noise nor chance explains it, shape (c,)."""
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    move = plain.solution.x - fit.solution.x
+    told = (np.abs(bias) < BIAS_SHARE * spread) & (np.abs(move) > DISAGREEMENT * spread)
+    return np.where(told, move, 0.0)
+
+
+def _disagreeing(first: Begun, apart: FloatArray) -> Begun:
+    """Return what is told where methods disagree that a right model would make agree."""
+    fit = first.found.fit
+    most = int(np.argmax(np.abs(apart) / np.maximum(np.abs(fit.solution.x), np.finfo(float).tiny)))
+    note = (
+        f"method iv; least squares, which noise hardly pulls here, differs (most in {fit.columns[most]}, by "
+        f"{100.0 * abs(apart[most] / fit.solution.x[most]):.2g} %): the model lacks something, and the "
+        "intervals are widened by that"
+    )
+    return _with_note(first, note, first.found.drift + np.outer(apart, apart))
+
+
+def _stand_in(task: Task, method: Auto, error: IdentifiabilityError | DataError) -> Begun:
+    """Return least squares where instruments find nothing, if it can be trusted; else raise that error."""
+    try:
+        found = _ran(task, method.least_squares)
+    except (IdentifiabilityError, DataError):
+        raise error from None
+    fit = found.found.fit
+    bias = noise_bias(task.model, task.records, task.choice, fit)
+    if np.any(np.abs(bias) > EXPLAINED * np.abs(fit.solution.x)) or _left(fit) > EXPLAINED:
+        raise error
+    note = f"method wls: instruments find nothing ({error.problems[0].what}); noise pulls it little"
+    return _with_note(found, note, found.found.drift + np.outer(bias, bias))

@@ -1,0 +1,215 @@
+"""What the residual of a fit with instruments says of the model, and the fit with that taken into account.
+
+Effects that the residual shows (`score_tests`) are estimated together with the parameters, one at a time, the
+one that explains most first. Where another effect explains the residual as well, or one is left that cannot
+be estimated, the intervals are widened by what it would move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.row_noise import row_noise
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.thresholds import AS_GOOD, LEFT_SHARE, MOST_EFFECTS, OVER_NOISE
+from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
+from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
+from modelgen.runtime.iv.instrumental_variables import Setting
+from modelgen.runtime.iv.model_errors import Effect, effects_of
+from modelgen.runtime.iv.score_tests import Score, scores
+from modelgen.runtime.least_squares.delays import advanced
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.projected_least_squares import two_stage
+from modelgen.runtime.rows.observation import Observation, RowBlock
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """A fit with what its residual shows taken into account.
+
+    Attributes
+    ----------
+    observation : Observation
+    fit : Fit
+    effects : tuple of Effect
+        Estimated with the parameters.
+    drift : array, shape (c, c)
+        Mean square of what other effects would move.
+    advice : tuple of Advice
+    """
+
+    observation: Observation
+    fit: Fit
+    effects: tuple[Effect, ...]
+    drift: FloatArray
+    advice: tuple[Advice, ...]
+
+
+def explained(
+    job: Job, now: Freed, fit: Fit, instrumental: bool, effects: tuple[Effect, ...] = ()
+) -> Explained:
+    """Return the fit with the effects that its residual shows.
+
+    Parameters
+    ----------
+    job : Job
+        Of the fit.
+    now : Freed
+        What it found.
+    fit : Fit
+        To start from when effects are estimated.
+    instrumental : bool
+        Whether it is one with instruments, else least squares.
+    effects : tuple of Effect
+        Those that were estimated already.
+    """
+    c, given = len(fit.columns), len(effects)
+    drift, advice = np.zeros((c, c)), list[Advice]()
+    slope = _slope(job, fit)
+    while True:
+        found = _scores(job, now, effects, slope)
+        shown = [one for one in found if one.matters and one.effect.possible(one.size)]
+        if not shown:
+            break
+        best = shown[0]
+        others = _as_good(shown)
+        freed = None
+        if fit.carried is None and len(effects) < given + MOST_EFFECTS:
+            freed = _freed(job, fit, (*effects, best.effect), instrumental)
+        if freed is None:
+            drift = drift + np.outer(best.move, best.move)
+            advice.append(_left(best, others))
+            break
+        for other in others:
+            apart = other.move - best.move
+            drift = drift + np.outer(apart, apart) / len(others)
+        now, effects = freed, (*effects, best.effect)
+        advice.append(_estimated(best.effect, freed.sizes[-1], others))
+    weighed, told = other_weights(job, now.fit)
+    return Explained(now.observation, now.fit, effects, drift + weighed, (*advice, *told))
+
+
+def found_by(job: Job, observation: Observation, fit: Fit) -> Freed:
+    """Return a fit without effects as what `explained` starts from."""
+    return Freed(observation, fit, _setting(job, fit))
+
+
+def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:
+    """Return what other weights of rows and records move, where a row is left unexplained, and what is said.
+
+    Weights from residuals hide a row that the model does not explain; weights from the rows' own size do not.
+
+    Returns
+    -------
+    array, shape (c, c)
+        Mean square of the move, and the covariance with those weights.
+    tuple of Advice
+    """
+    c = len(fit.columns)
+    left = [] if fit.carried is not None else _unexplained(job, fit)
+    if not left or len(fit.blocks) < 2:
+        return np.zeros((c, c)), ()
+    sizes = [
+        block.terms_norm(fit.solution.x) / float(np.sqrt(len(block.place))) or 1.0 for block in fit.blocks
+    ]
+    weighed = replace(fit, weights=tuple(1.0 / size for size in sizes))
+    other = two_stage(weighed, fit.regressors)
+    move = other.solution.x - fit.solution.x
+    advice = Advice(
+        "unexplained",
+        ", ".join(f"{block.record_name}, row {block.row_name}" for block, _ in left),
+        f"leaves up to {100.0 * max(share for _, share in left):.0f} % of its largest term, more than noise "
+        "explains: dynamics that the model lacks (a further mass, a resonance, backlash); the intervals "
+        "hold what these rows would move",
+        "identify from each record alone and compare, or add what is missing to the spec",
+    )
+    return np.outer(move, move) + hac_covariance(other), (advice,)
+
+
+def _unexplained(job: Job, fit: Fit) -> list[tuple[RowBlock, float]]:
+    """Return the blocks whose residual is large against their terms and against noise, and its share."""
+    found, x = [], fit.all_parameters(job.model.base_parameters)
+    for block, residual in zip(fit.blocks, fit.residuals, strict=True):
+        rms = float(np.sqrt(np.mean(residual**2)))
+        share = rms * float(np.sqrt(len(block.place))) / (block.terms_norm(fit.solution.x) or 1.0)
+        noise = row_noise(job.model, job.records[block.record], job.choice, block.row, x)
+        if share > LEFT_SHARE and rms > OVER_NOISE * noise:
+            found.append((block, share))
+    return found
+
+
+def _setting(job: Job, fit: Fit) -> Setting:
+    delays = {channel: delay for channel, delay, _ in fit.delays}
+    records = tuple(advanced(record, delays) for record in job.records)
+    return Setting(job.model, records, job.choice, job.drop, job.loop)
+
+
+def _slope(job: Job, fit: Fit) -> FloatArray | None:
+    """Return how the columns grow with the physical parameters, where those were fitted in their place."""
+    values = fit.physical(job.model.parameters)
+    if values is None:
+        return None
+    places = [job.model.base_parameters.index(name) for name in fit.columns]
+    return job.model.base_jacobian(values)[places]
+
+
+def _scores(job: Job, now: Freed, estimated: Sequence[Effect], slope: FloatArray | None) -> tuple[Score, ...]:
+    try:
+        simulated = simulated_records(now.fit, now.setting)
+    except IdentifiabilityError:
+        return ()
+    known = {effect.name for effect in estimated}
+    every = effects_of(job.model, simulated[0].plant.bodies, len(job.records))
+    tested = [effect for effect in every if effect.name not in known]
+    others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
+                                 for channel, _, _ in now.fit.delays)  # fmt: skip
+    return scores(now.fit, tested, effect_rows(now.fit, now.setting, simulated, tested), others, slope)
+
+
+def _as_good(shown: Sequence[Score]) -> list[Score]:
+    """Return the effects that explain the residual nearly as well as the first."""
+    best = shown[0]
+    per_share = (best.size / best.std) ** 2 / best.explained
+    return [one for one in shown[1:] if per_share * (best.explained - one.explained) < AS_GOOD]
+
+
+def _freed(job: Job, fit: Fit, effects: tuple[Effect, ...], instrumental: bool) -> Freed | None:
+    setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
+    try:
+        found = fit_with_effects(setting, job.calm, fit, effects, instrumental)
+    except IdentifiabilityError:
+        return None
+    possible = all(effect.possible(size) for effect, size in zip(effects, found.sizes, strict=True))
+    return found if possible else None
+
+
+def _estimated(effect: Effect, size: float, others: Sequence[Score]) -> Advice:
+    return Advice(
+        "more than the model",
+        "the residual",
+        f"shows that {effect.said(size)}; that is estimated with the parameters{_or(others)}",
+        effect.remedy,
+    )
+
+
+def _left(best: Score, others: Sequence[Score]) -> Advice:
+    return Advice(
+        "more than the model",
+        "the residual",
+        f"shows that {best.effect.said(best.size)}{_or(others)}; the intervals hold what that moves",
+        best.effect.remedy,
+    )
+
+
+def _or(others: Sequence[Score]) -> str:
+    if not others:
+        return ""
+    listed = "; or ".join(one.effect.said(one.size) for one in others[:3])
+    return f" (or {listed}: the intervals hold for either)"

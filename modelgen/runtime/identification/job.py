@@ -1,0 +1,87 @@
+"""Job: what is to be estimated from what, and the rows that it asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.least_squares.coarse_delays import coarse_delays
+from modelgen.runtime.least_squares.delays import Run, delay_rates, fit_with_delays
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import Observation, observe, rows_by_tag
+from modelgen.runtime.rows.standstill_speeds import Survey
+
+if TYPE_CHECKING:
+    from modelgen.runtime.iv.companion_simulation import Loop
+    from modelgen.runtime.iv.model_errors import Effect
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """What is to be estimated from what; see `modelgen.identify` for the options.
+
+    `late` names the force channels whose delay is estimated as well. `start` is a fit at other settings,
+    close to the one wanted; it saves rounds. `robust`, `bounds` and `at_zero` are for physical parameters
+    fitted to composites; other fits are treated afterwards, see `robust_and_bounded`. `surveys` are those of
+    an observation of the records with the same filter for directions, or nothing. `effects` are what the
+    model lacks and is estimated as well; `turns` says whether least squares uses samples near a reversal.
+    """
+
+    model: Model
+    records: tuple[Record, ...]
+    choice: FilterChoice
+    drop: int = 0
+    rows_for_tag: Mapping[str, Sequence[str]] | None = None
+    loop: Loop | None = None
+    late: tuple[str, ...] = ()
+    start: Fit | None = None
+    robust: str | None = None
+    bounds: str | None = None
+    at_zero: tuple[str, ...] = ()
+    surveys: tuple[Survey, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    turns: bool = True
+
+    def observed(self, records: tuple[Record, ...], turns: bool = True) -> Observation:
+        """Return the rows of records that these stand for, delays compensated, say."""
+        rows = observe(self.model, records, self.choice, self.drop, turns, self.surveys)
+        return self.only_rows_for_tag(rows)
+
+    def observing(self, turns: bool = True) -> Callable[[tuple[Record, ...]], Observation]:
+        """Return the same for one alignment of the forces after another: directions stay, found once."""
+        surveys = [self.surveys]
+
+        def observed(records: tuple[Record, ...]) -> Observation:
+            rows = replace(self, surveys=surveys[0]).observed(records, turns)
+            surveys[0] = rows.surveys
+            return rows
+
+        return observed
+
+    def only_rows_for_tag(self, observation: Observation) -> Observation:
+        """Return the rows that the records' tags may feed."""
+        if self.rows_for_tag is None:
+            return observation
+        return rows_by_tag(observation, self.records, self.rows_for_tag)
+
+    def calm(self, records: tuple[Record, ...]) -> Observation:
+        """Return the rows without the samples around reversals, which a consistent estimate must not use."""
+        return self.observed(records, turns=False).dense()
+
+    def with_delays(self, run: Run) -> tuple[Observation, Fit]:
+        """Return the rows and the fit of `run`, delays of forces estimated where they are asked for."""
+        if not self.late:
+            return run(self.records, None)
+        return fit_with_delays(self.records, self.late, run, self.rates, self._first_delays)
+
+    def _first_delays(self, fit: Fit) -> Mapping[str, float]:
+        return coarse_delays(fit, self.model, self.records, self.choice, self.late)
+
+    def rates(self, fit: Fit, records: tuple[Record, ...], channel: str) -> tuple[FloatArray, ...]:
+        """Return how the mismatch of a fit's rows changes with the delay of a force channel."""
+        return delay_rates(fit, self.model, records, self.choice, self.drop, channel)

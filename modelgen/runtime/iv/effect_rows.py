@@ -1,0 +1,92 @@
+"""How the mismatch Y - W X of a fit's rows grows with the size of an effect that the model lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import DataError
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.iv.companion_simulation import Simulated, possible, simulated_beside
+from modelgen.runtime.iv.instrumental_variables import Setting, diverged, simulation_parameters
+from modelgen.runtime.iv.model_errors import Changes, Effect
+from modelgen.runtime.iv.thresholds import TRIED_SHARE
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.record_rows import matched_rows
+from modelgen.runtime.rows.row_terms import row_terms
+from modelgen.runtime.rows.standstill_speeds import NOTHING
+
+
+def simulated_records(fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
+    """Return what a simulation with a fit's parameters reads, record by record.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When the simulation fails.
+    """
+    model = setting.model
+    values = possible(model, simulation_parameters(model, fit))
+    try:
+        return tuple(
+            simulated_beside(model, values, record, setting.choice, setting.loop, index)
+            for index, record in enumerate(setting.records)
+        )
+    except DataError as error:
+        raise diverged(f"its simulation fails ({error.problems[0].what})") from error
+
+
+def effect_rows(
+    fit: Fit, setting: Setting, simulated: Sequence[Simulated], effects: Sequence[Effect]
+) -> tuple[tuple[FloatArray, ...], ...]:
+    """Return d(Y - W X) / d size of each effect: one array a block of the fit, shape (n,)."""
+    blocks: dict[int, list[int]] = {}
+    for index, block in enumerate(fit.blocks):
+        blocks.setdefault(block.record, []).append(index)
+    found = [[np.zeros(len(block.place)) for block in fit.blocks] for _ in effects]
+    for record, indices in blocks.items():
+        one = simulated[record]
+        calm = _mismatch(fit, setting, one.record, record)
+        for effect, rows in zip(effects, found, strict=True):
+            changes = effect.changes(one)
+            size = _tried_size(one.record, changes)
+            if size == 0.0:
+                continue
+            changed = _mismatch(fit, setting, _changed(one.record, changes, size), record)
+            for index in indices:
+                block = fit.blocks[index]
+                rows[index] = (changed[block.row] - calm[block.row])[block.place] / size
+    return tuple(tuple(rows) for rows in found)
+
+
+def _mismatch(fit: Fit, setting: Setting, record: Record, index: int) -> tuple[FloatArray, ...]:
+    """Return Y - W X of every row of the model on a record, at all samples of the grid."""
+    model: Model = setting.model
+    choice: FilterChoice = setting.choice
+    x = fit.all_parameters(model.base_parameters)
+    rows = matched_rows(model, record, choice, choice.decimation[index], setting.drop, survey=NOTHING)
+    return tuple(
+        lines[-1] - x[list(terms.columns)] @ lines[:-1]
+        for terms, lines in zip(row_terms(model), rows.lines(), strict=True)
+    )
+
+
+def _tried_size(record: Record, changes: Changes) -> float:
+    shares = [
+        float(np.std(record.signals[key])) / float(np.max(np.abs(change)))
+        for key, change in changes.items()
+        if np.any(change)
+    ]
+    return TRIED_SHARE * min(shares, default=0.0)
+
+
+def _changed(record: Record, changes: Mapping[str, FloatArray], size: float) -> Record:
+    signals = {
+        key: samples + size * changes[key] if key in changes else samples
+        for key, samples in record.signals.items()
+    }
+    return Record(signals, record.fs, record.name, record.tag)

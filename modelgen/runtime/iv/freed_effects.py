@@ -1,0 +1,170 @@
+"""A fit in which effects that the model lacks are estimated as well, and delays of forces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
+from modelgen.runtime.iv.instrumental_variables import Setting, diverged, instruments, weighed
+from modelgen.runtime.iv.model_errors import Effect
+from modelgen.runtime.iv.thresholds import EFFECT_CHANGE, EFFECT_MOVE, EFFECT_ROUNDS, SHORTER
+from modelgen.runtime.least_squares.delays import advanced, delay_rates
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
+from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
+from modelgen.runtime.least_squares.wls import fit_at
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import Observation
+
+Rows = Callable[[tuple[Record, ...]], Observation]
+Grown = tuple[tuple[FloatArray, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Freed:
+    """Rows and their fit with effects estimated: Y lacks what they add, their columns are projected out.
+
+    Attributes
+    ----------
+    setting : Setting
+        With the records' delays compensated.
+    sizes, stds : tuple of float
+        Of the effects.
+    others : tuple of tuple of array
+        How Y - W X grows with delays and effects, one array a block each.
+    """
+
+    observation: Observation
+    fit: Fit
+    setting: Setting
+    sizes: tuple[float, ...] = ()
+    stds: tuple[float, ...] = ()
+    others: Grown = ()
+
+
+def fit_with_effects(
+    setting: Setting, rows: Rows, start: Fit, effects: Sequence[Effect], instrumental: bool = True
+) -> Freed:
+    """Estimate parameters, delays and effects together, from a fit without the effects.
+
+    Parameters
+    ----------
+    setting : Setting
+        `records` as measured.
+    rows : callable
+        Takes records to their rows.
+    start : Fit
+        Its delays are those to be estimated on.
+    effects : sequence of Effect
+    instrumental : bool
+        Whether with instruments, else by least squares.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When the rounds do not come to rest.
+    """
+    delays = {channel: delay for channel, delay, _ in start.delays}
+    sample = 1.0 / min(record.fs for record in setting.records)
+    c, now, sizes = len(start.columns), start, np.zeros(len(effects))
+    length, before = 1.0, np.zeros(c + len(delays) + len(effects))
+    edited = np.array([effect.edit is not None for effect in effects])
+    for _ in range(EFFECT_ROUNDS):
+        here = replace(setting, records=_corrected(setting.records, delays, effects, sizes))
+        observation = rows(tuple(here.records))
+        plain = fit_at(observation, now)
+        if plain.columns != start.columns:
+            raise diverged("its columns change")
+        simulated = simulated_records(plain, here)
+        Z = plain.regressors
+        if instrumental:
+            Z = instruments(plain, here, {index: one.record for index, one in enumerate(simulated)})
+        grown = effect_rows(plain, here, simulated, effects)
+        late = _late_rows(plain, here, delays)
+        # what is set right in the records leaves only the step to its size in the rows
+        left = np.where(edited, 0.0, sizes)
+        larger = _with_columns(plain, Z, (*late, *grown), left, len(late))
+        x, steps = larger.solution.x[:c], larger.solution.x[c:]
+        if not np.all(np.isfinite(larger.solution.x)):
+            raise diverged("its estimate is not finite")
+        spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))
+        moves = np.r_[x - plain.solution.x, steps[: len(late)], steps[len(late) :] - left]
+        size = np.r_[np.abs(x), np.full(len(late), SMALLEST_STEP * sample / EFFECT_CHANGE), np.abs(sizes)]
+        relative = moves / np.maximum(EFFECT_MOVE * spread, EFFECT_CHANGE * size)
+        if np.all(np.abs(relative) < 1.0):
+            found = tuple(
+                (channel, delay, float(std))
+                for (channel, delay), std in zip(delays.items(), spread[c:], strict=False)
+            )
+            left = steps[len(late) :]
+            fit = replace(_without(larger, plain, (*late, *grown), left), delays=found, notes=start.notes)
+            stds = tuple(spread[c + len(late) :].tolist())
+            return Freed(observation, fit, here, tuple(sizes.tolist()), stds, (*late, *grown))
+        # what goes to and fro comes to rest with shorter steps
+        length = SHORTER * length if float(relative @ before) < 0.0 else min(1.0, length / SHORTER)
+        before = relative
+        now = replace(plain, solution=replace(plain.solution, x=plain.solution.x + length * moves[:c]))
+        sizes = sizes + length * (moves[c + len(late) :])
+        for channel, step in zip(delays, steps[: len(late)], strict=True):
+            delays[channel] += length * float(np.clip(step, -sample, sample))
+    raise diverged(
+        f"with {', '.join(effect.name for effect in effects)} it still moves after {EFFECT_ROUNDS} rounds"
+    )
+
+
+def _corrected(
+    records: Sequence[Record], delays: Mapping[str, float], effects: Sequence[Effect], sizes: FloatArray
+) -> tuple[Record, ...]:
+    """Return the records with delays compensated, and what effects can be set right in their channels."""
+    found = []
+    for record in records:
+        record = advanced(record, delays)
+        for effect, size in zip(effects, sizes.tolist(), strict=True):
+            record = effect.corrected(record, size)
+        found.append(record)
+    return tuple(found)
+
+
+def _late_rows(fit: Fit, setting: Setting, delays: Mapping[str, float]) -> Grown:
+    return tuple(
+        delay_rates(fit, setting.model, setting.records, setting.choice, setting.drop, channel)
+        for channel in delays
+    )
+
+
+def _with_columns(plain: Fit, Z: Sequence[FloatArray], grown: Grown, sizes: FloatArray, late: int) -> Fit:
+    """Return the fit with a column for each delay's step and each effect's size."""
+    extra = [np.column_stack(parts) for parts in zip(*grown, strict=True)]
+    # a late force is set right by its step; an effect stays in the rows
+    extra = [np.column_stack([-part[:, :late], part[:, late:]]) for part in extra]
+    residuals = tuple(
+        residual - part[:, late:] @ sizes for residual, part in zip(plain.residuals, extra, strict=True)
+    )
+    fit = weighed(replace(plain, residuals=residuals)).dense()
+    blocks = tuple(
+        replace(block, W=np.column_stack([block.W, part]))
+        for block, part in zip(fit.blocks, extra, strict=True)
+    )
+    names = tuple(f"effect {index}" for index in range(len(grown)))
+    stacked = tuple(np.column_stack([z, part]) for z, part in zip(Z, extra, strict=True))
+    return two_stage(replace(fit, columns=fit.columns + names, blocks=blocks), stacked)
+
+
+def _without(larger: Fit, plain: Fit, grown: Grown, sizes: FloatArray) -> Fit:
+    """Return the fit to the columns alone: effects subtracted from Y, further columns projected out."""
+    c, effects = len(plain.columns), len(sizes)
+    stacked = np.concatenate([w * r for w, r in zip(larger.weights, larger.regressors, strict=True)])
+    scale = np.linalg.norm(stacked[:, c:], axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    share = np.linalg.lstsq(stacked[:, c:] / scale, stacked[:, :c], rcond=None)[0] / scale[:, None]
+    added = [np.column_stack(parts)[:, len(grown) - effects :] @ sizes for parts in zip(*grown, strict=True)]
+    blocks = tuple(
+        replace(block, Y=block.Y - more) for block, more in zip(plain.dense().blocks, added, strict=True)
+    )
+    projected = tuple(r[:, :c] - r[:, c:] @ share for r in larger.regressors)
+    return with_regressors(replace(plain, weights=larger.weights, blocks=blocks), projected)

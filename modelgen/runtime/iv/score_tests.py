@@ -1,0 +1,129 @@
+"""Which of the effects that a model lacks the residual of a fit with instruments shows, and what it moves.
+
+The residual is regressed on what an effect does to the rows (`model_errors`), both made orthogonal to the
+fit's regressors (Frisch and Waugh 1933; Rao 1948 for the test). Noise of the sensors is in the residual, but
+not in the simulated effect: only what the effect explains remains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.iv.model_errors import Effect
+from modelgen.runtime.iv.thresholds import LARGEST_SHARE, LEAST_EXPLAINED, LEAST_MOVE, LEAST_OWN_SHARE, LEVEL
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_run_covariance
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """What a residual says of one effect.
+
+    Attributes
+    ----------
+    effect : Effect
+    size, std : float
+        Its estimated size, in its unit, and the standard deviation of that.
+    explained : float
+        Share of the residual's power.
+    move : array, shape (c,)
+        By how much X changes when the effect is taken into account.
+    matters : bool
+        Whether it is certain (1 % over all effects) and moves or explains enough.
+    """
+
+    effect: Effect
+    size: float
+    std: float
+    explained: float
+    move: FloatArray
+    matters: bool
+
+
+def scores(
+    fit: Fit,
+    effects: Sequence[Effect],
+    grown: Sequence[Sequence[FloatArray]],
+    others: Sequence[Sequence[FloatArray]] = (),
+    slope: FloatArray | None = None,
+) -> tuple[Score, ...]:
+    """Return the score of each effect that can be told from the columns, the most explained first.
+
+    Parameters
+    ----------
+    fit : Fit
+        With instruments.
+    effects : sequence of Effect
+    grown : sequence of sequence of array
+        For each effect how Y - W X grows with its size: one array a block of the fit.
+    others : sequence of sequence of array
+        Likewise for what is estimated already: delays, effects.
+    slope : array, shape (c, p), optional
+        How X grows with the p parameters that were fitted in its place.
+    """
+    from scipy.stats import norm
+
+    if not effects:
+        return ()
+    weights = fit.weights
+    R = np.concatenate([w * r for w, r in zip(weights, fit.regressors, strict=True)])
+    if slope is not None:
+        R = R @ slope
+    free = R.shape[1]
+    R = np.column_stack([R, *(_stacked(fit, one) for one in others)])
+    G = np.stack([_stacked(fit, one) for one in grown], axis=1)
+    scale = np.linalg.norm(R, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    r = fit.weighted_residual
+    r = r - R @ (np.linalg.lstsq(R / scale, r, rcond=None)[0] / scale)
+    share = np.linalg.lstsq(R / scale, G, rcond=None)[0] / scale[:, None]
+    own = G - R @ share
+    power, whole = np.sum(own**2, axis=0), np.sum(G**2, axis=0)
+    seen = np.flatnonzero(power > LEAST_OWN_SHARE * whole)
+    sizes = own[:, seen].T @ r / power[seen]
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    critical = float(norm.isf(0.5 * LEVEL / max(len(seen), 1)))
+    largest = LARGEST_SHARE * float(np.max(scale[:free] * np.abs(_unknowns(fit, R[:, :free]))))
+    explained = sizes**2 * power[seen] / float(r @ r)
+    stds = _deviations(fit, r, own[:, seen], sizes, power[seen])
+    found = []
+    for place, size, std, part in zip(seen.tolist(), sizes.tolist(), stds, explained.tolist(), strict=True):
+        move = -share[:free, place] * size
+        if slope is not None:
+            move = slope @ move
+        large = part > LEAST_EXPLAINED or bool(np.any(np.abs(move) > LEAST_MOVE * spread))
+        overlooked = abs(size) * float(np.sqrt(whole[place])) < largest
+        matters = large and overlooked and abs(size) > critical * std
+        found.append(Score(effects[place], size, float(std), part, move, matters))
+    return tuple(sorted(found, key=lambda one: -one.explained))
+
+
+def _unknowns(fit: Fit, R: FloatArray) -> FloatArray:
+    """Return the parameters that belong to the columns of R."""
+    if R.shape[1] == len(fit.columns):
+        return fit.solution.x
+    return np.asarray(np.linalg.lstsq(R, fit.weighted_measurement, rcond=None)[0])
+
+
+def _stacked(fit: Fit, parts: Sequence[FloatArray]) -> FloatArray:
+    return np.concatenate([w * part for w, part in zip(fit.weights, parts, strict=True)])
+
+
+def _deviations(
+    fit: Fit, r: FloatArray, own: FloatArray, sizes: FloatArray, power: FloatArray
+) -> list[float]:
+    """Return the standard deviations of the sizes, of residuals without the effect, (effects,)."""
+    ends = np.cumsum([0, *(len(block.place) for block in fit.blocks)])
+    series: dict[int, FloatArray] = {}
+    for index, block in enumerate(fit.blocks):
+        rows = slice(ends[index], ends[index + 1])
+        psi = series.setdefault(block.record, np.zeros((block.grid, len(sizes))))
+        psi[block.place] += own[rows] * (r[rows, None] - own[rows] * sizes) / power
+    return [
+        float(np.sqrt(max(long_run_covariance([psi[:, [k]] for psi in series.values()])[0, 0], 0.0)))
+        for k in range(len(sizes))
+    ]
