@@ -93,11 +93,13 @@ def _ran(task: Task, method: Method) -> Begun:
     job = replace(task.job, turns=getattr(method, "turns", True))
     observation, fit = method.run(job)
     if not (method.consistent and task.checks.drift_check):
-        found = Explained(observation, fit, (), np.zeros((len(fit.columns),) * 2), ())
+        found = Explained(observation, fit, (), (), np.zeros((len(fit.columns),) * 2), ())
         return Begun(replace(task, method=method, job=job), found)
     step("looking for what the model lacks")
     found = explained(job, found_by(job, observation, fit), fit, isinstance(method, IV))
-    return Begun(replace(task, method=method, job=replace(job, effects=found.effects)), found)
+    return Begun(
+        replace(task, method=method, job=replace(job, effects=found.effects, sizes=found.sizes)), found
+    )
 
 
 def _with_zeros(task: Task, method: IV) -> Begun | None:
@@ -121,7 +123,9 @@ def _with_zeros(task: Task, method: IV) -> Begun | None:
         "subtract the readings at rest, where the links carry no force",
     )
     found = replace(found, advice=(advice, *found.advice))
-    return Begun(replace(task, method=method, job=replace(job, effects=found.effects)), found)
+    return Begun(
+        replace(task, method=method, job=replace(job, effects=found.effects, sizes=found.sizes)), found
+    )
 
 
 def _about_means(job: Job) -> Fit:

@@ -39,7 +39,7 @@ class Explained:
     observation : Observation
     fit : Fit
     effects : tuple of Effect
-        Estimated with the parameters.
+        Estimated with the parameters; `sizes` are theirs.
     drift : array, shape (c, c)
         Mean square of what other effects would move.
     advice : tuple of Advice
@@ -48,6 +48,7 @@ class Explained:
     observation: Observation
     fit: Fit
     effects: tuple[Effect, ...]
+    sizes: tuple[float, ...]
     drift: FloatArray
     advice: tuple[Advice, ...]
 
@@ -93,7 +94,7 @@ def explained(
         now, effects = freed, (*effects, best.effect)
         advice.append(_estimated(best.effect, freed.sizes[-1], others))
     weighed, told = other_weights(job, now.fit)
-    return Explained(now.observation, now.fit, effects, drift + weighed, (*advice, *told))
+    return Explained(now.observation, now.fit, effects, now.sizes, drift + weighed, (*advice, *told))
 
 
 def found_by(job: Job, observation: Observation, fit: Fit) -> Freed:

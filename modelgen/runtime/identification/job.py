@@ -29,7 +29,8 @@ class Job:
     close to the one wanted; it saves rounds. `robust`, `bounds` and `at_zero` are for physical parameters
     fitted to composites; other fits are treated afterwards, see `robust_and_bounded`. `surveys` are those of
     an observation of the records with the same filter for directions, or nothing. `effects` are what the
-    model lacks and is estimated as well; `turns` says whether least squares uses samples near a reversal.
+    model lacks and is estimated as well, from `sizes` on; `turns` says whether least squares uses samples
+    near a reversal.
     """
 
     model: Model
@@ -45,6 +46,7 @@ class Job:
     at_zero: tuple[str, ...] = ()
     surveys: tuple[Survey, ...] = ()
     effects: tuple[Effect, ...] = ()
+    sizes: tuple[float, ...] = ()
     turns: bool = True
 
     def observed(self, records: tuple[Record, ...], turns: bool = True) -> Observation:

@@ -40,7 +40,7 @@ def _with_effects(job: Job, near: Fit, simulated: bool) -> tuple[Observation, Fi
     from modelgen.runtime.iv.instrumental_variables import Setting
 
     setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
-    found = fit_with_effects(setting, job.calm, near, job.effects, simulated)
+    found = fit_with_effects(setting, job.calm, near, job.effects, simulated, job.sizes)
     return found.observation, found.fit
 
 

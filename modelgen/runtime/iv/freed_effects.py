@@ -11,7 +11,14 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
 from modelgen.runtime.iv.instrumental_variables import Setting, diverged, instruments, weighed
 from modelgen.runtime.iv.model_errors import Effect
-from modelgen.runtime.iv.thresholds import EFFECT_CHANGE, EFFECT_MOVE, EFFECT_ROUNDS, SHORTER
+from modelgen.runtime.iv.thresholds import (
+    EFFECT_CHANGE,
+    EFFECT_MOVE,
+    EFFECT_ROUNDS,
+    KNOWN_ROUNDS,
+    LARGEST_LAG,
+    SHORTER,
+)
 from modelgen.runtime.least_squares.delays import advanced, delay_rates
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -48,7 +55,12 @@ class Freed:
 
 
 def fit_with_effects(
-    setting: Setting, rows: Rows, start: Fit, effects: Sequence[Effect], instrumental: bool = True
+    setting: Setting,
+    rows: Rows,
+    start: Fit,
+    effects: Sequence[Effect],
+    instrumental: bool = True,
+    known: Sequence[float] = (),
 ) -> Freed:
     """Estimate parameters, delays and effects together, from a fit without the effects.
 
@@ -63,6 +75,8 @@ def fit_with_effects(
     effects : sequence of Effect
     instrumental : bool
         Whether with instruments, else by least squares.
+    known : sequence of float
+        Sizes of the first effects at other settings, to start from.
 
     Raises
     ------
@@ -71,10 +85,10 @@ def fit_with_effects(
     """
     delays = {channel: delay for channel, delay, _ in start.delays}
     sample = 1.0 / min(record.fs for record in setting.records)
-    c, now, sizes = len(start.columns), start, np.zeros(len(effects))
+    c, now, sizes = len(start.columns), start, np.r_[known, np.zeros(len(effects) - len(known))]
     length, before = 1.0, np.zeros(c + len(delays) + len(effects))
     edited = np.array([effect.edit is not None for effect in effects])
-    for _ in range(EFFECT_ROUNDS):
+    for _ in range(KNOWN_ROUNDS if len(known) == len(effects) else EFFECT_ROUNDS):
         here = replace(setting, records=_corrected(setting.records, delays, effects, sizes))
         observation = rows(tuple(here.records))
         plain = fit_at(observation, now)
@@ -110,11 +124,16 @@ def fit_with_effects(
         before = relative
         now = replace(plain, solution=replace(plain.solution, x=plain.solution.x + length * moves[:c]))
         sizes = sizes + length * (moves[c + len(late) :])
+        far = [
+            effect.name
+            for effect, size in zip(effects, sizes.tolist(), strict=True)
+            if effect.samples(size, 1.0 / sample) > LARGEST_LAG
+        ]
+        if far:
+            raise diverged(f"{', '.join(far)} runs away")
         for channel, step in zip(delays, steps[: len(late)], strict=True):
             delays[channel] += length * float(np.clip(step, -sample, sample))
-    raise diverged(
-        f"with {', '.join(effect.name for effect in effects)} it still moves after {EFFECT_ROUNDS} rounds"
-    )
+    raise diverged(f"with {', '.join(effect.name for effect in effects)} it does not come to rest")
 
 
 def _corrected(

@@ -65,6 +65,12 @@ class Effect:
         """Tell whether physics allows the sign."""
         return bool(self.words if size > 0.0 else self.negative)
 
+    def samples(self, size: float, fs: float) -> float:
+        """Return the size of a delay or lag in samples at fs, in Hz; 0 for other effects."""
+        if self.edit is None:
+            return 0.0
+        return fs * (abs(size) if self.kind == "delay" else float(np.sqrt(2.0 * abs(size))))
+
     def said(self, size: float) -> str:
         """Return the effect with its size in words."""
         words, shown = self.words if size > 0.0 else self.negative, abs(size)
@@ -82,6 +88,9 @@ class Effect:
 
 
 ROLE_OF = {"constant force": "offset", "Coulomb friction": "coulomb", "viscous friction": "viscous"}
+
+
+EITHER_SIGN = ("constant force", "friction by direction")
 
 
 def effects_of(model: Model, bodies: Sequence[str], records: int) -> tuple[Effect, ...]:
@@ -156,12 +165,13 @@ def _body_effects(body: str, named: Collection[str]) -> Iterator[Effect]:
         "Coulomb friction": ("Coulomb friction that the spec does not name", np.sign),
         "viscous friction": ("viscous friction that the spec does not name", np.asarray),
         "quadratic friction": ("friction that grows with the square of the speed", lambda v: v * np.abs(v)),
+        "friction by direction": ("viscous friction that depends on the direction", np.abs),
         "Stribeck friction": ("more friction at low speed (Stribeck)", _stribeck),
     }
     for name, (words, form) in forms.items():
         if ROLE_OF.get(name) in named:
             continue
-        negative = f"{words} acts on {body}" if name == "constant force" else ""
+        negative = f"{words} acts on {body}" if name in EITHER_SIGN else ""
         yield Effect(f"{name} on {body}", "force", f"{words} acts on {body}", negative, "add it to the spec",
                      _friction(body, form))  # fmt: skip
     yield Effect(f"further mass on {body}", "mass", f"a further mass on a spring hangs on {body}",

@@ -80,18 +80,20 @@ RESOLVED = 8
 STRIBECK_QUANTILE = 0.1
 
 # An effect with less than this share of itself outside of the regressors cannot be told from them.
-LEAST_OWN_SHARE = 1e-5
+LEAST_OWN_SHARE = 1e-3
 # Level of all tests together.
 LEVEL = 1e-2
 # An effect matters from this share of the residual's power, or where it moves a parameter by so many
 # standard deviations.
 LEAST_EXPLAINED = 0.03
 LEAST_MOVE = 0.5
-# What adds more than this share of the largest term to the rows is no effect that was overlooked.
-LARGEST_SHARE = 0.5
+# What adds more than this multiple of the largest term to the rows is no effect that was overlooked.
+LARGEST_SHARE = 3.0
 
-# Rounds with effects, at most.
-EFFECT_ROUNDS = 25
+# Rounds with effects, at most; fewer where their sizes are known nearly.
+EFFECT_ROUNDS, KNOWN_ROUNDS = 25, 6
+# A lag or a delay beyond this, in samples, is no small misalignment any more.
+LARGEST_LAG = 50.0
 # Done when nothing moves by more than this share of its standard deviation, or of its value.
 EFFECT_MOVE = 0.1
 EFFECT_CHANGE = 1e-6
