@@ -11,11 +11,24 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
-from modelgen.runtime.identification.explain_residual import Explained, explained, found_by
+from modelgen.runtime.identification.explain_residual import (
+    ESTIMATED,
+    HELD,
+    Explained,
+    exceeding_noise,
+    explained,
+    found_by,
+)
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, Auto, Method
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import BIAS_SHARE, DISAGREEMENT, EXPLAINED, ZEROS_BETTER
+from modelgen.runtime.identification.thresholds import (
+    BIAS_SHARE,
+    DISAGREEMENT,
+    EXPLAINED,
+    OVER_NOISE,
+    ZEROS_BETTER,
+)
 from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.model_errors import zero_effects
@@ -54,18 +67,50 @@ def begun(task: Task) -> Begun:
         return _stand_in(task, method, error)
     if first.found.fit.carried is not None:
         return _with_note(first, "method iv, in the physical parameters")
-    plain, bias = _least_squares_of(first)
-    apart = _apart(first.found.fit, plain, bias)
-    if not np.any(apart):
-        return _with_note(first, "method iv: instruments, which noise of the sensors does not pull")
-    return _disagreeing(first, apart)
+    if not exceeding_noise(first.task.job, first.found.fit, OVER_NOISE):
+        return _with_note(first, "method iv: noise of the sensors does not bias instruments")
+    return _least_squares_instead(task, method, first)
+
+
+def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
+    """Return least squares where the model lacks more than noise adds and noise hardly biases it.
+
+    Where a model is wrong its simulation is, too: the measured motion is the better regressor then. What the
+    two methods differ by widens the intervals.
+    """
+    iv = first.found
+    try:
+        plain = _ran(replace(task, job=replace(task.job, late=())), method.least_squares)
+    except (IdentifiabilityError, DataError):
+        return first
+    fit = plain.found.fit
+    bias = noise_bias(task.model, task.records, task.choice, fit)
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    if fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
+        return _with_note(first, "method iv; the residual is more than noise of the sensors")
+    move = fit.solution.x - iv.fit.solution.x
+    move = np.where(np.abs(move) > DISAGREEMENT * spread, move, 0.0)
+    note = (
+        "method wls: the residual is more than noise of the sensors, which hardly biases least squares here"
+    )
+    if np.any(move):
+        with np.errstate(divide="ignore"):
+            share = np.abs(move / fit.solution.x)
+        most = int(np.argmax(share))
+        note += (
+            f"; instruments differ (most in {fit.columns[most]}, by {100.0 * share[most]:.2g} %), and the "
+            "intervals are widened by that"
+        )
+    told = tuple(replace(one, what=one.what.replace(ESTIMATED, HELD)) for one in iv.advice)
+    found = replace(plain.found, advice=told)
+    return _with_note(replace(plain, found=found), note, np.outer(move, move))
 
 
 def _instrumental(task: Task, method: IV) -> Begun:
     """Return instruments; where a row is left unexplained, with the zeros of positions estimated as well."""
     plain: Begun | IdentifiabilityError
     try:
-        plain = _ran(task, method)
+        plain = _ran(task, method, search=True)
         left = _left(plain.found.fit)
     except IdentifiabilityError as error:
         plain, left = error, np.inf
@@ -89,14 +134,15 @@ def _left(fit: Fit) -> float:
     )
 
 
-def _ran(task: Task, method: Method) -> Begun:
-    job = replace(task.job, turns=getattr(method, "turns", True))
+def _ran(task: Task, method: Method, search: bool = False) -> Begun:
+    """Return a task with its method run; `search` for what the model lacks as well."""
+    job = task.job
     observation, fit = method.run(job)
-    if not (method.consistent and task.checks.drift_check):
+    if not (search and task.checks.drift_check):
         found = Explained(observation, fit, (), (), np.zeros((len(fit.columns),) * 2), ())
         return Begun(replace(task, method=method, job=job), found)
     step("looking for what the model lacks")
-    found = explained(job, found_by(job, observation, fit), fit, isinstance(method, IV))
+    found = explained(job, found_by(job, observation, fit), fit)
     return Begun(
         replace(task, method=method, job=replace(job, effects=found.effects, sizes=found.sizes)), found
     )
@@ -115,7 +161,7 @@ def _with_zeros(task: Task, method: IV) -> Begun | None:
     setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
     start = _about_means(job)
     freed = fit_with_effects(setting, job.calm, start, zeros)
-    found = explained(job, freed, start, True, zeros)
+    found = explained(job, freed, start, zeros)
     advice = Advice(
         "zeros",
         ", ".join(dict.fromkeys(zero.name for zero in zeros)),
@@ -152,37 +198,10 @@ def _with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:
     return replace(one, found=replace(found, fit=fit, drift=found.drift if drift is None else drift))
 
 
-def _least_squares_of(one: Begun) -> tuple[Fit, FloatArray]:
-    """Return least squares of the rows that instruments were used on, and how far noise pulls it."""
-    fit, task = one.found.fit, one.task
-    plain = fit_matched(Observation(fit.columns, fit.blocks))
-    return plain, noise_bias(task.model, task.records, task.choice, plain)
-
-
-def _apart(fit: Fit, plain: Fit, bias: FloatArray) -> FloatArray:
-    """Return by how much least squares differs where neither noise nor chance explains it, shape (c,)."""
-    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
-    move = plain.solution.x - fit.solution.x
-    told = (np.abs(bias) < BIAS_SHARE * spread) & (np.abs(move) > DISAGREEMENT * spread)
-    return np.where(told, move, 0.0)
-
-
-def _disagreeing(first: Begun, apart: FloatArray) -> Begun:
-    """Return what is told where methods disagree that a right model would make agree."""
-    fit = first.found.fit
-    most = int(np.argmax(np.abs(apart) / np.maximum(np.abs(fit.solution.x), np.finfo(float).tiny)))
-    note = (
-        f"method iv; least squares, which noise hardly pulls here, differs (most in {fit.columns[most]}, by "
-        f"{100.0 * abs(apart[most] / fit.solution.x[most]):.2g} %): the model lacks something, and the "
-        "intervals are widened by that"
-    )
-    return _with_note(first, note, first.found.drift + np.outer(apart, apart))
-
-
 def _stand_in(task: Task, method: Auto, error: IdentifiabilityError | DataError) -> Begun:
     """Return least squares where instruments find nothing, if it can be trusted; else raise that error."""
     try:
-        found = _ran(task, method.least_squares)
+        found = _ran(replace(task, job=replace(task.job, late=())), method.least_squares)
     except (IdentifiabilityError, DataError):
         raise error from None
     fit = found.found.fit

@@ -29,6 +29,10 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.rows.observation import Observation, RowBlock
 
+# What is done about an effect, in words.
+ESTIMATED = "; that is estimated with the parameters"
+HELD = "; the intervals hold what that moves"
+
 
 @dataclass(frozen=True, eq=False)
 class Explained:
@@ -53,9 +57,7 @@ class Explained:
     advice: tuple[Advice, ...]
 
 
-def explained(
-    job: Job, now: Freed, fit: Fit, instrumental: bool, effects: tuple[Effect, ...] = ()
-) -> Explained:
+def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) -> Explained:
     """Return the fit with the effects that its residual shows.
 
     Parameters
@@ -66,8 +68,6 @@ def explained(
         What it found.
     fit : Fit
         To start from when effects are estimated.
-    instrumental : bool
-        Whether it is one with instruments, else least squares.
     effects : tuple of Effect
         Those that were estimated already.
     """
@@ -83,7 +83,7 @@ def explained(
         others = _as_good(shown)
         freed = None
         if fit.carried is None and len(effects) < given + MOST_EFFECTS:
-            freed = _freed(job, fit, (*effects, best.effect), instrumental)
+            freed = _freed(job, fit, (*effects, best.effect))
         if freed is None:
             drift = drift + np.outer(best.move, best.move)
             advice.append(_left(best, others))
@@ -114,7 +114,7 @@ def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:
     tuple of Advice
     """
     c = len(fit.columns)
-    left = [] if fit.carried is not None else _unexplained(job, fit)
+    left = [] if fit.carried is not None else exceeding_noise(job, fit, OVER_NOISE, LEFT_SHARE)
     if not left or len(fit.blocks) < 2:
         return np.zeros((c, c)), ()
     sizes = [
@@ -134,15 +134,23 @@ def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:
     return np.outer(move, move) + hac_covariance(other), (advice,)
 
 
-def _unexplained(job: Job, fit: Fit) -> list[tuple[RowBlock, float]]:
-    """Return the blocks whose residual is large against their terms and against noise, and its share."""
+def exceeding_noise(job: Job, fit: Fit, multiple: float, share: float = 0.0) -> list[tuple[RowBlock, float]]:
+    """Return the blocks that leave more than noise of the sensors explains, and what share they leave.
+
+    Parameters
+    ----------
+    multiple : float
+        Of the noise, that a residual exceeds.
+    share : float
+        Of its largest term, that it leaves.
+    """
     found, x = [], fit.all_parameters(job.model.base_parameters)
     for block, residual in zip(fit.blocks, fit.residuals, strict=True):
         rms = float(np.sqrt(np.mean(residual**2)))
-        share = rms * float(np.sqrt(len(block.place))) / (block.terms_norm(fit.solution.x) or 1.0)
+        left = rms * float(np.sqrt(len(block.place))) / (block.terms_norm(fit.solution.x) or 1.0)
         noise = row_noise(job.model, job.records[block.record], job.choice, block.row, x)
-        if share > LEFT_SHARE and rms > OVER_NOISE * noise:
-            found.append((block, share))
+        if left > share and rms > multiple * noise:
+            found.append((block, left))
     return found
 
 
@@ -181,10 +189,10 @@ def _as_good(shown: Sequence[Score]) -> list[Score]:
     return [one for one in shown[1:] if per_share * (best.explained - one.explained) < AS_GOOD]
 
 
-def _freed(job: Job, fit: Fit, effects: tuple[Effect, ...], instrumental: bool) -> Freed | None:
+def _freed(job: Job, fit: Fit, effects: tuple[Effect, ...]) -> Freed | None:
     setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
     try:
-        found = fit_with_effects(setting, job.calm, fit, effects, instrumental)
+        found = fit_with_effects(setting, job.calm, fit, effects)
     except IdentifiabilityError:
         return None
     possible = all(effect.possible(size) for effect, size in zip(effects, found.sizes, strict=True))
@@ -195,7 +203,7 @@ def _estimated(effect: Effect, size: float, others: Sequence[Score]) -> Advice:
     return Advice(
         "more than the model",
         "the residual",
-        f"shows that {effect.said(size)}; that is estimated with the parameters{_or(others)}",
+        f"shows that {effect.said(size)}{ESTIMATED}{_or(others)}",
         effect.remedy,
     )
 
@@ -204,7 +212,7 @@ def _left(best: Score, others: Sequence[Score]) -> Advice:
     return Advice(
         "more than the model",
         "the residual",
-        f"shows that {best.effect.said(best.size)}{_or(others)}; the intervals hold what that moves",
+        f"shows that {best.effect.said(best.size)}{HELD}{_or(others)}",
         best.effect.remedy,
     )
 

@@ -29,8 +29,7 @@ class Job:
     close to the one wanted; it saves rounds. `robust`, `bounds` and `at_zero` are for physical parameters
     fitted to composites; other fits are treated afterwards, see `robust_and_bounded`. `surveys` are those of
     an observation of the records with the same filter for directions, or nothing. `effects` are what the
-    model lacks and is estimated as well, from `sizes` on; `turns` says whether least squares uses samples
-    near a reversal.
+    model lacks and is estimated as well, from `sizes` on.
     """
 
     model: Model
@@ -47,7 +46,6 @@ class Job:
     surveys: tuple[Survey, ...] = ()
     effects: tuple[Effect, ...] = ()
     sizes: tuple[float, ...] = ()
-    turns: bool = True
 
     def observed(self, records: tuple[Record, ...], turns: bool = True) -> Observation:
         """Return the rows of records that these stand for, delays compensated, say."""

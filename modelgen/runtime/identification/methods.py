@@ -24,29 +24,19 @@ if TYPE_CHECKING:
 
 def run_wls(job: Job) -> tuple[Observation, Fit]:
     """Weighted least squares on matched-filtered rows."""
-    observed = job.observing(job.turns)
+    observed = job.observing()
 
     def run(records: tuple[Record, ...], _: Fit | None) -> tuple[Observation, Fit]:
         observation = observed(records)
         return observation, fit_matched(observation)
 
-    if job.effects:
-        return _with_effects(job, job.start or run(job.records, None)[1], False)
     return job.with_delays(run)
-
-
-def _with_effects(job: Job, near: Fit, simulated: bool) -> tuple[Observation, Fit]:
-    from modelgen.runtime.iv.freed_effects import fit_with_effects
-    from modelgen.runtime.iv.instrumental_variables import Setting
-
-    setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
-    found = fit_with_effects(setting, job.calm, near, job.effects, simulated, job.sizes)
-    return found.observation, found.fit
 
 
 def run_iv(job: Job) -> tuple[Observation, Fit]:
     """Instrumental variables on matched-filtered rows, without the samples near a reversal."""
     from modelgen.runtime.iv.composite_iv import fit_composites_iv
+    from modelgen.runtime.iv.freed_effects import fit_with_effects
     from modelgen.runtime.iv.gauss_newton_step import Rules
     from modelgen.runtime.iv.instrumental_variables import Setting, fit_iv, iv_round
 
@@ -71,7 +61,9 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
         return observation, first if start is None else iv_round(first, here)
 
     if job.effects:
-        return _with_effects(job, job.start or run(job.records, None)[1], True)
+        near = job.start or run(job.records, None)[1]
+        found = fit_with_effects(setting, calm, near, job.effects, job.sizes)
+        return found.observation, found.fit
     return job.with_delays(run)
 
 
@@ -150,31 +142,11 @@ class Method(ABC):
 
 @dataclass(frozen=True)
 class WLS(Method):
-    """Weighted least squares, every signal through the same zero-phase filter; options as for `Method`.
-
-    Parameters
-    ----------
-    turns : bool
-        Whether to use the samples near a reversal. Without them, and where noise of the sensors does not
-        matter, what moves with the cut-off is model error.
-    """
-
-    turns: bool = True
+    """Weighted least squares, every signal through the same zero-phase filter; options as for `Method`."""
 
     name = "wls"
+    title = "weighted least squares on matched-filtered rows"
     run = staticmethod(run_wls)
-
-    @property
-    def title(self) -> str:  # type: ignore[override]
-        """What it is called in a report."""
-        return "weighted least squares on matched-filtered rows" + (
-            "" if self.turns else " that keep off reversals"
-        )
-
-    @property
-    def consistent(self) -> bool:  # type: ignore[override]
-        """Whether what moves with the cut-off is model error."""
-        return not self.turns
 
 
 @dataclass(frozen=True)
@@ -249,9 +221,9 @@ class Auto(Method):
 
     @property
     def least_squares(self) -> WLS:
-        """The same by least squares, without the samples near a reversal."""
+        """The same by least squares."""
         options = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "loop"}
-        return WLS(**options, turns=False)
+        return WLS(**options)
 
 
 METHODS: Mapping[str, type[Method]] = {one.name: one for one in (Auto, WLS, IV, TLS, Pham2002)}

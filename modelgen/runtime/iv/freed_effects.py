@@ -59,7 +59,6 @@ def fit_with_effects(
     rows: Rows,
     start: Fit,
     effects: Sequence[Effect],
-    instrumental: bool = True,
     known: Sequence[float] = (),
 ) -> Freed:
     """Estimate parameters, delays and effects together, from a fit without the effects.
@@ -73,8 +72,6 @@ def fit_with_effects(
     start : Fit
         Its delays are those to be estimated on.
     effects : sequence of Effect
-    instrumental : bool
-        Whether with instruments, else by least squares.
     known : sequence of float
         Sizes of the first effects at other settings, to start from.
 
@@ -95,9 +92,7 @@ def fit_with_effects(
         if plain.columns != start.columns:
             raise diverged("its columns change")
         simulated = simulated_records(plain, here)
-        Z = plain.regressors
-        if instrumental:
-            Z = instruments(plain, here, {index: one.record for index, one in enumerate(simulated)})
+        Z = instruments(plain, here, {index: one.record for index, one in enumerate(simulated)})
         grown = effect_rows(plain, here, simulated, effects)
         late = _late_rows(plain, here, delays)
         # what is set right in the records leaves only the step to its size in the rows
