@@ -36,3 +36,16 @@ AS_GOOD = 20.0
 # A row is left unexplained from this share of its largest term on, and this multiple of the sensors' noise.
 LEFT_SHARE = 0.3
 OVER_NOISE = 3.0
+
+# Lower cut-offs are tried in steps of the root of two, where noise biases a parameter by more than
+# this share.
+CUTOFF_STEPS = 13
+LITTLE_BIAS = 0.1
+# A parameter known to this share counts as fully known: what is better than that does not decide.
+FULLY_KNOWN = 0.003
+# A row without a force may leave this share of its largest term; more where it did so at first.
+LOAD_ROW_LEFT = 0.5
+# Digits a parameter by which another cut-off has to be better, and by which it may be worse than the best.
+CLEARLY_BETTER, NEARLY_BEST = 0.2, 0.05
+# Samples of a record that cut-offs are tried on.
+SAMPLES_TRIED = 1 << 17

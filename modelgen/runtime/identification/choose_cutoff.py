@@ -1,0 +1,139 @@
+"""A lower cut-off where noise of the sensors would drown the estimate at the one that the spectra ask for.
+
+Spectra do not tell which frequencies an estimate can use: a feedback carries the sensor's noise into the
+force, and lines of the electronics count as motion. So least squares is tried at lower cut-offs, its error
+predicted from its covariance, its bias by noise, and how far the neighbouring cut-offs move it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.options import Filters
+from modelgen.runtime.identification.thresholds import (
+    CLEARLY_BETTER,
+    CUTOFF_STEPS,
+    FULLY_KNOWN,
+    LITTLE_BIAS,
+    LOAD_ROW_LEFT,
+    NEARLY_BEST,
+    SAMPLES_TRIED,
+)
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.records.record import Record
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """Least squares at one cut-off: estimate, its variance and its bias by noise, shape (c,) each.
+
+    `left` is the largest share of its largest term that a row without a force leaves.
+    """
+
+    choice: FilterChoice
+    columns: tuple[str, ...]
+    x: FloatArray
+    variance: FloatArray
+    bias: FloatArray
+    left: float
+
+
+def usable_cutoff(job: Job, filters: Filters) -> FilterChoice:
+    """Return the filter choice of a job, or one with a lower cut-off that predicts a better estimate."""
+    records = tuple(_part(record) for record in job.records)
+    choices = [job.choice]
+    try:
+        first = _tried(job, records, job.choice)
+    except (DataError, IdentifiabilityError):
+        return job.choice
+    if np.all(np.abs(first.bias) <= LITTLE_BIAS * np.abs(first.x)):
+        return job.choice
+    found = [first]
+    for step in range(1, CUTOFF_STEPS):
+        try:
+            choice = choose_filter(
+                job.model,
+                job.records,
+                cutoff_hz=job.choice.cutoff_hz * 2.0 ** (-0.5 * step),
+                filter_order=filters.filter_order,
+                decimation=filters.decimation,
+                direction_cutoff_hz=filters.direction_cutoff_hz,
+            )
+            tried = _tried(job, records, choice)
+        except (DataError, IdentifiabilityError):
+            break
+        if tried.columns != first.columns:
+            break
+        choices.append(choice)
+        found.append(tried)
+    best = _best(found)
+    return job.choice if best == 0 else _explained(choices[best], job.choice)
+
+
+def _part(record: Record) -> Record:
+    """Return the middle of a long record: cut-offs differ by far more than its parts."""
+    if record.n <= SAMPLES_TRIED:
+        return record
+    start = (record.n - SAMPLES_TRIED) // 2
+    return record.part(start, start + SAMPLES_TRIED, record.name)
+
+
+def _tried(job: Job, records: tuple[Record, ...], choice: FilterChoice) -> Tried:
+    here = replace(job, records=records, choice=choice, surveys=())
+    fit = fit_matched(here.observed(records))
+    bias = noise_bias(job.model, records, choice, fit)
+    variance = np.maximum(np.diag(hac_covariance(fit)), 0.0)
+    return Tried(choice, fit.columns, fit.solution.x, variance, bias, _load_rows_left(fit))
+
+
+def _load_rows_left(fit: Fit) -> float:
+    return max(
+        (
+            float(np.linalg.norm(residual)) / (block.terms_norm(fit.solution.x) or 1.0)
+            for block, residual in zip(fit.blocks, fit.residuals, strict=True)
+            if not block.has_force
+        ),
+        default=0.0,
+    )
+
+
+def _best(found: Sequence[Tried]) -> int:
+    """Return which cut-off to take: the first, unless another is clearly better."""
+    c = len(found[0].x)
+    most = max(LOAD_ROW_LEFT, found[0].left)
+    digits = [_digits(found, index) if one.left <= most else -np.inf for index, one in enumerate(found)]
+    top = max(digits)
+    if digits[0] >= top - CLEARLY_BETTER * c:
+        return 0
+    return next(index for index, one in enumerate(digits) if one >= top - NEARLY_BEST * c)
+
+
+def _digits(found: Sequence[Tried], index: int) -> float:
+    """Return how many digits of all parameters an estimate is predicted to know."""
+    one = found[index]
+    neighbours = [found[k].x for k in (index - 1, index + 1) if 0 <= k < len(found)]
+    moved = np.mean([(other - one.x) ** 2 for other in neighbours], axis=0) if neighbours else 0.0
+    bias = np.where(np.isfinite(one.bias), one.bias, one.x)
+    error = np.sqrt(one.variance + bias**2 + moved)
+    size = np.maximum(np.abs(one.x - bias), np.abs(one.x) / 3.0)
+    share = error / np.maximum(size, np.finfo(float).tiny)
+    return float(np.sum(-np.log10(np.clip(share, FULLY_KNOWN, 1.0))))
+
+
+def _explained(choice: FilterChoice, first: FilterChoice) -> FilterChoice:
+    sentence = (
+        f"Cut-off {choice.cutoff_hz:.4g} Hz in place of {first.cutoff_hz:.4g} Hz: noise of the sensors would "
+        "drown the estimate there."
+    )
+    kept = tuple(one for one in choice.sentences if not one.startswith("Cut-off"))
+    return replace(choice, bands=first.bands, sentences=(sentence, *kept))
