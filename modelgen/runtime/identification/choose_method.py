@@ -21,6 +21,7 @@ from modelgen.runtime.identification.explain_residual import (
 )
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, Auto, Method
+from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     BIAS_SHARE,
@@ -36,6 +37,7 @@ from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.rows.observation import Observation
 
@@ -86,7 +88,8 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     fit = plain.found.fit
     bias = noise_bias(task.model, task.records, task.choice, fit)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
-    if fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
+    worse = _left(fit) > max(EXPLAINED, _left(iv.fit))
+    if worse or fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
         return _with_note(first, "method iv; the residual is more than noise of the sensors")
     move = fit.solution.x - iv.fit.solution.x
     move = np.where(np.abs(move) > DISAGREEMENT * spread, move, 0.0)
@@ -205,8 +208,18 @@ def _stand_in(task: Task, method: Auto, error: IdentifiabilityError | DataError)
     except (IdentifiabilityError, DataError):
         raise error from None
     fit = found.found.fit
+    refused, _ = refusals(task.model, task.records, task.choice, fit, task.checks.keep)
+    if all(name in refused for name in fit.columns):
+        raise all_refused(refused) from None
     bias = noise_bias(task.model, task.records, task.choice, fit)
-    if np.any(np.abs(bias) > EXPLAINED * np.abs(fit.solution.x)) or _left(fit) > EXPLAINED:
+    roles = {name: task.model.roles[name].role for name in fit.columns if name in task.model.roles}
+    impossible = [
+        name
+        for name, value in zip(fit.columns, fit.solution.x, strict=True)
+        if value < 0.0 and name not in refused and roles.get(name) in POSITIVE_ROLES
+    ]
+    biased = np.any(np.abs(bias) > EXPLAINED * np.abs(fit.solution.x))
+    if biased or impossible or _left(fit) > EXPLAINED:
         raise error
     note = f"method wls: instruments find nothing ({error.problems[0].what}); noise pulls it little"
     return _with_note(found, note, found.found.drift + np.outer(bias, bias))

@@ -17,7 +17,13 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.thresholds import AS_GOOD, LEFT_SHARE, MOST_EFFECTS, OVER_NOISE
+from modelgen.runtime.identification.thresholds import (
+    AS_GOOD,
+    LEFT_SHARE,
+    LITTLE_OWN,
+    MOST_EFFECTS,
+    OVER_NOISE,
+)
 from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
 from modelgen.runtime.iv.instrumental_variables import Setting
@@ -32,6 +38,8 @@ from modelgen.runtime.rows.observation import Observation, RowBlock
 # What is done about an effect, in words.
 ESTIMATED = "; that is estimated with the parameters"
 HELD = "; the intervals hold what that moves"
+# Effects whose sum with what the spec names is told where sensors cannot tell them apart.
+SUMMED = ("Coulomb friction", "viscous friction")
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +82,10 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
     c, given = len(fit.columns), len(effects)
     drift, advice = np.zeros((c, c)), list[Advice]()
     slope = _slope(job, fit)
+    sums: tuple[str, ...] | None = None
     while True:
-        found = _scores(job, now, effects, slope)
+        found, unseen = _scores(job, now, effects, slope)
+        sums = _sums(unseen) if sums is None else sums
         shown = [one for one in found if one.matters and one.effect.possible(one.size)]
         if not shown:
             break
@@ -94,7 +104,8 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
         now, effects = freed, (*effects, best.effect)
         advice.append(_estimated(best.effect, freed.sizes[-1], others))
     weighed, told = other_weights(job, now.fit)
-    return Explained(now.observation, now.fit, effects, now.sizes, drift + weighed, (*advice, *told))
+    fit = replace(now.fit, notes=now.fit.notes + sums)
+    return Explained(now.observation, fit, effects, now.sizes, drift + weighed, (*advice, *told))
 
 
 def found_by(job: Job, observation: Observation, fit: Fit) -> Freed:
@@ -169,17 +180,34 @@ def _slope(job: Job, fit: Fit) -> FloatArray | None:
     return job.model.base_jacobian(values)[places]
 
 
-def _scores(job: Job, now: Freed, estimated: Sequence[Effect], slope: FloatArray | None) -> tuple[Score, ...]:
+def _scores(
+    job: Job, now: Freed, estimated: Sequence[Effect], slope: FloatArray | None
+) -> tuple[tuple[Score, ...], tuple[Effect, ...]]:
+    """Return the scores of effects that are not estimated, and those that hardly differ from the columns."""
     try:
         simulated = simulated_records(now.fit, now.setting)
     except IdentifiabilityError:
-        return ()
+        return (), ()
     known = {effect.name for effect in estimated}
     every = effects_of(job.model, simulated[0].plant.bodies, len(job.records))
     tested = [effect for effect in every if effect.name not in known]
     others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
                                  for channel, _, _ in now.fit.delays)  # fmt: skip
-    return scores(now.fit, tested, effect_rows(now.fit, now.setting, simulated, tested), others, slope)
+    rows = effect_rows(now.fit, now.setting, simulated, tested)
+    found = scores(now.fit, tested, rows, others, slope)
+    told = {one.effect.name for one in found if one.own > LITTLE_OWN}
+    return found, tuple(effect for effect in tested if effect.name not in told)
+
+
+def _sums(unseen: Sequence[Effect]) -> tuple[str, ...]:
+    """Return the note that labels friction of several bodies that these sensors see as a sum."""
+    names = [effect.name for effect in unseen if effect.name.startswith(SUMMED)]
+    if not names:
+        return ()
+    return (
+        f"{' and '.join(names)}, which the spec does not name, can hardly be told from the friction that it "
+        "names with these sensors: if there is any, the value is the sum of all bodies' friction",
+    )
 
 
 def _as_good(shown: Sequence[Score]) -> list[Score]:

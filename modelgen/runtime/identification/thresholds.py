@@ -33,6 +33,8 @@ ZEROS_BETTER = 0.5
 MOST_EFFECTS = 3
 # Another effect explains the residual as well where it falls behind by less than this, as a chi square.
 AS_GOOD = 20.0
+# An effect of which no more than this share lies outside of the columns is hardly told from them.
+LITTLE_OWN = 0.05
 # A row is left unexplained from this share of its largest term on, and this multiple of the sensors' noise.
 LEFT_SHARE = 0.3
 OVER_NOISE = 3.0

@@ -29,7 +29,6 @@ from modelgen.runtime.iv.thresholds import (
     LARGEST_STEP,
     SMALL_CHANGE,
 )
-from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
@@ -147,14 +146,14 @@ def fit_physical_iv(
     model = setting.model
     sample = 1.0 / min(record.fs for record in setting.records)
     first = _allowed(model, start, rules)
+    now = Unknowns(first, dict.fromkeys(late, 0.0))
     c = len(model.parameters)
     observation = rows(tuple(setting.records))
     plain = fit_matched(observation)
-    now = Unknowns(first, coarse_delays(plain, model, setting.records, setting.choice, late))
     if plain.absent:
         raise diverged(f"the records do not move what {', '.join(plain.absent)} needs")
     for done in range(1, COMPOSITE_ROUNDS + 1):
-        if any(now.delays.values()):
+        if late and done > 1:
             observation = rows(tuple(advanced(record, now.delays) for record in setting.records))
             plain = replace(plain, blocks=tuple(block for block in observation.blocks if block.place.size))
         step = step_from(setting, plain, now, rules)

@@ -17,6 +17,8 @@ from modelgen.runtime.iv.thresholds import (
     EFFECT_ROUNDS,
     KNOWN_ROUNDS,
     LARGEST_LAG,
+    LOOSER,
+    PATIENT_ROUNDS,
     SHORTER,
 )
 from modelgen.runtime.least_squares.delays import advanced, delay_rates
@@ -85,7 +87,7 @@ def fit_with_effects(
     c, now, sizes = len(start.columns), start, np.r_[known, np.zeros(len(effects) - len(known))]
     length, before = 1.0, np.zeros(c + len(delays) + len(effects))
     edited = np.array([effect.edit is not None for effect in effects])
-    for _ in range(KNOWN_ROUNDS if len(known) == len(effects) else EFFECT_ROUNDS):
+    for done in range(KNOWN_ROUNDS if len(known) == len(effects) else EFFECT_ROUNDS):
         here = replace(setting, records=_corrected(setting.records, delays, effects, sizes))
         observation = rows(tuple(here.records))
         plain = fit_at(observation, now)
@@ -105,7 +107,8 @@ def fit_with_effects(
         moves = np.r_[x - plain.solution.x, steps[: len(late)], steps[len(late) :] - left]
         size = np.r_[np.abs(x), np.full(len(late), SMALLEST_STEP * sample / EFFECT_CHANGE), np.abs(sizes)]
         relative = moves / np.maximum(EFFECT_MOVE * spread, EFFECT_CHANGE * size)
-        if np.all(np.abs(relative) < 1.0):
+        # after many rounds a third of a standard deviation is rest enough
+        if np.all(np.abs(relative) < (1.0 if done < PATIENT_ROUNDS else LOOSER)):
             found = tuple(
                 (channel, delay, float(std))
                 for (channel, delay), std in zip(delays.items(), spread[c:], strict=False)

@@ -32,6 +32,8 @@ class Score:
         Share of the residual's power.
     move : array, shape (c,)
         By how much X changes when the effect is taken into account.
+    own : float
+        Share of the effect that lies outside of the columns.
     matters : bool
         Whether it is certain (1 % over all effects) and moves or explains enough.
     """
@@ -41,6 +43,7 @@ class Score:
     std: float
     explained: float
     move: FloatArray
+    own: float
     matters: bool
 
 
@@ -88,6 +91,7 @@ def scores(
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
     critical = float(norm.isf(0.5 * LEVEL / max(len(seen), 1)))
     largest = LARGEST_SHARE * float(np.max(scale[:free] * np.abs(_unknowns(fit, R[:, :free]))))
+    share_of = (power / np.maximum(whole, np.finfo(float).tiny)).tolist()
     explained = sizes**2 * power[seen] / float(r @ r)
     stds = _deviations(fit, r, own[:, seen], sizes, power[seen])
     found = []
@@ -98,7 +102,7 @@ def scores(
         large = part > LEAST_EXPLAINED or bool(np.any(np.abs(move) > LEAST_MOVE * spread))
         overlooked = abs(size) * float(np.sqrt(whole[place])) < largest
         matters = large and overlooked and abs(size) > critical * std
-        found.append(Score(effects[place], size, float(std), part, move, matters))
+        found.append(Score(effects[place], size, float(std), part, move, share_of[place], matters))
     return tuple(sorted(found, key=lambda one: -one.explained))
 
 

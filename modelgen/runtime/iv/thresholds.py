@@ -96,6 +96,8 @@ EFFECT_ROUNDS, KNOWN_ROUNDS = 25, 6
 LARGEST_LAG = 50.0
 # Done when nothing moves by more than this share of its standard deviation, or of its value.
 EFFECT_MOVE = 0.1
+# After so many rounds this multiple of that will do: slow rounds would go on for long.
+PATIENT_ROUNDS, LOOSER = 12, 3.5
 EFFECT_CHANGE = 1e-6
 # Steps become shorter by this factor where they turn back.
 SHORTER = 0.6
