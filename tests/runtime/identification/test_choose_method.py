@@ -1,0 +1,117 @@
+"""The default method: what the model or its channels lack is found, and the truth stays in the intervals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.identification import choose_method
+from modelgen.runtime.identification.choose_method import Begun
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.methods import IV, Auto
+from modelgen.runtime.identification.options import CheckOptions, values_of
+from modelgen.runtime.identification.task import Task
+from modelgen.runtime.results.estimate import Estimate
+from tests.runtime.two_mass_records import (
+    FS,
+    GEARED,
+    GEARED_TRUTH,
+    SMALL,
+    TRUTH,
+    assert_truth_inside,
+    two_mass_records,
+)
+
+
+def told(estimate: Estimate) -> list[tuple[str, str, str]]:
+    """Kind, place and words of what an estimate advises."""
+    return [(one.kind, one.where, one.what) for one in estimate.checks.advice]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_of_a_right_model_nothing_is_said(seed: int) -> None:
+    estimate = identify(SMALL, two_mass_records(seed=seed))
+    assert told(estimate) == []
+    assert_truth_inside(estimate, TRUTH)
+    assert estimate.fit.method == "iv"
+
+
+@pytest.mark.parametrize("samples", [7.0, -6.0, 25.0])
+def test_a_force_late_by_whole_samples_is_found(samples: float) -> None:
+    estimate = identify(SMALL, two_mass_records(late={"Gamma_m": samples}))
+    assert abs(estimate.delays["Gamma_m"] - samples / FS) < 3.0 * estimate.delay_std["Gamma_m"]
+    assert estimate.delay_std["Gamma_m"] < 0.01 / FS
+    assert_truth_inside(estimate, TRUTH)
+    assert told(estimate) == []
+
+
+@pytest.mark.parametrize(("samples", "word"), [(0.25, "late"), (-0.25, "early"), (1.0, "late")])
+def test_an_encoder_out_of_step_is_named_and_does_not_spoil_the_stiffness(samples: float, word: str) -> None:
+    records = two_mass_records(late={"q_c": samples})
+    estimate = identify(SMALL, records)
+    (advice,) = told(estimate)
+    assert advice[0] == "more than the model"
+    assert f"q_c is {word} by" in advice[2]
+    assert_truth_inside(estimate, TRUTH)
+    # what is found is not bought with intervals that say nothing
+    assert estimate.bse["K"] < 2.0 * identify(SMALL, two_mass_records()).bse["K"]
+
+
+@pytest.mark.parametrize("zero", [1.0, -1.0])
+def test_zeros_apart_do_not_spoil_the_stiffness(zero: float) -> None:
+    estimate = identify(SMALL, two_mass_records(zeros={"q_c": zero}))
+    assert "zeros" in [kind for kind, _, _ in told(estimate)]
+    assert_truth_inside(estimate, TRUTH)
+    assert estimate.bse["K"] < 0.01 * TRUTH["K"]
+
+
+def test_zeros_apart_behind_a_gear_do_not_spoil_the_stiffness() -> None:
+    estimate = identify(GEARED, two_mass_records(zeros={"q_c": 0.02}, geared=True))
+    assert [kind for kind, _, _ in told(estimate)] == ["zeros"]
+    assert_truth_inside(estimate, GEARED_TRUTH, GEARED)
+    assert estimate.bse["K"] < 0.01 * GEARED_TRUTH["K"]
+
+
+def test_without_the_checks_no_effect_is_looked_for() -> None:
+    records = two_mass_records(late={"q_c": 0.25})
+    plain = identify(SMALL, records, checks=CheckOptions(drift_check=False))
+    same = identify(SMALL, records, **values_of("iv", drift_check=False))
+    assert "more than the model" not in [kind for kind, _, _ in told(plain)]
+    assert plain.params == same.params
+    assert plain.bse == same.bse
+
+
+def test_the_default_is_instruments_where_these_find_something() -> None:
+    records = two_mass_records()
+    default, instruments = identify(SMALL, records), identify(SMALL, records, IV())
+    assert default.params == instruments.params
+    assert default.fit.method == instruments.fit.method == "iv"
+    assert any(note.startswith("method iv") for note in default.fit.notes)
+
+
+def without_instruments(task: Task, method: IV) -> Begun:
+    raise IdentifiabilityError.at(method.name, f"nothing of {len(task.records)} records", "use wls")
+
+
+def test_least_squares_stands_in_where_instruments_find_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(choose_method, "_instrumental", without_instruments)
+    estimate = identify(SMALL, two_mass_records(noise=0.01))
+    assert estimate.fit.method == "wls"
+    assert any("method wls" in note and "nothing of 2 records" in note for note in estimate.fit.notes)
+    assert_truth_inside(estimate, TRUTH)
+
+
+def test_least_squares_does_not_stand_in_where_noise_pulls_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(choose_method, "_instrumental", without_instruments)
+    with pytest.raises(IdentifiabilityError, match="nothing of 2 records"):
+        identify(SMALL, two_mass_records(noise=30.0), cutoff_hz=1000.0)
+
+
+def test_both_of_its_kinds_have_its_options() -> None:
+    default = Auto(delays={"Gamma_m": 1e-3}, held=("Gamma_m",), robust="huber", residual_dof="r-1")
+    given = {"delays": {"Gamma_m": 1e-3}, "held": ("Gamma_m",), "robust": "huber", "residual_dof": "r-1"}
+    assert default.instrumental == IV(**given)
+    assert default.least_squares == replace(default.least_squares, **given)
+    assert not default.least_squares.turns

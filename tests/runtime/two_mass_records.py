@@ -1,0 +1,102 @@
+"""Noisy simulated records of two bodies on a spring, with channels out of step by a known time or zero."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+
+import numpy as np
+
+from generated import emps300_qm_qc
+from modelgen.cli.candidates import spec_model
+from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import parse_spec
+
+GEARED_TEXT = """
+[chain]
+name = "geared"
+motion = "rotation"
+
+[[bodies]]
+name = "m"
+inertia = "J_m"
+viscous = "F_vm"
+coulomb = "F_sm"
+actuator = "Gamma_m"
+
+[[bodies]]
+name = "c"
+inertia = "J_c"
+
+[[links]]
+bodies = ["m", "c"]
+stiffness = "K"
+damping = "D"
+ratio = 100.0
+
+[sensors.s]
+q_m = { body = "m", measures = "position" }
+q_c = { body = "c", measures = "position" }
+"""
+
+FS = 5000.0
+SMALL = model_from_module(emps300_qm_qc)
+GEARED = spec_model(parse_spec(GEARED_TEXT, "geared.toml"), "s")
+TRUTH = MappingProxyType(dict(SMALL.parameter_sets["light"]))
+GEARED_TRUTH = MappingProxyType(
+    {"J_m": 1e-4, "F_vm": 2e-3, "F_sm": 0.05, "J_c": 0.8, "K": 15000.0, "D": 12.0}
+)
+NOISE = {"q_m": 2e-5, "q_c": 2e-5, "Gamma_m": 1e-4}
+GEARED_NOISE = {"q_m": 2e-5, "q_c": 2e-6, "Gamma_m": 1e-3}
+# Fine samples a sample, and those left at both ends, so that a channel can be moved.
+FINE, ENDS = 4, 400
+
+
+@cache
+def _clean(geared: bool, kind: str) -> Record:
+    model, truth = (GEARED, GEARED_TRUTH) if geared else (SMALL, TRUTH)
+    return simulate(model, truth, kind, fs=FINE * FS, duration_s=2.0, oversample=8).record
+
+
+def two_mass_records(
+    late: Mapping[str, float] | None = None,
+    zeros: Mapping[str, float] | None = None,
+    seed: int = 5,
+    geared: bool = False,
+    noise: float = 1.0,
+) -> list[Record]:
+    """A chirp and a trapezoid of 1.84 s.
+
+    Parameters
+    ----------
+    late : mapping of str to float
+        Channel -> by how many samples it is late, in quarters of one; early where it is negative.
+    zeros : mapping of str to float
+        Channel -> what it reads at zero.
+    noise : float
+        Multiple of `NOISE`.
+    """
+    rng = np.random.default_rng(seed)
+    rms = GEARED_NOISE if geared else NOISE
+    found = []
+    for kind in ("chirp", "trapezoid"):
+        fine = _clean(geared, kind)
+        signals = {}
+        for key, samples in fine.signals.items():
+            by = round(FINE * (late or {}).get(key, 0.0))
+            read = samples[ENDS - by : fine.n - ENDS - by : FINE]
+            noisy = read + noise * rms[key] * rng.standard_normal(read.size)
+            signals[key] = noisy + (zeros or {}).get(key, 0.0)
+        found.append(Record(signals, FS, kind, kind))
+    return found
+
+
+def assert_truth_inside(estimate: Estimate, truth: Mapping[str, float], model: Model = SMALL) -> None:
+    """Every parameter of the model has a number, and is within 3 of its standard deviations."""
+    assert set(estimate.params) == set(model.parameters)
+    for name, value in truth.items():
+        assert abs(estimate.params[name] - value) < 3.0 * estimate.bse[name], name
