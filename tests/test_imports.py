@@ -114,7 +114,8 @@ def test_identify_loads_neither_the_derivation_nor_a_simulation(repo_root: Path,
     identify = f"""
 from modelgen.cli.main import main
 try:
-    main(["identify", {str(tmp_path / "run.npz")!r}, "--model", "generated/emps_rigid_qm.py", "--json"])
+    run = ["identify", {str(tmp_path / "run.npz")!r}, "--model", "generated/emps_rigid_qm.py"]
+    main([*run, "--method", "wls", "--json"])
 except SystemExit as done:
     assert not done.code
 print()

@@ -17,7 +17,9 @@ def section(page: str) -> str:
 
 def test_warnings_tests_and_the_scan_are_in_the_report() -> None:
     record = rigid_record()
-    estimate = identify(RIGID, record, **values_of(scan_cutoffs=[20.0, 60.0], bounds="physical", **SETTINGS))
+    estimate = identify(
+        RIGID, record, **values_of("wls", scan_cutoffs=[20.0, 60.0], bounds="physical", **SETTINGS)
+    )
     found = section(report_page(RIGID, [record], estimate))
     assert "No warning" in found
     for title in ("Residual tests", "Physical bounds", "Scan of the filter"):

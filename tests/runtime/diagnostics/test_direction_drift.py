@@ -18,7 +18,7 @@ VIBRATING = swings((0.5, 0.25), (0.05, 3.0))
 
 
 def test_what_a_low_passed_velocity_does_to_the_offset_is_in_its_interval() -> None:
-    estimate = identify(RIGID, rigid_record(VIBRATING))
+    estimate = identify(RIGID, rigid_record(VIBRATING), "wls")
     (offset,) = [entry for entry in estimate.parameters.identified if entry.name == "offset"]
     error = abs(offset.value - TRUTH["offset"])
     assert 2.5 * offset.noise_std < error < 1.96 * offset.std
@@ -26,7 +26,7 @@ def test_what_a_low_passed_velocity_does_to_the_offset_is_in_its_interval() -> N
 
 
 def test_where_directions_are_clear_nothing_is_added() -> None:
-    estimate = identify(RIGID, rigid_record(), **values_of(**SETTINGS))
+    estimate = identify(RIGID, rigid_record(), **values_of("wls", **SETTINGS))
     for entry in estimate.parameters.identified:
         assert entry.drift_std < entry.noise_std
 

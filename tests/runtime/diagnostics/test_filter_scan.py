@@ -32,7 +32,7 @@ def test_the_scan_tries_cut_offs_and_orders_around_the_chosen_ones() -> None:
 
 def test_every_point_is_the_estimate_with_that_filter() -> None:
     record = rigid_record()
-    estimate = identify(RIGID, record, **values_of(scan_cutoffs=[20.0, 60.0], **SETTINGS))
+    estimate = identify(RIGID, record, **values_of("wls", scan_cutoffs=[20.0, 60.0], **SETTINGS))
     scan = estimate.checks.scan
     assert scan is not None
     assert scan.names == tuple(TRUTH)
@@ -40,7 +40,7 @@ def test_every_point_is_the_estimate_with_that_filter() -> None:
     assert [point.chosen for point in scan.points] == [False, True, False]
     for point in scan.points:
         options = {"cutoff_hz": point.cutoff_hz, "direction_cutoff_hz": 10.0, "drift_check": False}
-        same = identify(RIGID, record, **values_of(**options))
+        same = identify(RIGID, record, **values_of("wls", **options))
         assert dict(zip(scan.names, point.values, strict=True)) == pytest.approx(dict(same.params), rel=1e-9)
         assert dict(zip(scan.names, point.stds, strict=True)) == pytest.approx(dict(same.bse), rel=1e-9)
         assert point.relative_error == pytest.approx(same.fit.relative_error)
@@ -50,7 +50,7 @@ def test_every_point_is_the_estimate_with_that_filter() -> None:
 
 def test_a_filter_that_the_record_is_too_short_for_is_told() -> None:
     record = rigid_record(n=3000)
-    estimate = identify(RIGID, record, **values_of(scan_cutoffs=[2.0], **SETTINGS))
+    estimate = identify(RIGID, record, **values_of("wls", scan_cutoffs=[2.0], **SETTINGS))
     scan = estimate.checks.scan
     assert scan is not None
     (failed, used) = scan.points

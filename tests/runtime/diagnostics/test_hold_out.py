@@ -17,8 +17,8 @@ def records(change: float = 0.0) -> list[Record]:
 
 
 def test_a_held_out_record_that_agrees_changes_nothing_but_the_report() -> None:
-    alone = identify(RIGID, records()[0], **values_of(**SETTINGS))
-    estimate = identify(RIGID, records(), **values_of(hold_out="two", **SETTINGS))
+    alone = identify(RIGID, records()[0], **values_of("wls", **SETTINGS))
+    estimate = identify(RIGID, records(), **values_of("wls", hold_out="two", **SETTINGS))
     assert estimate.params == alone.params
     assert estimate.bse == alone.bse
     assert estimate.records == ("one",)
@@ -33,8 +33,8 @@ def test_a_held_out_record_that_agrees_changes_nothing_but_the_report() -> None:
 
 
 def test_a_held_out_record_that_disagrees_widens_the_interval_and_is_named() -> None:
-    alone = identify(RIGID, records()[0], **values_of(**SETTINGS))
-    estimate = identify(RIGID, records(change=5.0), **values_of(hold_out=["two"], **SETTINGS))
+    alone = identify(RIGID, records()[0], **values_of("wls", **SETTINGS))
+    estimate = identify(RIGID, records(change=5.0), **values_of("wls", hold_out=["two"], **SETTINGS))
     assert estimate.params == alone.params
     found = estimate.checks.held_out
     assert found is not None
@@ -49,7 +49,9 @@ def test_a_held_out_record_that_disagrees_widens_the_interval_and_is_named() -> 
 
 def test_a_record_that_cannot_answer_is_looked_at_all_the_same() -> None:
     one_way = rigid_record(swings((0.4, 0.1), (0.1, 1.3), speed=2.0), name="two")
-    estimate = identify(RIGID, [rigid_record(name="one"), one_way], **values_of(hold_out="two", **SETTINGS))
+    estimate = identify(
+        RIGID, [rigid_record(name="one"), one_way], **values_of("wls", hold_out="two", **SETTINGS)
+    )
     found = estimate.checks.held_out
     assert found is not None
     assert found.rows[0].relative_error < 0.01
@@ -65,7 +67,7 @@ def test_a_share_is_cut_from_the_end_of_every_record_in_whole_periods() -> None:
     np.testing.assert_array_equal(whole, given[0].signals["F"])
     kept, held = held_apart(given, 0.25, {"one": 10.0})
     assert (kept[0].n, kept[1].n) == (20000, 18750)
-    estimate = identify(RIGID, given, **values_of(hold_out=0.4, **SETTINGS))
+    estimate = identify(RIGID, given, **values_of("wls", hold_out=0.4, **SETTINGS))
     assert estimate.checks.held_out is not None
     assert len(estimate.checks.held_out.rows) == 2
 
@@ -88,5 +90,5 @@ def test_what_cannot_be_held_out_is_named(hold_out: float | str | list[str], sai
 def test_nothing_is_held_out_unless_it_is_asked_for() -> None:
     given = records()
     assert held_apart(given, None, {}) == (tuple(given), ())
-    assert identify(RIGID, given, **values_of(**SETTINGS)).checks.held_out is None
+    assert identify(RIGID, given, **values_of("wls", **SETTINGS)).checks.held_out is None
     assert given[0].fs == FS

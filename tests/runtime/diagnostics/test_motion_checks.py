@@ -100,10 +100,10 @@ def test_a_direction_that_no_sample_has_is_named() -> None:
 def test_a_body_that_rests_gets_no_inertia() -> None:
     rest = rigid_record(swings(speed=0.0))
     with_motion = rigid_record(name="moving")
-    estimate = identify(RIGID, rest, **values_of(**SETTINGS))
+    estimate = identify(RIGID, rest, **values_of("wls", **SETTINGS))
     assert set(estimate.params) == {"offset"}
     assert "m never moves: q_m" in estimate.not_identifiable["M"]
-    both = identify(RIGID, [with_motion, replace(rest, name="still")], **values_of(**SETTINGS))
+    both = identify(RIGID, [with_motion, replace(rest, name="still")], **values_of("wls", **SETTINGS))
     assert set(both.params) == set(TRUTH)
     assert [one.where for one in both.checks.advice if one.kind == "never moving"] == ["still"]
 
@@ -122,7 +122,7 @@ def test_a_steady_velocity_is_a_motion_and_a_zero_one_is_not() -> None:
 
 
 def test_a_steady_crawl_is_a_motion_that_answers_no_friction() -> None:
-    estimate = identify(RIGID, rigid_record(swings(speed=0.01)), **values_of(**SETTINGS))
+    estimate = identify(RIGID, rigid_record(swings(speed=0.01)), **values_of("wls", **SETTINGS))
     assert not any("never moves" in reason for reason in estimate.not_identifiable.values())
     for name in ("Fv", "Fc", "offset"):
         assert name in estimate.not_identifiable

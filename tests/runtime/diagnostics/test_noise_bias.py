@@ -57,7 +57,7 @@ def slow(noise: float) -> Record:
 
 def test_what_noise_pulls_is_named_and_in_the_interval() -> None:
     options = {"cutoff_hz": 10.0, "direction_cutoff_hz": 5.0}
-    quiet, loud = (identify(RIGID, slow(noise), **values_of(**options)) for noise in (1e-7, 5e-6))
+    quiet, loud = (identify(RIGID, slow(noise), **values_of("wls", **options)) for noise in (1e-7, 5e-6))
     assert "biased by noise" not in kinds(quiet)
     (advice,) = [one for one in loud.checks.advice if one.kind == "biased by noise"]
     assert advice.where.startswith("M by -")
@@ -69,10 +69,12 @@ def test_what_noise_pulls_is_named_and_in_the_interval() -> None:
 
 
 def test_what_is_lost_in_noise_gets_no_number() -> None:
-    estimate = identify(RIGID, slow(6e-5), **values_of(cutoff_hz=10.0, direction_cutoff_hz=5.0))
+    estimate = identify(RIGID, slow(6e-5), **values_of("wls", cutoff_hz=10.0, direction_cutoff_hz=5.0))
     assert "M" not in estimate.params
     assert "noise of the sensors biases it by" in estimate.not_identifiable["M"]
-    kept = identify(RIGID, slow(6e-5), **values_of(cutoff_hz=10.0, direction_cutoff_hz=5.0, keep=("M",)))
+    kept = identify(
+        RIGID, slow(6e-5), **values_of("wls", cutoff_hz=10.0, direction_cutoff_hz=5.0, keep=("M",))
+    )
     assert kept.params["M"] < 0.6 * TRUTH["M"]
 
 
@@ -86,6 +88,6 @@ def test_good_sensors_pull_nothing(shared_data: Path, which: str) -> None:
 
 def test_columns_that_are_nothing_but_noise_are_told() -> None:
     drowned = rigid_record(swings((0.02, 0.05), (0.01, 0.11)), n=40000, noise=3e-3)
-    estimate = identify(RIGID, drowned, **values_of(cutoff_hz=10.0, direction_cutoff_hz=5.0))
+    estimate = identify(RIGID, drowned, **values_of("wls", cutoff_hz=10.0, direction_cutoff_hz=5.0))
     assert "M" not in estimate.params
     assert all(np.isfinite(entry.std) for entry in estimate.parameters.identified)

@@ -37,7 +37,7 @@ def test_the_slowest_mode_is_that_of_the_parameters() -> None:
 
 def test_a_motion_that_is_too_slow_for_the_inertia_is_named() -> None:
     slow = rigid_record(swings((2e-3, 0.05), (1e-3, 0.11)), noise=1e-7)
-    estimate = identify(RIGID, slow, **values_of(cutoff_hz=20.0, direction_cutoff_hz=10.0))
+    estimate = identify(RIGID, slow, **values_of("wls", cutoff_hz=20.0, direction_cutoff_hz=10.0))
     assert estimate.relative_std["M"] > 10.0
     (advice,) = [one for one in estimate.checks.advice if one.kind == "too slow"]
     assert advice.where == "M"
@@ -95,7 +95,7 @@ def test_a_row_that_is_explained_by_nothing_is_the_null_solution() -> None:
     estimate = identify(
         RIGID,
         Record({"q_m": rigid_record().signals["q_m"], "F": other}, FS, "mixed"),
-        **values_of(**SETTINGS),
+        **values_of("wls", **SETTINGS),
     )
     (advice,) = [one for one in estimate.checks.advice if one.kind == "null solution"]
     assert "mixed, row m" in advice.where

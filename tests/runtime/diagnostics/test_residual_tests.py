@@ -129,7 +129,7 @@ def test_the_bounds_are_those_of_all_rows_together() -> None:
 
 def test_the_bench_shows_more_than_noise_and_the_same_in_every_period(shared_data: Path) -> None:
     model, record = bench(shared_data)
-    estimate = identify(model, record, **values_of(drift_check=False))
+    estimate = identify(model, record, **values_of("wls", drift_check=False))
     for test in estimate.checks.residuals:
         assert test.repeated is not None
         assert test.repeated > 0.9

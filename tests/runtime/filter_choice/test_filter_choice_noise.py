@@ -200,11 +200,13 @@ def loud_records() -> tuple[Record, ...]:
 
 def test_least_squares_errs_less_where_the_noise_sets_the_cutoff() -> None:
     truth = CHAIN.parameter_sets["light"]
-    chosen = identify(CHAIN, loud_records(), **values_of(drift_check=False))
+    chosen = identify(CHAIN, loud_records(), **values_of("wls", drift_check=False))
     dynamics = chosen.fit.filtering.dynamics_hz
     assert dynamics is not None
     before = identify(
-        CHAIN, loud_records(), **values_of(drift_check=False, cutoff_hz=distortion_bound_hz(dynamics, 4))
+        CHAIN,
+        loud_records(),
+        **values_of("wls", drift_check=False, cutoff_hz=distortion_bound_hz(dynamics, 4)),
     )
     for name in ("J_m", "F_vm", "F_sm"):
         errors = [abs(estimate.params[name] / truth[name] - 1.0) for estimate in (chosen, before)]

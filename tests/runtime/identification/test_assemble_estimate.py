@@ -7,6 +7,7 @@ from generated import emps300_qm_qc
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.assemble_estimate import Solved, judge, row_diagnostics
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import WLS
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.rows.observation import Observation, RowBlock
@@ -34,7 +35,7 @@ def observation(spread: float = 0.1, n: int = 2000) -> Observation:
 def solved(drift: float = 0.0, refused: dict[str, str] | None = None) -> Solved:
     rows = observation()
     fit = fit_matched(rows)
-    return Solved(Job(MODEL, (), CHOICE), "wls", rows, fit, refused or {}, drift**2 * np.eye(6))
+    return Solved(Job(MODEL, (), CHOICE), WLS(), rows, fit, refused or {}, drift**2 * np.eye(6))
 
 
 def test_every_row_is_reported_also_those_without_samples() -> None:

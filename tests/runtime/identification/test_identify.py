@@ -200,7 +200,7 @@ def test_the_same_records_give_the_same_estimate() -> None:
 
 def test_progress_is_told_step_by_step() -> None:
     told: list[str] = []
-    identify(QC, experiments(QC, "light"), progress=told.append)
+    identify(QC, experiments(QC, "light"), "wls", progress=told.append)
     assert told == [
         "choosing filters",
         "filtering and solving",
@@ -284,7 +284,7 @@ def test_a_mass_that_never_accelerates_gets_no_number_but_the_reason() -> None:
     # at constant velocity the mass is not felt, and frictions and offset are one constant
     cruise = Record({"q_m": np.arange(4000) / 1000.0, "F": np.full(4000, 30.0)}, 1000.0, "cruise")
     with pytest.raises(IdentifiabilityError) as caught:
-        identify(RIGID, cruise, cutoff_hz=30.0)
+        identify(RIGID, cruise, "wls", cutoff_hz=30.0)
     reasons = {problem.where: problem.what for problem in caught.value.problems}
     assert reasons["M"] == "its column is zero in every sample used"
     assert "cannot be told" in reasons["Fv"]

@@ -18,9 +18,9 @@ def test_all_methods_take_a_job_to_rows_and_their_fit() -> None:
     force = 95.0 * acceleration + 200.0 * speed + 20.0 * np.sign(speed) - 3.0
     record = Record({"q_m": np.sin(5.0 * t) / 5.0, "F": force}, 1000.0, "swing", "swing")
     choice = choose_filter(RIGID, [record], cutoff_hz=40.0, direction_cutoff_hz=30.0)
-    assert list(METHODS) == ["wls", "iv", "tls", "pham2002"]
+    assert list(METHODS) == ["auto", "wls", "iv", "tls", "pham2002"]
     # the paper keeps what its filters leave at both ends
-    for method, tolerance in zip(METHODS.values(), (1e-2, 1e-2, 1e-2, 0.1), strict=True):
+    for method, tolerance in zip(METHODS.values(), (1e-2, 1e-2, 1e-2, 1e-2, 0.1), strict=True):
         observation, fit = method.run(Job(RIGID, (record,), choice, rows_for_tag={"swing": ["m"]}))
         assert observation.columns == RIGID.base_parameters
         np.testing.assert_allclose(fit.solution.x[:2], [95.0, 200.0], rtol=tolerance)

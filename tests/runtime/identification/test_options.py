@@ -62,7 +62,7 @@ def test_options_go_where_they_belong() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"method": "ols"}, "method: is 'ols'; choose one of wls, iv, tls, pham2002"),
+        ({"method": "ols"}, "method: is 'ols'; choose one of auto, wls, iv, tls, pham2002"),
         ({"method": WLS}, "method: is <class"),
         ({"method": None}, "method: is None"),
         ({"cutoff_hz": 300.0, "filters": Filters(cutoff_hz=200.0)}, "cutoff_hz: is given in filters as well"),

@@ -38,7 +38,7 @@ def simulated(noise: bool = True) -> list[Record]:
 
 def test_a_trapezoid_alone_leaves_combinations_and_says_which() -> None:
     chirp, trapezoid = simulated()
-    alone = identify(TWO_MASS, trapezoid)
+    alone = identify(TWO_MASS, trapezoid, "wls")
     for name in ("J_c", "F_vmc", "K"):
         assert name not in alone.params
         assert "condition index" in alone.not_identifiable[name]
@@ -51,7 +51,7 @@ def test_a_trapezoid_alone_leaves_combinations_and_says_which() -> None:
     said = float(advice.where.split("J_m + J_c = ")[1].split()[0])
     assert said == pytest.approx(total, rel=0.02)
     # together with the chirp nothing is missing, and nothing is said
-    both = identify(TWO_MASS, [chirp, trapezoid])
+    both = identify(TWO_MASS, [chirp, trapezoid], "wls")
     assert set(both.params) == set(TWO_MASS.base_parameters)
     assert kinds(both) == []
 
@@ -95,9 +95,9 @@ def test_a_doubtful_parameter_can_be_kept_but_not_what_is_impossible() -> None:
 def test_pruning_can_be_undone() -> None:
     slow = rigid_record(swings((2e-2, 0.05), (1e-2, 0.11)), noise=1e-5, n=40000)
     options = {"cutoff_hz": 10.0, "direction_cutoff_hz": 5.0}
-    pruned = identify(RIGID, slow, **values_of(**options))
+    pruned = identify(RIGID, slow, **values_of("wls", **options))
     assert [step.removed for step in pruned.fit.pruning.steps] == ["M"]
-    undone = identify(RIGID, slow, **values_of(keep=("M",), **options))
+    undone = identify(RIGID, slow, **values_of("wls", keep=("M",), **options))
     assert "M" not in [step.removed for step in undone.fit.pruning.steps]
     assert "M" in [name for name, _, _ in undone.fit.pruning.kept]
     # the full estimate is the same in both

@@ -94,7 +94,7 @@ def test_swapped_columns_of_a_measured_record_are_found(bench: Record, one: str,
 
 
 def test_swapped_channels_stand_in_the_result(bench: Record) -> None:
-    estimate = identify(BENCH, swapped([bench], "q_m", "q_c"), **values_of(drift_check=False))
+    estimate = identify(BENCH, swapped([bench], "q_m", "q_c"), **values_of("wls", drift_check=False))
     assert "swapped: bench, channel q_m and q_c" in " ".join(estimate.summary().split())
 
 

@@ -27,8 +27,8 @@ def test_signs_follow_from_the_roles(module: object) -> None:
 
 
 def test_bounds_that_hold_cost_nothing() -> None:
-    plain = identify(RIGID, rigid_record(), **values_of(**SETTINGS))
-    bounded = identify(RIGID, rigid_record(), **values_of(bounds="physical", **SETTINGS))
+    plain = identify(RIGID, rigid_record(), **values_of("wls", **SETTINGS))
+    bounded = identify(RIGID, rigid_record(), **values_of("wls", bounds="physical", **SETTINGS))
     assert bounded.params == plain.params
     assert bounded.bse == plain.bse
     cost = bounded.checks.bounds
@@ -48,8 +48,10 @@ def test_a_parameter_at_its_bound_has_no_number_and_its_cost_is_told() -> None:
     active = 0
     for seed in range(6):
         record = frictionless(seed)
-        plain = identify(RIGID, record, **values_of(drift_check=False, **SETTINGS))
-        bounded = identify(RIGID, record, **values_of(bounds="physical", drift_check=False, **SETTINGS))
+        plain = identify(RIGID, record, **values_of("wls", drift_check=False, **SETTINGS))
+        bounded = identify(
+            RIGID, record, **values_of("wls", bounds="physical", drift_check=False, **SETTINGS)
+        )
         cost = bounded.checks.bounds
         assert cost is not None
         if plain.params["Fv"] >= 0.0:
@@ -86,14 +88,14 @@ def test_the_bounded_estimate_is_the_best_within_the_bounds() -> None:
 
 def test_bounds_that_contradict_the_records_are_a_warning() -> None:
     record = rigid_record(extra=lambda q, v, a: -300.0 * v)
-    estimate = identify(RIGID, record, **values_of(bounds="physical", **SETTINGS))
+    estimate = identify(RIGID, record, **values_of("wls", bounds="physical", **SETTINGS))
     (advice,) = [one for one in estimate.checks.advice if one.kind == "bounds"]
     assert "Fv" in advice.where
     assert "standard deviations from what the records say" in advice.what
     reversed_sign = Record({"q_m": -rigid_record().signals["q_m"], "F": rigid_record().signals["F"]}, FS)
-    assert identify(RIGID, reversed_sign, **values_of(bounds="physical", **SETTINGS)).params.keys() == {
-        "offset"
-    }
+    assert identify(
+        RIGID, reversed_sign, **values_of("wls", bounds="physical", **SETTINGS)
+    ).params.keys() == {"offset"}
 
 
 def test_instruments_can_be_bounded() -> None:
