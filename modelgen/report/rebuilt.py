@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.observation import RowBlock, observe
+from modelgen.runtime.rows.observation import Observation, RowBlock, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
 
 CONFIDENCE_99 = 2.5758293035489004
@@ -51,14 +52,14 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     """Return every row on every record used, and the singular values of W with columns of unit length.
 
     The singular values have shape (columns,) and no unit. W is weighted as in the fit and holds the columns
-    of the fit; records held out are left out.
+    of the fit; records held out are left out. What was estimated besides the parameters, a late sensor, say,
+    is no part of an estimate: the rows are rebuilt without it.
     """
     records = [record for record in records if record.name in estimate.records]
     x = _solution(model, estimate)
     weights = {(entry.record, entry.row): entry.weight for entry in estimate.fit.rows}
     fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.parameters.nuisance))
-    observe_as = observe_paper if estimate.fit.method == "pham2002" else observe
-    observation = observe_as(model, records, estimate.fit.filtering).dense()
+    observation = _observed(model, records, estimate).dense()
     found: list[Rebuilt] = []
     stacked: list[FloatArray] = []
     for block in observation.blocks:
@@ -94,6 +95,22 @@ def autocorrelation(residual: FloatArray, step_s: float) -> Autocorrelation | No
     if products[0] <= 0.0:
         return None
     return Autocorrelation(products / products[0], CONFIDENCE_99 / float(np.sqrt(count)), step_s)
+
+
+def _observed(model: Model, records: Sequence[Record], estimate: Estimate) -> Observation:
+    """Return the rows at the samples that the estimate used, delays that it found compensated.
+
+    Whether samples near a reversal were used depends on the method and what stands in for it: counts tell.
+    """
+    moved = [advanced(record, estimate.delays) for record in records]
+    if estimate.fit.method == "pham2002":
+        return observe_paper(model, moved, estimate.fit.filtering)
+    used = {(entry.record, entry.row): entry.used for entry in estimate.fit.rows}
+    observation = observe(model, moved, estimate.fit.filtering)
+    counts = {(block.record_name, block.row_name): len(block.place) for block in observation.blocks}
+    if all(counts[key] == used[key] for key in counts.keys() & used.keys()):
+        return observation
+    return observe(model, moved, estimate.fit.filtering, turns=False)
 
 
 def _solution(model: Model, estimate: Estimate) -> FloatArray:

@@ -1,0 +1,102 @@
+"""What a residual says of effects: sizes and moves as a larger fit has them, and silence where nothing is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from modelgen.runtime.iv.model_errors import Effect
+from modelgen.runtime.iv.score_tests import scores
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.wls import fit_at, fit_matched
+from modelgen.runtime.rows.observation import Observation
+from tests.runtime.least_squares.row_blocks import FloatArray, block
+
+TRUTH = np.array([2.0, -1.0, 0.5])
+COLUMNS = ("a", "b", "c")
+N = 1500
+
+
+def effect(name: str) -> Effect:
+    return Effect(name, "force", f"{name} acts", "", "add it", lambda simulated: {})
+
+
+def rows(seed: int, size: float, noise: float = 0.1) -> tuple[Fit, FloatArray]:
+    """A fit of one row that lacks an effect of that size, and how the row grows with it."""
+    rng = np.random.default_rng(seed)
+    W = rng.standard_normal((N, 3))
+    grown = rng.standard_normal(N) + 0.7 * W[:, 0] - 0.4 * W[:, 2]
+    Y = W @ TRUTH + size * grown + noise * rng.standard_normal(N)
+    fit = fit_matched(Observation(COLUMNS, (block(W, Y),)))
+    return fit, grown
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), size=st.floats(0.05, 1.0))
+def test_a_score_is_what_a_fit_with_the_effect_as_a_column_finds(seed: int, size: float) -> None:
+    fit, grown = rows(seed, size)
+    (found,) = scores(fit, [effect("push")], [[grown]])
+    (one,) = fit.blocks
+    larger = np.linalg.lstsq(np.column_stack([one.W, grown]), one.Y, rcond=None)[0]
+    assert found.size == pytest.approx(larger[3], rel=1e-9)
+    np.testing.assert_allclose(found.move, larger[:3] - fit.solution.x, rtol=1e-6, atol=1e-9)
+    left = one.Y - np.column_stack([one.W, grown]) @ larger
+    share = 1.0 - float(left @ left) / float(fit.residuals[0] @ fit.residuals[0])
+    assert found.explained == pytest.approx(share, rel=1e-6)
+    assert abs(found.size - size) < 6.0 * found.std
+    assert found.std == pytest.approx(0.1 / np.sqrt(N), rel=0.4)
+    assert found.matters
+
+
+def test_where_nothing_lacks_hardly_anything_matters() -> None:
+    count = sum(scores(*_no_effect(seed))[0].matters for seed in range(200))
+    # the level is 1 %, and a move that is worth telling on top of that
+    assert count <= 6
+
+
+def _no_effect(seed: int) -> tuple[Fit, list[Effect], list[list[FloatArray]]]:
+    fit, grown = rows(seed, 0.0)
+    return fit, [effect("push")], [[grown]]
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), mix=st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3))
+def test_what_the_columns_hold_cannot_be_told(seed: int, mix: list[float]) -> None:
+    fit, _ = rows(seed, 0.3)
+    assert scores(fit, [effect("push")], [[fit.blocks[0].W @ np.array(mix)]]) == ()
+
+
+def test_what_is_estimated_already_is_not_told_again() -> None:
+    fit, grown = rows(3, 0.5)
+    assert scores(fit, [effect("push")], [[grown]])[0].matters
+    assert scores(fit, [effect("push")], [[grown]], [[grown]]) == ()
+    assert scores(fit, [], []) == ()
+
+
+def test_the_effect_that_explains_most_comes_first() -> None:
+    fit, grown = rows(4, 0.5)
+    other = np.random.default_rng(9).standard_normal(N)
+    found = scores(fit, [effect("other"), effect("push")], [[other], [grown]])
+    assert [one.effect.name for one in found] == ["push", "other"]
+    assert [one.matters for one in found] == [True, False]
+
+
+def test_weights_of_rows_do_not_change_what_one_row_says() -> None:
+    fit, grown = rows(5, 0.5)
+    heavier = fit_at(Observation(COLUMNS, fit.blocks), fit)
+    heavier = replace(heavier, weights=tuple(7.0 * weight for weight in fit.weights))
+    (one,), (other,) = (scores(each, [effect("push")], [[grown]]) for each in (fit, heavier))
+    assert other.size == pytest.approx(one.size, rel=1e-6)
+    assert other.std == pytest.approx(one.std, rel=1e-6)
+
+
+def test_moves_in_physical_parameters_follow_the_slope() -> None:
+    fit, grown = rows(6, 0.5)
+    slope = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
+    (found,) = scores(fit, [effect("push")], [[grown]], slope=slope)
+    assert found.move.shape == (3,)
+    assert found.move[2] == pytest.approx(0.5 * found.move[0] + 0.5 * found.move[1])
