@@ -90,7 +90,9 @@ class Solution:
     def at(self, task: Task, other: FilterChoice) -> Fit:
         """Return the fit with other filters, from this one on; delays stay."""
         surveys = self._surveys(task, other)
-        job = replace(self.job, records=self.moved, late=(), choice=other, start=self.plain, surveys=surveys)
+        # the records have no delay left that a fit could start from
+        start = replace(self.plain, delays=())
+        job = replace(self.job, records=self.moved, late=(), choice=other, start=start, surveys=surveys)
         return self.treatment(task.method.run(job)[1])
 
     def found_at(self, task: Task, other: FilterChoice) -> Solved:
