@@ -58,7 +58,9 @@ AXIS_2 = Machine((9.93e-6, 6.72e-7), (2e-5, 0.0), (5e-3, 0.0), (0,), (1,), (0.37
 LIGHT = replace(AXIS_2, damping=(3.9e-5,))
 DRIVE = Machine((2e-3, 6e-3), (0.02, 0.0), (0.4, 0.0), (0,), (1,), (1500.0,), (0.6,))
 GEARED = Machine((1e-4, 0.8), (2e-3, 0.0), (0.05, 0.0), (0,), (1,), (15000.0,), (12.0,), (100.0,))
-CHAIN = Machine((2e-3, 1e-3, 4e-3), (0.02, 0.0, 0.0), (0.4, 0.0, 0.0), (0, 1), (1, 2), (2500.0, 1800.0), (0.5, 0.4))  # fmt: skip
+CHAIN = Machine(
+    (2e-3, 1e-3, 4e-3), (0.02, 0.0, 0.0), (0.4, 0.0, 0.0), (0, 1), (1, 2), (2500.0, 1800.0), (0.5, 0.4)
+)
 MACHINES = {
     "table_1": AXIS_1,
     "table_2": AXIS_2,
@@ -310,13 +312,25 @@ def _physics() -> Iterator[Kind]:
 
 
 def _third(machine: Machine) -> Machine:
-    return replace(machine, inertia=(*machine.inertia, 5e-4), viscous=(0.02, 0.0, 0.0), coulomb=(0.4, 0.0, 0.0),
-                   first=(0, 1), second=(1, 2), stiffness=(*machine.stiffness, 400.0), damping=(*machine.damping, 0.02))  # fmt: skip
+    return _with_mass(machine, 5e-4, 400.0, 0.02)
 
 
 def _third_small(machine: Machine) -> Machine:
-    return replace(machine, inertia=(*machine.inertia, 1e-7), viscous=(2e-5, 0.0, 0.0), coulomb=(5e-3, 0.0, 0.0),
-                   first=(0, 1), second=(1, 2), stiffness=(*machine.stiffness, 0.2), damping=(*machine.damping, 2e-6))  # fmt: skip
+    return _with_mass(machine, 1e-7, 0.2, 2e-6)
+
+
+def _with_mass(machine: Machine, inertia: float, stiffness: float, damping: float) -> Machine:
+    """Return a machine with a further body on a spring at the load."""
+    return replace(
+        machine,
+        inertia=(*machine.inertia, inertia),
+        viscous=(*machine.viscous, 0.0),
+        coulomb=(*machine.coulomb, 0.0),
+        first=(0, 1),
+        second=(1, 2),
+        stiffness=(*machine.stiffness, stiffness),
+        damping=(*machine.damping, damping),
+    )
 
 
 def _encoders(counts: int) -> dict[str, Reading]:

@@ -92,7 +92,7 @@ class Command:
 
 @dataclass(frozen=True)
 class LoopOptions:
-    """`lag_s` of the current loop; `held`: the command changes once a sample; `noise` of the reading in it."""
+    """`lag_s` of the current loop; `held`: it changes once a sample; `noise` of its reading."""
 
     lag_s: float = 0.0
     held: bool = False

@@ -8,7 +8,7 @@ be estimated, the intervals are widened by what it would move.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,19 +16,22 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import row_noise
+from modelgen.runtime.identification.explained import Explained
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
     AS_GOOD,
     LEFT_SHARE,
     LITTLE_OWN,
     MOST_EFFECTS,
+    MOST_TRIED,
     OVER_NOISE,
+    TRIED_TOO,
 )
-from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
+from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.model_errors import Effect, effects_of
-from modelgen.runtime.iv.score_tests import Score, scores
+from modelgen.runtime.iv.score_tests import Score, scores, without_noise
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -40,29 +43,6 @@ ESTIMATED = "; that is estimated with the parameters"
 HELD = "; the intervals hold what that moves"
 # Effects whose sum with what the spec names is told where sensors cannot tell them apart.
 SUMMED = ("Coulomb friction", "viscous friction")
-
-
-@dataclass(frozen=True, eq=False)
-class Explained:
-    """A fit with what its residual shows taken into account.
-
-    Attributes
-    ----------
-    observation : Observation
-    fit : Fit
-    effects : tuple of Effect
-        Estimated with the parameters; `sizes` are theirs.
-    drift : array, shape (c, c)
-        Mean square of what other effects would move.
-    advice : tuple of Advice
-    """
-
-    observation: Observation
-    fit: Fit
-    effects: tuple[Effect, ...]
-    sizes: tuple[float, ...]
-    drift: FloatArray
-    advice: tuple[Advice, ...]
 
 
 def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) -> Explained:
@@ -90,10 +70,10 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
         if not shown:
             break
         best = shown[0]
-        others = _as_good(shown)
         freed = None
         if fit.carried is None and len(effects) < given + MOST_EFFECTS:
-            freed = _freed(job, fit, (*effects, best.effect))
+            best, freed = _best_freed(job, fit, effects, shown)
+        others = _as_good(best, shown)
         if freed is None:
             drift = drift + np.outer(best.move, best.move)
             advice.append(_left(best, others))
@@ -195,6 +175,11 @@ def _scores(
                                  for channel, _, _ in now.fit.delays)  # fmt: skip
     rows = effect_rows(now.fit, now.setting, simulated, tested)
     found = scores(now.fit, tested, rows, others, slope)
+    doubtful = [tested.index(one.effect) for one in found if one.matters]
+    if doubtful:
+        seen = [tested[index] for index in doubtful]
+        noise = noise_rows(now.fit, now.setting, seen, [rows[index] for index in doubtful])
+        found = without_noise(found, now.fit, seen, noise, others, slope)
     told = {one.effect.name for one in found if one.own > LITTLE_OWN}
     return found, tuple(effect for effect in tested if effect.name not in told)
 
@@ -210,11 +195,37 @@ def _sums(unseen: Sequence[Effect]) -> tuple[str, ...]:
     )
 
 
-def _as_good(shown: Sequence[Score]) -> list[Score]:
-    """Return the effects that explain the residual nearly as well as the first."""
-    best = shown[0]
+def _as_good(best: Score, shown: Sequence[Score]) -> list[Score]:
+    """Return the other effects that explain the residual nearly as well."""
     per_share = (best.size / best.std) ** 2 / best.explained
-    return [one for one in shown[1:] if per_share * (best.explained - one.explained) < AS_GOOD]
+    return [
+        one for one in shown if one is not best and per_share * (best.explained - one.explained) < AS_GOOD
+    ]
+
+
+def _best_freed(
+    job: Job, fit: Fit, effects: tuple[Effect, ...], shown: Sequence[Score]
+) -> tuple[Score, Freed | None]:
+    """Return the effect that leaves least once it is estimated, and the fit with it.
+
+    Far from the truth the shares that effects explain are shares along a tangent only.
+    """
+    tried = [one for one in shown if one.explained >= TRIED_TOO * shown[0].explained][:MOST_TRIED]
+    found = [(one, _freed(job, fit, (*effects, one.effect))) for one in tried]
+    left = [(_misfit(freed.fit), one, freed) for one, freed in found if freed is not None]
+    if not left:
+        return shown[0], None
+    _, one, freed = min(left, key=lambda entry: entry[0])
+    return one, freed
+
+
+def _misfit(fit: Fit) -> float:
+    """Return minus the logarithm of the likelihood, each block with a noise of its own."""
+    tiny = float(np.finfo(float).tiny)
+    return sum(
+        len(residual) * float(np.log(max(float(np.linalg.norm(residual)) / np.sqrt(len(residual)), tiny)))
+        for residual in fit.residuals
+    )
 
 
 def _freed(job: Job, fit: Fit, effects: tuple[Effect, ...]) -> Freed | None:

@@ -25,9 +25,9 @@ from modelgen.runtime.diagnostics.settings_drift import (
 )
 from modelgen.runtime.diagnostics.suspicious_samples import told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.identification.choose_method import begun
+from modelgen.runtime.identification.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import WLS
+from modelgen.runtime.identification.methods import WLS, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.robust_and_bounded import Treatment, treat, unweighted
 from modelgen.runtime.identification.task import Task
@@ -121,7 +121,7 @@ def fitted(task: Task) -> tuple[Task, Solution]:
     """
     step("filtering and solving")
     with told_on_failure(task.doubts):
-        start = begun(task)
+        start = _run(task)
         task, told = start.task, start.found
         model, job, method, plain = task.model, task.job, task.method, told.fit
         refused, advice = refusals(model, job.records, job.choice, plain, task.checks.keep)
@@ -142,6 +142,15 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         treatment.job(job),
         told.drift[np.ix_(kept, kept)],
     )
+
+
+def _run(task: Task) -> Begun:
+    if not isinstance(task.method, Auto):
+        return run_method(task, task.method)
+    # least squares needs no simulation, and what it loads
+    from modelgen.runtime.identification.default_method import default_method
+
+    return default_method(task, task.method)
 
 
 def settings_drift(

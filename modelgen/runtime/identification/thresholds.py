@@ -51,3 +51,6 @@ LOAD_ROW_LEFT = 0.5
 CLEARLY_BETTER, NEARLY_BEST = 0.2, 0.05
 # Samples of a record that cut-offs are tried on.
 SAMPLES_TRIED = 1 << 17
+
+# So many effects at a time are estimated in turn, if they explain this share of what the first one does.
+MOST_TRIED, TRIED_TOO = 3, 0.3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -61,6 +62,48 @@ def effect_rows(
                 block = fit.blocks[index]
                 rows[index] = (changed[block.row] - calm[block.row])[block.place] / size
     return tuple(tuple(rows) for rows in found)
+
+
+def noise_rows(
+    fit: Fit, setting: Setting, effects: Sequence[Effect], grown: Sequence[Sequence[FloatArray]]
+) -> tuple[tuple[FloatArray, ...], tuple[tuple[FloatArray, ...], ...]]:
+    """Return what noise of the forces adds to the residual, and to what each effect does to it.
+
+    The simulation is driven by the measured forces: their noise is in both, and looks like a lag. It is drawn
+    anew, as large as the record's.
+
+    Returns
+    -------
+    tuple of array
+        One a block of the fit, shape (n,).
+    tuple of tuple of array
+        Likewise for each effect.
+    """
+    rng = np.random.default_rng(0)
+    noisy = []
+    for record in setting.records:
+        signals = dict(record.signals)
+        for actuator in setting.model.actuators:
+            if actuator.key in signals:
+                density = record.facts.spectrum(actuator.key).noise
+                level = float(np.sqrt(0.5 * density * record.fs))
+                signals[actuator.key] = signals[actuator.key] + level * rng.standard_normal(record.n)
+        noisy.append(Record(signals, record.fs, record.name, record.tag))
+    louder = replace(setting, records=tuple(noisy))
+    added = effect_rows(fit, louder, simulated_records(fit, louder), effects)
+    residuals = []
+    mismatches = {
+        index: (_mismatch(fit, setting, noisy[index], index), _mismatch(fit, setting, record, index))
+        for index, record in enumerate(setting.records)
+    }
+    for block in fit.blocks:
+        with_noise, without = mismatches[block.record]
+        residuals.append((with_noise[block.row] - without[block.row])[block.place])
+    changes = tuple(
+        tuple(more - less for more, less in zip(one, other, strict=True))
+        for one, other in zip(added, grown, strict=True)
+    )
+    return tuple(residuals), changes
 
 
 def _mismatch(fit: Fit, setting: Setting, record: Record, index: int) -> tuple[FloatArray, ...]:

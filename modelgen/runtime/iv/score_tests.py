@@ -8,7 +8,7 @@ not in the simulated effect: only what the effect explains remains.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,6 +34,10 @@ class Score:
         By how much X changes when the effect is taken into account.
     own : float
         Share of the effect that lies outside of the columns.
+    power : float
+        Sum of squares of that part, weighted.
+    least : float
+        The size that would be certain.
     matters : bool
         Whether it is certain (1 % over all effects) and moves or explains enough.
     """
@@ -44,6 +48,8 @@ class Score:
     explained: float
     move: FloatArray
     own: float
+    power: float
+    least: float
     matters: bool
 
 
@@ -72,12 +78,7 @@ def scores(
 
     if not effects:
         return ()
-    weights = fit.weights
-    R = np.concatenate([w * r for w, r in zip(weights, fit.regressors, strict=True)])
-    if slope is not None:
-        R = R @ slope
-    free = R.shape[1]
-    R = np.column_stack([R, *(_stacked(fit, one) for one in others)])
+    R, free = _regressors(fit, others, slope)
     G = np.stack([_stacked(fit, one) for one in grown], axis=1)
     scale = np.linalg.norm(R, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -102,8 +103,72 @@ def scores(
         large = part > LEAST_EXPLAINED or bool(np.any(np.abs(move) > LEAST_MOVE * spread))
         overlooked = abs(size) * float(np.sqrt(whole[place])) < largest
         matters = large and overlooked and abs(size) > critical * std
-        found.append(Score(effects[place], size, float(std), part, move, share_of[place], matters))
+        found.append(
+            Score(
+                effects[place],
+                size,
+                float(std),
+                part,
+                move,
+                share_of[place],
+                float(power[place]),
+                critical * float(std),
+                matters,
+            )
+        )
     return tuple(sorted(found, key=lambda one: -one.explained))
+
+
+def without_noise(
+    found: Sequence[Score],
+    fit: Fit,
+    effects: Sequence[Effect],
+    noise: tuple[Sequence[FloatArray], Sequence[Sequence[FloatArray]]],
+    others: Sequence[Sequence[FloatArray]],
+    slope: FloatArray | None,
+) -> tuple[Score, ...]:
+    """Return the scores without what noise of the forces makes of them, the most explained first.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        Those that matter.
+    noise : pair
+        What noise adds to the residual and to the effects, as `noise_rows` returns it.
+    """
+    R, _ = _regressors(fit, others, slope)
+    scale = np.linalg.norm(R, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    r = _stacked(fit, noise[0])
+    r = r - R @ (np.linalg.lstsq(R / scale, r, rcond=None)[0] / scale)
+    shift = {
+        effect.name: float(_stacked(fit, change) @ r)
+        for effect, change in zip(effects, noise[1], strict=True)
+    }
+    changed = []
+    for one in found:
+        if one.effect.name in shift:
+            share = 1.0 - shift[one.effect.name] / (one.power * one.size)
+            matters = one.matters and share > 0.0 and abs(share * one.size) > one.least
+            one = replace(
+                one,
+                size=share * one.size,
+                explained=share**2 * one.explained,
+                move=share * one.move,
+                matters=matters,
+            )
+        changed.append(one)
+    return tuple(sorted(changed, key=lambda one: -one.explained))
+
+
+def _regressors(
+    fit: Fit, others: Sequence[Sequence[FloatArray]], slope: FloatArray | None
+) -> tuple[FloatArray, int]:
+    """Return the weighted regressors, those of the parameters first, and how many these are."""
+    R = np.concatenate([w * r for w, r in zip(fit.weights, fit.regressors, strict=True)])
+    if slope is not None:
+        R = R @ slope
+    return np.column_stack([R, *(_stacked(fit, one) for one in others)]), R.shape[1]
 
 
 def _unknowns(fit: Fit, R: FloatArray) -> FloatArray:

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.progress import step
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.identification.explain_residual import (
     ESTIMATED,
     HELD,
-    Explained,
     exceeding_noise,
     explained,
     found_by,
 )
+from modelgen.runtime.identification.explained import Begun, Explained, run_method
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import IV, Auto, Method
+from modelgen.runtime.identification.methods import IV, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals
+from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     BIAS_SHARE,
@@ -42,16 +43,8 @@ from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.rows.observation import Observation
 
 
-@dataclass(frozen=True, eq=False)
-class Begun:
-    """A task whose method has been run: rows and their fit, and what the residual says."""
-
-    task: Task
-    found: Explained
-
-
-def begun(task: Task) -> Begun:
-    """Return a task with its method run; the default method becomes one of two.
+def default_method(task: Task, method: Auto) -> Begun:
+    """Return a task with the method run that the default becomes.
 
     Raises
     ------
@@ -60,9 +53,6 @@ def begun(task: Task) -> Begun:
     IdentifiabilityError
         When the records answer none of the parameters.
     """
-    method = task.method
-    if not isinstance(method, Auto):
-        return _ran(task, method)
     try:
         first = _instrumental(task, method.instrumental)
     except (IdentifiabilityError, DataError) as error:
@@ -82,7 +72,7 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     """
     iv = first.found
     try:
-        plain = _ran(replace(task, job=replace(task.job, late=())), method.least_squares)
+        plain = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
     except (IdentifiabilityError, DataError):
         return first
     fit = plain.found.fit
@@ -113,7 +103,7 @@ def _instrumental(task: Task, method: IV) -> Begun:
     """Return instruments; where a row is left unexplained, with the zeros of positions estimated as well."""
     plain: Begun | IdentifiabilityError
     try:
-        plain = _ran(task, method, search=True)
+        plain = _explained(task, method)
         left = _left(plain.found.fit)
     except IdentifiabilityError as error:
         plain, left = error, np.inf
@@ -137,18 +127,19 @@ def _left(fit: Fit) -> float:
     )
 
 
-def _ran(task: Task, method: Method, search: bool = False) -> Begun:
-    """Return a task with its method run; `search` for what the model lacks as well."""
-    job = task.job
-    observation, fit = method.run(job)
-    if not (search and task.checks.drift_check):
-        found = Explained(observation, fit, (), (), np.zeros((len(fit.columns),) * 2), ())
-        return Begun(replace(task, method=method, job=job), found)
+def _explained(task: Task, method: IV) -> Begun:
+    """Return a task with instruments run, and what the residual says."""
+    plain = run_method(task, method)
+    if not task.checks.drift_check:
+        return plain
     step("looking for what the model lacks")
-    found = explained(job, found_by(job, observation, fit), fit)
-    return Begun(
-        replace(task, method=method, job=replace(job, effects=found.effects, sizes=found.sizes)), found
-    )
+    fit = plain.found.fit
+    return _with(plain.task, explained(task.job, found_by(task.job, plain.found.observation, fit), fit))
+
+
+def _with(task: Task, found: Explained) -> Begun:
+    job = replace(task.job, effects=found.effects, sizes=found.sizes)
+    return Begun(replace(task, job=job), found)
 
 
 def _with_zeros(task: Task, method: IV) -> Begun | None:
@@ -164,17 +155,17 @@ def _with_zeros(task: Task, method: IV) -> Begun | None:
     setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
     start = _about_means(job)
     freed = fit_with_effects(setting, job.calm, start, zeros)
-    found = explained(job, freed, start, zeros)
+    none = np.zeros((len(freed.fit.columns),) * 2)
+    found = Explained(freed.observation, freed.fit, zeros, freed.sizes, none, ())
+    if task.checks.drift_check:
+        found = explained(job, freed, start, zeros)
     advice = Advice(
         "zeros",
         ", ".join(dict.fromkeys(zero.name for zero in zeros)),
         "are estimated with the parameters: the readings of positions do not begin at a common zero",
         "subtract the readings at rest, where the links carry no force",
     )
-    found = replace(found, advice=(advice, *found.advice))
-    return Begun(
-        replace(task, method=method, job=replace(job, effects=found.effects, sizes=found.sizes)), found
-    )
+    return _with(replace(task, method=method), replace(found, advice=(advice, *found.advice)))
 
 
 def _about_means(job: Job) -> Fit:
@@ -204,7 +195,7 @@ def _with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:
 def _stand_in(task: Task, method: Auto, error: IdentifiabilityError | DataError) -> Begun:
     """Return least squares where instruments find nothing, if it can be trusted; else raise that error."""
     try:
-        found = _ran(replace(task, job=replace(task.job, late=())), method.least_squares)
+        found = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
     except (IdentifiabilityError, DataError):
         raise error from None
     fit = found.found.fit
@@ -220,6 +211,9 @@ def _stand_in(task: Task, method: Auto, error: IdentifiabilityError | DataError)
     ]
     biased = np.any(np.abs(bias) > EXPLAINED * np.abs(fit.solution.x))
     if biased or impossible or _left(fit) > EXPLAINED:
-        raise error
+        remedy = "record another motion, or sense more"
+        reasons = [Problem(name, reason, remedy) for name, reason in refused.items()]
+        swapped = [Problem(one.where, one.what, one.remedy) for one in swapped_channels(task.job, fit)]
+        raise IdentifiabilityError(*error.problems, *reasons, *swapped) from None
     note = f"method wls: instruments find nothing ({error.problems[0].what}); noise pulls it little"
     return _with_note(found, note, found.found.drift + np.outer(bias, bias))

@@ -1,0 +1,56 @@
+"""Explained: a fit with what its residual shows; least squares has one as well, which holds nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.identification.methods import Method
+from modelgen.runtime.identification.task import Task
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.rows.observation import Observation
+
+if TYPE_CHECKING:
+    from modelgen.runtime.iv.model_errors import Effect
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """A fit with what its residual shows taken into account.
+
+    Attributes
+    ----------
+    observation : Observation
+    fit : Fit
+    effects : tuple of Effect
+        Estimated with the parameters; `sizes` are theirs.
+    drift : array, shape (c, c)
+        Mean square of what other effects would move.
+    advice : tuple of Advice
+    """
+
+    observation: Observation
+    fit: Fit
+    effects: tuple[Effect, ...]
+    sizes: tuple[float, ...]
+    drift: FloatArray
+    advice: tuple[Advice, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """A task whose method has been run: rows and their fit, and what the residual says."""
+
+    task: Task
+    found: Explained
+
+
+def run_method(task: Task, method: Method) -> Begun:
+    """Return a task with a method run, and nothing looked for."""
+    observation, fit = method.run(task.job)
+    none = np.zeros((len(fit.columns),) * 2)
+    return Begun(replace(task, method=method), Explained(observation, fit, (), (), none, ()))
