@@ -100,7 +100,8 @@ def test_least_squares_stands_in_where_instruments_find_nothing(monkeypatch: pyt
     estimate = identify(SMALL, two_mass_records(noise=0.01))
     assert estimate.fit.method == "wls"
     assert any("method wls" in note and "nothing of 2 records" in note for note in estimate.fit.notes)
-    assert_truth_inside(estimate, TRUTH)
+    # next to no noise: what is left is the simulation's own error
+    assert dict(estimate.params) == pytest.approx(dict(TRUTH), rel=1e-3)
 
 
 def test_least_squares_does_not_stand_in_where_noise_pulls_it(monkeypatch: pytest.MonkeyPatch) -> None:
