@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     )
     from modelgen.render.writer import generate
     from modelgen.runtime.identification.identify import identify
-    from modelgen.runtime.identification.methods import IV, TLS, WLS, Pham2002
+    from modelgen.runtime.identification.methods import IV, TLS, WLS, Auto, Pham2002
     from modelgen.runtime.identification.options import CheckOptions, Filters
     from modelgen.runtime.identification.sklearn_estimator import ChainEstimator
     from modelgen.runtime.model.control_export import control_system
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Auto",
     "IV",
     "TLS",
     "WLS",
@@ -70,6 +71,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Auto": "modelgen.runtime.identification.methods",
     "IV": "modelgen.runtime.identification.methods",
     "TLS": "modelgen.runtime.identification.methods",
     "WLS": "modelgen.runtime.identification.methods",

@@ -14,7 +14,7 @@ MethodName = Literal["auto", "wls", "iv", "tls", "pham2002"]
 Method = Annotated[
     MethodName,
     typer.Option(
-        help="Matched filters, on them instrumental variables or total least squares; or the paper."
+        help="Instruments, or least squares where the model lacks much (auto); one of them; or the paper."
     ),
 ]
 Tags = Annotated[
@@ -34,7 +34,7 @@ Drop = Annotated[int | None, typer.Option(help="Samples left out at the beginnin
 Delays = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="KEY=SECONDS|estimate|none", help="How late a force is; iv estimates it; repeatable."
+        metavar="KEY=SECONDS|estimate|none", help="How late a force is; auto and iv estimate it; repeatable."
     ),
 ]
 Held = Annotated[

@@ -46,7 +46,7 @@ def compare(
     parameters: PairParameters = None,
     fs_hz: Annotated[float, typer.Option(help="Sampling frequency in Hz of the simulated pair.")] = 5000.0,
     data: Records = None,
-    method: Method = "wls",
+    method: Method = "auto",
     cutoff_hz: Cutoff = None,
     period_s: Periods = None,
     yardsticks: Yardsticks = False,

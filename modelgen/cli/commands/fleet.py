@@ -55,7 +55,7 @@ def fleet(
     module: Module,
     given: DataOptions,
     estimation: EstimationOptions,
-    method: Method = "wls",
+    method: Method = "auto",
     cutoff_hz: Cutoff = None,
     prune_percent: PrunePercent = 10.0,
     period_s: Periods = None,

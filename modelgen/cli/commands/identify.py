@@ -54,7 +54,7 @@ def identify(
     module: Module,
     given: DataOptions,
     estimation: EstimationOptions,
-    method: Method = "wls",
+    method: Method = "auto",
     cutoff_hz: Cutoff = None,
     tag: Tags = None,
     pairing: Pairing = "all",

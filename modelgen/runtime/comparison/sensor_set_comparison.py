@@ -120,7 +120,7 @@ def impulse_response(order: int, cutoff_hz: float, fs: float, derivative: int) -
 def estimates_of(
     models: Sequence[Model],
     records: Sequence[Record],
-    method: str | Method = "wls",
+    method: str | Method = "auto",
     filters: Filters | None = None,
     checks: CheckOptions | None = None,
 ) -> tuple[Estimate, ...]:
