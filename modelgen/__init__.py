@@ -42,10 +42,10 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "Auto",
     "IV",
     "TLS",
     "WLS",
+    "Auto",
     "ChainEstimator",
     "CheckOptions",
     "DataError",

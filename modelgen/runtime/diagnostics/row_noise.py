@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import sqrt
 
 import numpy as np
@@ -11,8 +12,10 @@ from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, respo
 from modelgen.runtime.diagnostics.thresholds import HIGHEST, NOISE_LINES
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import gain
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import RowBlock
 
 
 def noise_band(record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
@@ -36,3 +39,30 @@ def row_noise(model: Model, record: Record, choice: FilterChoice, row: int, x: F
         noise = record.facts.spectrum(channel).noise
         total += noise * float(np.abs(response(terms, frequency_hz)) ** 2 @ power)
     return sqrt(total)
+
+
+def exceeding_noise(
+    model: Model,
+    records: Sequence[Record],
+    choice: FilterChoice,
+    fit: Fit,
+    multiple: float,
+    share: float = 0.0,
+) -> list[tuple[RowBlock, float]]:
+    """Return the blocks that leave more than noise of the sensors explains, and what share they leave.
+
+    Parameters
+    ----------
+    multiple : float
+        Of the noise, that a residual exceeds.
+    share : float
+        Of its largest term, that it leaves.
+    """
+    found, x = [], fit.all_parameters(model.base_parameters)
+    for block, residual in zip(fit.blocks, fit.residuals, strict=True):
+        rms = float(np.sqrt(np.mean(residual**2)))
+        left = rms * float(np.sqrt(len(block.place))) / (block.terms_norm(fit.solution.x) or 1.0)
+        noise = row_noise(model, records[block.record], choice, block.row, x)
+        if left > share and rms > multiple * noise:
+            found.append((block, left))
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -9,14 +10,15 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.progress import step
-from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explain_residual import (
     ESTIMATED,
     HELD,
-    exceeding_noise,
+    estimated,
     explained,
     found_by,
+    misfit,
 )
 from modelgen.runtime.identification.explained import Begun, Explained, run_method
 from modelgen.runtime.identification.job import Job
@@ -29,11 +31,12 @@ from modelgen.runtime.identification.thresholds import (
     DISAGREEMENT,
     EXPLAINED,
     OVER_NOISE,
+    SENSOR_DELAYS,
     ZEROS_BETTER,
 )
 from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.instrumental_variables import Setting
-from modelgen.runtime.iv.model_errors import zero_effects
+from modelgen.runtime.iv.model_errors import Effect, delay_effects, zero_effects
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -59,9 +62,15 @@ def default_method(task: Task, method: Auto) -> Begun:
         return _stand_in(task, method, error)
     if first.found.fit.carried is not None:
         return _with_note(first, "method iv, in the physical parameters")
-    if not exceeding_noise(first.task.job, first.found.fit, OVER_NOISE):
+    if not _exceeding(first):
         return _with_note(first, "method iv: noise of the sensors does not bias instruments")
     return _least_squares_instead(task, method, first)
+
+
+def _exceeding(one: Begun) -> bool:
+    """Tell whether a row leaves clearly more than noise of the sensors."""
+    job = one.task.job
+    return bool(exceeding_noise(job.model, job.records, job.choice, one.found.fit, OVER_NOISE))
 
 
 def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
@@ -100,7 +109,7 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
 
 
 def _instrumental(task: Task, method: IV) -> Begun:
-    """Return instruments; where a row is left unexplained, with the zeros of positions estimated as well."""
+    """Return instruments; where a row is left unexplained, with zeros or delays of sensors as well."""
     plain: Begun | IdentifiabilityError
     try:
         plain = _explained(task, method)
@@ -109,7 +118,7 @@ def _instrumental(task: Task, method: IV) -> Begun:
         plain, left = error, np.inf
     if left > EXPLAINED:
         try:
-            found = _with_zeros(task, method)
+            found = _with_starts(task, method)
         except (IdentifiabilityError, DataError):
             found = None
         if found is not None and _left(found.found.fit) < ZEROS_BETTER * left:
@@ -142,30 +151,54 @@ def _with(task: Task, found: Explained) -> Begun:
     return Begun(replace(task, job=job), found)
 
 
-def _with_zeros(task: Task, method: IV) -> Begun | None:
-    """Return instruments with the zeros of positions estimated from the start; None where there are none.
+def _with_starts(task: Task, method: IV) -> Begun | None:
+    """Return instruments with zeros of positions, or the delay of a sensor, estimated from the start.
 
-    Where zeros differ by more than deflections, a link seems to carry a constant force that nothing
-    explains, and nothing comes out without them.
+    Where zeros differ by more than deflections, or a sensor is late by a sample, a link seems to carry a
+    force that nothing explains, and nothing comes out without them. The one that leaves least is taken.
     """
-    job, zeros = task.job, zero_effects(task.model, len(task.records))
-    if not zeros or all_from_composites(task.model):
+    job = task.job
+    if all_from_composites(task.model):
         return None
-    step("estimating zeros")
+    step("looking for zeros and delays of sensors")
     setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
-    start = _about_means(job)
-    freed = fit_with_effects(setting, job.calm, start, zeros)
+    found = []
+    for effects, start, known in _starts(task):
+        try:
+            freed = fit_with_effects(setting, job.calm, start, effects, known)
+        except (IdentifiabilityError, DataError):
+            continue
+        found.append((misfit(freed.fit), effects, start, freed))
+    if not found:
+        return None
+    _, effects, start, freed = min(found, key=lambda entry: entry[0])
     none = np.zeros((len(freed.fit.columns),) * 2)
-    found = Explained(freed.observation, freed.fit, zeros, freed.sizes, none, ())
+    told = Explained(freed.observation, freed.fit, effects, freed.sizes, none, ())
     if task.checks.drift_check:
-        found = explained(job, freed, start, zeros)
-    advice = Advice(
-        "zeros",
-        ", ".join(dict.fromkeys(zero.name for zero in zeros)),
-        "are estimated with the parameters: the readings of positions do not begin at a common zero",
-        "subtract the readings at rest, where the links carry no force",
-    )
-    return _with(replace(task, method=method), replace(found, advice=(advice, *found.advice)))
+        told = explained(job, freed, start, effects)
+    advice = tuple(estimated(one, size, ()) for one, size in zip(effects, freed.sizes, strict=True))
+    return _with(replace(task, method=method), replace(told, advice=(*advice, *told.advice)))
+
+
+def _starts(task: Task) -> Iterator[tuple[tuple[Effect, ...], Fit, tuple[float, ...]]]:
+    """Yield effects to begin with, least squares to start from, and the sizes that it belongs to."""
+    job, model = task.job, task.model
+    zeros = zero_effects(model, len(task.records))
+    if zeros:
+        yield zeros, _about_means(job), ()
+    sample = 1.0 / min(record.fs for record in task.records)
+    for effect in delay_effects(model)[1:]:
+        fits = []
+        for late in SENSOR_DELAYS:
+            records = tuple(effect.corrected(record, late * sample) for record in job.records)
+            try:
+                fit = fit_matched(job.calm(records))
+            except IdentifiabilityError:
+                continue
+            fits.append((misfit(fit), late * sample, fit))
+        if fits:
+            _, size, fit = min(fits, key=lambda entry: entry[0])
+            yield (effect,), replace(fit, delays=tuple((key, 0.0, 0.0) for key in job.late)), (size,)
 
 
 def _about_means(job: Job) -> Fit:

@@ -15,7 +15,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.row_noise import row_noise
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explained import Explained
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
@@ -36,7 +36,7 @@ from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
 
 # What is done about an effect, in words.
 ESTIMATED = "; that is estimated with the parameters"
@@ -82,7 +82,7 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
             apart = other.move - best.move
             drift = drift + np.outer(apart, apart) / len(others)
         now, effects = freed, (*effects, best.effect)
-        advice.append(_estimated(best.effect, freed.sizes[-1], others))
+        advice.append(estimated(best.effect, freed.sizes[-1], others))
     weighed, told = other_weights(job, now.fit)
     fit = replace(now.fit, notes=now.fit.notes + sums)
     return Explained(now.observation, fit, effects, now.sizes, drift + weighed, (*advice, *told))
@@ -105,7 +105,11 @@ def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:
     tuple of Advice
     """
     c = len(fit.columns)
-    left = [] if fit.carried is not None else exceeding_noise(job, fit, OVER_NOISE, LEFT_SHARE)
+    left = (
+        []
+        if fit.carried is not None
+        else exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE, LEFT_SHARE)
+    )
     if not left or len(fit.blocks) < 2:
         return np.zeros((c, c)), ()
     sizes = [
@@ -123,26 +127,6 @@ def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:
         "identify from each record alone and compare, or add what is missing to the spec",
     )
     return np.outer(move, move) + hac_covariance(other), (advice,)
-
-
-def exceeding_noise(job: Job, fit: Fit, multiple: float, share: float = 0.0) -> list[tuple[RowBlock, float]]:
-    """Return the blocks that leave more than noise of the sensors explains, and what share they leave.
-
-    Parameters
-    ----------
-    multiple : float
-        Of the noise, that a residual exceeds.
-    share : float
-        Of its largest term, that it leaves.
-    """
-    found, x = [], fit.all_parameters(job.model.base_parameters)
-    for block, residual in zip(fit.blocks, fit.residuals, strict=True):
-        rms = float(np.sqrt(np.mean(residual**2)))
-        left = rms * float(np.sqrt(len(block.place))) / (block.terms_norm(fit.solution.x) or 1.0)
-        noise = row_noise(job.model, job.records[block.record], job.choice, block.row, x)
-        if left > share and rms > multiple * noise:
-            found.append((block, left))
-    return found
 
 
 def _setting(job: Job, fit: Fit) -> Setting:
@@ -212,14 +196,14 @@ def _best_freed(
     """
     tried = [one for one in shown if one.explained >= TRIED_TOO * shown[0].explained][:MOST_TRIED]
     found = [(one, _freed(job, fit, (*effects, one.effect))) for one in tried]
-    left = [(_misfit(freed.fit), one, freed) for one, freed in found if freed is not None]
+    left = [(misfit(freed.fit), one, freed) for one, freed in found if freed is not None]
     if not left:
         return shown[0], None
     _, one, freed = min(left, key=lambda entry: entry[0])
     return one, freed
 
 
-def _misfit(fit: Fit) -> float:
+def misfit(fit: Fit) -> float:
     """Return minus the logarithm of the likelihood, each block with a noise of its own."""
     tiny = float(np.finfo(float).tiny)
     return sum(
@@ -238,7 +222,8 @@ def _freed(job: Job, fit: Fit, effects: tuple[Effect, ...]) -> Freed | None:
     return found if possible else None
 
 
-def _estimated(effect: Effect, size: float, others: Sequence[Score]) -> Advice:
+def estimated(effect: Effect, size: float, others: Sequence[Score]) -> Advice:
+    """Return what is said of an effect that is estimated; `others` explain the residual nearly as well."""
     return Advice(
         "more than the model",
         "the residual",

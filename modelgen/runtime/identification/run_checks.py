@@ -34,7 +34,8 @@ from modelgen.runtime.diagnostics.periods import (
     period_spread,
     spread_beyond_noise,
 )
-from modelgen.runtime.diagnostics.residual_tests import residual_advice, residual_tests
+from modelgen.runtime.diagnostics.residual_tests import ResidualTest, residual_advice, residual_tests
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.diagnostics.unit_errors import unlike_nominal
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, decimation_for
 from modelgen.runtime.filter_choice.signal_to_noise import signal_to_noise
@@ -43,6 +44,7 @@ from modelgen.runtime.identification.refusals import dependent_columns
 from modelgen.runtime.identification.solution import Solution
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.thresholds import CALM
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -166,7 +168,7 @@ def examine(
         *(bound_advice(bounds) if bounds else ()),
         *(period_advice(periods, noise, fit.columns) if periods else ()),
         *(hold_out_advice(extras.held_out) if extras.held_out else ()),
-        *residual_advice(residuals),
+        *residual_advice(_alarming(task, solution, residuals)),
     )
     return Checks(
         told,
@@ -178,6 +180,22 @@ def examine(
         bounds,
         tuple(task.checks.keep),
     )
+
+
+def _alarming(
+    task: Task, solution: Solution, residuals: tuple[ResidualTest, ...]
+) -> tuple[ResidualTest, ...]:
+    """Return the tests of rows that may raise an alarm.
+
+    Where instruments found nothing that the model lacks, a residual as large as the noise of the sensors is
+    that noise, whatever its colour.
+    """
+    if not task.method.consistent:
+        return residuals
+    fit = solution.as_measured
+    loud = exceeding_noise(task.model, task.records, task.choice, fit, CALM)
+    names = {(block.record_name, block.row_name) for block, _ in loud}
+    return tuple(one for one in residuals if (one.record, one.row) in names or one.repeats)
 
 
 def _periods(found: PeriodSpread | None, fit: Fit, estimate: Estimate) -> Periods | None:

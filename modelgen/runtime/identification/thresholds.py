@@ -54,3 +54,8 @@ SAMPLES_TRIED = 1 << 17
 
 # So many effects at a time are estimated in turn, if they explain this share of what the first one does.
 MOST_TRIED, TRIED_TOO = 3, 0.3
+
+# Delays of a sensor in samples that are looked at where a row is left unexplained.
+SENSOR_DELAYS = (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0)
+# Residuals of instruments up to this multiple of the sensors' noise raise no alarm by their colour alone.
+CALM = 1.5

@@ -122,11 +122,21 @@ def _zero(key: str, index: int, records: int) -> Effect:
     return Effect(f"zero of {key}{where}", "zero", zero, zero, remedy, _constant(key, index))
 
 
+def delay_effects(model: Model) -> tuple[Effect, ...]:
+    """Return the delay of each sensor, the first one's included: only differences are seen."""
+    return tuple(_delay(sensor.key) for sensor in model.sensors if sensor.key in model.channels)
+
+
+def _delay(key: str) -> Effect:
+    late = _with(key, lambda s, dt: -np.gradient(s, dt))
+    remedy = "read all channels at one instant, or shift this one"
+    words, early = f"{key} is late", f"{key} is early"
+    return Effect(f"delay of {key}", "delay", words, early, remedy, late, key, _on_time)
+
+
 def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
     key = sensor.key
-    late = _with(key, lambda s, dt: -np.gradient(s, dt))
-    yield Effect(f"delay of {key}", "delay", f"{key} is late", f"{key} is early",
-                 "read all channels at one instant, or shift this one", late, key, _on_time)  # fmt: skip
+    yield _delay(key)
     yield Effect(f"bandwidth of {key}", "lag", f"{key} is read through a low-pass of its own",
                  f"another channel is read through a low-pass that {key} has not",
                  "give all channels the same filter", _with(key, _second), key, _without_lag)  # fmt: skip

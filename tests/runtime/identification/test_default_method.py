@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.identification import choose_method
-from modelgen.runtime.identification.choose_method import Begun
+from modelgen.runtime.identification import default_method
+from modelgen.runtime.identification.explained import Begun
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import IV, Auto
 from modelgen.runtime.identification.options import CheckOptions, values_of
@@ -96,7 +96,7 @@ def without_instruments(task: Task, method: IV) -> Begun:
 
 
 def test_least_squares_stands_in_where_instruments_find_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(choose_method, "_instrumental", without_instruments)
+    monkeypatch.setattr(default_method, "_instrumental", without_instruments)
     estimate = identify(SMALL, two_mass_records(noise=0.01))
     assert estimate.fit.method == "wls"
     assert any("method wls" in note and "nothing of 2 records" in note for note in estimate.fit.notes)
@@ -105,7 +105,7 @@ def test_least_squares_stands_in_where_instruments_find_nothing(monkeypatch: pyt
 
 
 def test_least_squares_does_not_stand_in_where_noise_pulls_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(choose_method, "_instrumental", without_instruments)
+    monkeypatch.setattr(default_method, "_instrumental", without_instruments)
     with pytest.raises(IdentifiabilityError, match="nothing of 2 records"):
         identify(SMALL, two_mass_records(noise=30.0), cutoff_hz=1000.0)
 
