@@ -16,6 +16,7 @@ import modelgen
 from modelgen.errors import ModelgenError
 
 PUBLIC = {
+    "Auto",
     "IV",
     "TLS",
     "WLS",

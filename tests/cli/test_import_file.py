@@ -44,6 +44,10 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+# whose answer does not depend on the last digits of a file without noise
+LEAST_SQUARES = ("--method", "wls", "--json")
+
+
 def test_from_a_foreign_file_to_the_same_estimate_in_two_commands(bench: Path) -> None:
     module, mapped = bench / "emps300_qm_ac.py", bench / "chirp.toml"
     told = run("import", bench / "chirp.csv", "--model", module, "-o", mapped, "--overwrite", "--json")
@@ -55,8 +59,8 @@ def test_from_a_foreign_file_to_the_same_estimate_in_two_commands(bench: Path) -
         "Gamma_m": "Drehmoment",
     }
     assert described["problems"] == []
-    given = run("identify", bench / "chirp.csv", "--model", module, "--map-file", mapped, "--json")
-    direct = run("identify", bench / "chirp.npz", "--model", module, "--json")
+    given = run("identify", bench / "chirp.csv", "--model", module, "--map-file", mapped, *LEAST_SQUARES)
+    direct = run("identify", bench / "chirp.npz", "--model", module, *LEAST_SQUARES)
     assert given.exit_code == direct.exit_code == 0, given.output
     assert json.loads(given.stdout)["params"] == pytest.approx(json.loads(direct.stdout)["params"], rel=1e-6)
 

@@ -71,7 +71,7 @@ def test_compare_takes_the_options_of_identify(tmp_path: Path, monkeypatch: pyte
     simulate = ["simulate", "emps300", "--sensors", "qm_qc", "--parameters", "table_1", "--duration-s", "1"]
     assert run(app, [*simulate, "--excitation", "chirp", "-o", "chirp.npz"]).exit_code == 0
     shared = ["--cutoff-hz", "200", "--filter-order", "3", "--decimation", "5", "--delay", "Gamma_m=1e-4"]
-    data = ["--map", "q_m=q_m", "--robust", "huber", "--keep", "K"]
+    data = ["--method", "wls", "--map", "q_m=q_m", "--robust", "huber", "--keep", "K"]
     one = run(app, ["identify", "chirp.npz", "--model", QC, *shared, *data, "--json"])
     assert one.exit_code == 0, one.output
     twin = tmp_path / "twin.py"

@@ -162,6 +162,6 @@ def test_an_identification_at_the_limits(position: float, force: float, fs: floa
     record = Record({"q_m": position * q, "F": force * (9.0 * a + 2.0 * v)}, fs)
     if min(position, force) < 1e-30:
         with pytest.raises(DataError, match="none reaches 1e-30"):
-            identify(model, [record])
+            identify(model, [record], "wls")
         return
-    assert identify(model, [record]).params  # and no warning, which would be an error here
+    assert identify(model, [record], "wls").params  # and no warning, which would be an error here

@@ -27,12 +27,12 @@ from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
+    AS_GOOD,
     BIAS_SHARE,
     DISAGREEMENT,
     EXPLAINED,
     OVER_NOISE,
     SENSOR_DELAYS,
-    ZEROS_BETTER,
 )
 from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.instrumental_variables import Setting
@@ -113,19 +113,25 @@ def _instrumental(task: Task, method: IV) -> Begun:
     plain: Begun | IdentifiabilityError
     try:
         plain = _explained(task, method)
-        left = _left(plain.found.fit)
     except IdentifiabilityError as error:
-        plain, left = error, np.inf
-    if left > EXPLAINED:
-        try:
-            found = _with_starts(task, method)
-        except (IdentifiabilityError, DataError):
-            found = None
-        if found is not None and _left(found.found.fit) < ZEROS_BETTER * left:
-            return found
+        plain = error
+    if isinstance(plain, Begun) and not (task.checks.drift_check and _unexplained(plain)):
+        return plain
+    try:
+        found = _with_starts(task, method)
+    except (IdentifiabilityError, DataError):
+        found = None
     if isinstance(plain, IdentifiabilityError):
-        raise plain
-    return plain
+        if found is None:
+            raise plain
+        return found
+    better = found is not None and misfit(found.found.fit) < misfit(plain.found.fit) - AS_GOOD
+    return found if found is not None and better else plain
+
+
+def _unexplained(one: Begun) -> bool:
+    """Tell whether a row is left unexplained, or effects were found and still leave more than noise."""
+    return _left(one.found.fit) > EXPLAINED or (bool(one.found.effects) and _exceeding(one))
 
 
 def _left(fit: Fit) -> float:

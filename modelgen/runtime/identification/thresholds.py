@@ -26,8 +26,6 @@ DISAGREEMENT = 3.0
 # Where instruments find nothing, least squares stands in if noise pulls nothing by more than this share of
 # its value, and if no row leaves more than this share of its largest term.
 EXPLAINED = 0.3
-# Zeros are told where they bring what a row leaves down to this share.
-ZEROS_BETTER = 0.5
 
 # So many effects are estimated at most: the records do not hold more.
 MOST_EFFECTS = 3

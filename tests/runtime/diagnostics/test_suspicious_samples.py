@@ -297,7 +297,7 @@ def test_a_constant_sensor_is_named_in_the_error(emps: Record) -> None:
 
 
 def test_a_constant_force_is_named_in_the_result(emps: Record) -> None:
-    estimate = identify(RIGID, faulty(emps, "F", lambda samples: np.full(samples.size, 0.25)))
+    estimate = identify(RIGID, faulty(emps, "F", lambda samples: np.full(samples.size, 0.25)), "wls")
     found = estimate.checks.advice[0]
     assert (found.kind, found.where) == ("constant", "emps, channel F, samples 0 to 24840")
     assert found.what == "reads 0.25 in every sample"

@@ -111,11 +111,12 @@ def alone(sources: list[NpyChannels], **options: Any) -> dict[str, Any]:
 
 def test_a_machine_gets_what_identify_says(client: Any, sources: list[NpyChannels]) -> None:
     """Everything: values, intervals, what is refused and why, warnings, drift, filters."""
-    found = identify_fleet(client, TEXT, fleet_of(sources))
+    options = values_of("wls")
+    found = identify_fleet(client, TEXT, fleet_of(sources), options)
     assert (found.failed, found.refused) == ({}, {})
     assert list(found.machines) == ["a", "b"]
-    assert found.machines["a"] == alone([sources[0], sources[2]])
-    assert found.machines["b"] == alone([sources[1]])
+    assert found.machines["a"] == alone([sources[0], sources[2]], **options)
+    assert found.machines["b"] == alone([sources[1]], **options)
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ def errors_percent(estimate: Estimate, truth: Any) -> dict[str, float]:
 
 
 def test_emps_agrees_with_the_published_result(emps: Record) -> None:
-    estimate = identify(RIGID, emps)
+    estimate = identify(RIGID, emps, "wls")
     published = {
         "M": (95.1089, 0.1085),
         "Fv": (203.5034, 1.1460),
@@ -69,6 +69,16 @@ def test_emps_agrees_with_the_published_result(emps: Record) -> None:
     assert not estimate.not_identifiable
     assert [row.masked for row in estimate.fit.rows] == [0]
     assert not estimate.fit.pruning.steps
+
+
+def test_emps_by_default_holds_the_published_result_and_names_what_the_model_lacks(emps: Record) -> None:
+    estimate = identify(RIGID, emps)
+    published = {"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "offset": -3.1648}
+    for name, (low, high) in estimate.conf_int().items():
+        assert low < published[name] < high
+        assert estimate.params[name] == pytest.approx(published[name], rel=0.01)
+    said = " ".join(one.sentence for one in estimate.checks.advice)
+    assert "viscous friction that depends on the direction" in said
 
 
 def test_emps_asymmetric_friction_fits_better(emps: Record) -> None:
