@@ -20,6 +20,7 @@ from modelgen.runtime.identification.explain_residual import (
     found_by,
     misfit,
 )
+from modelgen.runtime.identification.explain_stretches import explained_by_stretches
 from modelgen.runtime.identification.explained import Begun, Explained, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, Auto
@@ -32,6 +33,7 @@ from modelgen.runtime.identification.thresholds import (
     DISAGREEMENT,
     EXPLAINED,
     OVER_NOISE,
+    SEARCHED,
     SENSOR_DELAYS,
 )
 from modelgen.runtime.iv.freed_effects import fit_with_effects
@@ -149,7 +151,9 @@ def _explained(task: Task, method: IV) -> Begun:
         return plain
     step("looking for what the model lacks")
     fit = plain.found.fit
-    return _with(plain.task, explained(task.job, found_by(task.job, plain.found.observation, fit), fit))
+    if all(record.n <= SEARCHED for record in task.records):
+        return _with(plain.task, explained(task.job, found_by(task.job, plain.found.observation, fit), fit))
+    return _with(plain.task, explained_by_stretches(task.job, method, plain.found))
 
 
 def _with(task: Task, found: Explained) -> Begun:

@@ -57,3 +57,6 @@ MOST_TRIED, TRIED_TOO = 3, 0.3
 SENSOR_DELAYS = (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0)
 # Residuals of instruments up to this multiple of the sensors' noise raise no alarm by their colour alone.
 CALM = 1.5
+
+# Samples of a record in which effects are looked for, in so many stretches where there are more.
+SEARCHED, STRETCHES = 1 << 16, 4

@@ -112,14 +112,23 @@ def effects_of(model: Model, bodies: Sequence[str], records: int) -> tuple[Effec
 def zero_effects(model: Model, records: int) -> tuple[Effect, ...]:
     """Return the zeros of all positions but the first one, in every record: only differences are seen."""
     keys = [sensor.key for sensor in model.sensors if sensor.measures == "position" and sensor.body]
-    return tuple(_zero(key, index, records) for key in keys[1:] for index in range(records))
+    return tuple(zero_effect(key, index, records) for key in keys[1:] for index in range(records))
 
 
-def _zero(key: str, index: int, records: int) -> Effect:
+def zero_effect(key: str, index: int, records: int) -> Effect:
+    """Return the zero of a sensor in one of so many records."""
     where = f" in record {index + 1}" if records > 1 else ""
     zero = f"{key} has a zero of its own{where}"
     remedy = "subtract its reading at rest"
-    return Effect(f"zero of {key}{where}", "zero", zero, zero, remedy, _constant(key, index))
+    return Effect(f"zero of {key}{where}", "zero", zero, zero, remedy, _constant(key, index), key)
+
+
+def zero_record(effect: Effect) -> int | None:
+    """Return which record a zero is of, None for other effects."""
+    if effect.kind != "zero":
+        return None
+    place = effect.name.partition(" in record ")[2]
+    return int(place) - 1 if place else 0
 
 
 def delay_effects(model: Model) -> tuple[Effect, ...]:
@@ -146,7 +155,7 @@ def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
     gain = f"the gain of {key} is off"
     yield Effect(f"gain of {key}", "gain", gain, gain, "calibrate it", _with(key, lambda s, dt: s))
     for index in range(records):
-        yield _zero(key, index, records)
+        yield zero_effect(key, index, records)
 
 
 def _force_effects(key: str) -> Iterator[Effect]:

@@ -14,7 +14,14 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.model_errors import Effect
-from modelgen.runtime.iv.thresholds import LARGEST_SHARE, LEAST_EXPLAINED, LEAST_MOVE, LEAST_OWN_SHARE, LEVEL
+from modelgen.runtime.iv.thresholds import (
+    LARGEST_SHARE,
+    LEAST_EXPLAINED,
+    LEAST_MOVE,
+    LEAST_MOVED_SHARE,
+    LEAST_OWN_SHARE,
+    LEVEL,
+)
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_run_covariance
 
@@ -101,6 +108,8 @@ def scores(
         if slope is not None:
             move = slope @ move
         large = part > LEAST_EXPLAINED or bool(np.any(np.abs(move) > LEAST_MOVE * spread))
+        # sampling and filters are not exact beyond that
+        large = large and bool(np.any(np.abs(move) > LEAST_MOVED_SHARE * np.abs(fit.solution.x)))
         overlooked = abs(size) * float(np.sqrt(whole[place])) < largest
         matters = large and overlooked and abs(size) > critical * std
         found.append(

@@ -71,7 +71,7 @@ NEAR_ENOUGH = 1e-4
 EDGE = 10
 
 # A low-pass of first order is followed for so many time constants, and a few samples more;
-LAGS, SHORTEST_REACH = 14.0, 16
+LAGS, SHORTEST_REACH = 14.0, 48
 # its frequency response is exact up to this share of the sampling frequency,
 KEPT = 0.3
 # and sampled so many times finer than the time it is followed for.
@@ -87,6 +87,8 @@ LEVEL = 1e-2
 # standard deviations.
 LEAST_EXPLAINED = 0.03
 LEAST_MOVE = 0.5
+# Nor does it matter where it moves no parameter by this share of its value.
+LEAST_MOVED_SHARE = 3e-4
 # What adds more than this multiple of the largest term to the rows is no effect that was overlooked.
 LARGEST_SHARE = 3.0
 
