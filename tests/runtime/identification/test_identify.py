@@ -169,7 +169,7 @@ def test_intervals_hold_the_truth_with_noise(model: Model, parameters: str) -> N
     clean = experiments(model, parameters)
     held, noise_held, printed_held = [], [], []
     for seed in range(60):
-        estimate = identify(model, [with_noise(record, seed) for record in clean])
+        estimate = identify(model, [with_noise(record, seed) for record in clean], "wls")
         found = estimate.parameters.identified
         error = np.abs(np.array([entry.value for entry in found]) - truth)
         held.append(error < 1.96 * np.array([entry.std for entry in found]))
@@ -179,6 +179,23 @@ def test_intervals_hold_the_truth_with_noise(model: Model, parameters: str) -> N
     assert 0.88 < np.mean(noise_held) < 0.99
     # eq. (11) promises too much for the inertia of the motor
     assert np.mean(printed_held, axis=0)[0] < 0.88
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("model", "parameters"), [(QC, "table_1"), (AC, "light")], ids=["table_1", "light"])
+def test_intervals_of_the_default_hold_what_they_say(model: Model, parameters: str) -> None:
+    truth = np.array([model.parameter_sets[parameters][name] for name in model.parameters])
+    clean = experiments(model, parameters)
+    held, alarms = [], 0
+    for seed in range(40):
+        estimate = identify(model, [with_noise(record, seed) for record in clean])
+        found = estimate.parameters.identified
+        error = np.abs(np.array([entry.value for entry in found]) - truth)
+        held.append(error < 1.96 * np.array([entry.std for entry in found]))
+        alarms += any(one.kind == "more than the model" for one in estimate.checks.advice)
+    assert 0.9 < np.mean(held) < 0.99
+    # one in a hundred by the level of the tests
+    assert alarms <= 2
 
 
 def test_three_bodies_with_friction_on_two() -> None:
