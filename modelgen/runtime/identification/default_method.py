@@ -12,6 +12,7 @@ from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.progress import step
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
+from modelgen.runtime.identification.choose_cutoff import usable_cutoff
 from modelgen.runtime.identification.explain_residual import (
     ESTIMATED,
     HELD,
@@ -61,12 +62,25 @@ def default_method(task: Task, method: Auto) -> Begun:
     try:
         first = _instrumental(task, method.instrumental)
     except (IdentifiabilityError, DataError) as error:
-        return _stand_in(task, method, error)
+        task = _with_usable_cutoff(task)
+        try:
+            first = _instrumental(task, method.instrumental)
+        except (IdentifiabilityError, DataError):
+            return _stand_in(task, method, error)
     if first.found.fit.carried is not None:
         return _with_note(first, "method iv, in the physical parameters")
     if not _exceeding(first):
         return _with_note(first, "method iv: noise of the sensors does not bias instruments")
     return _least_squares_instead(task, method, first)
+
+
+def _with_usable_cutoff(task: Task) -> Task:
+    """Return a task with the cut-off at which noise would not drown the estimate."""
+    # directions that were made of other channels belong to the first cut-off
+    if task.filters.cutoff_hz is not None or task.filters.directions:
+        return task
+    choice = usable_cutoff(task.job, task.filters)
+    return replace(task, choice=choice, job=replace(task.job, choice=choice))
 
 
 def _exceeding(one: Begun) -> bool:

@@ -204,11 +204,17 @@ def _best_freed(
 
 
 def misfit(fit: Fit) -> float:
-    """Return minus the logarithm of the likelihood, each block with a noise of its own."""
+    """Return minus the logarithm of the likelihood, each block with a noise of its own.
+
+    Residuals count as shares of what their rows balance: parameters that shrink a row explain nothing.
+    """
     tiny = float(np.finfo(float).tiny)
     return sum(
-        len(residual) * float(np.log(max(float(np.linalg.norm(residual)) / np.sqrt(len(residual)), tiny)))
-        for residual in fit.residuals
+        len(residual)
+        * float(
+            np.log(max(float(np.linalg.norm(residual)) / (block.terms_norm(fit.solution.x) or 1.0), tiny))
+        )
+        for block, residual in zip(fit.blocks, fit.residuals, strict=True)
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
@@ -15,7 +15,6 @@ from modelgen.runtime.diagnostics.hold_out import held_apart
 from modelgen.runtime.diagnostics.periods import periods_of
 from modelgen.runtime.diagnostics.suspicious_samples import suspicions, told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
-from modelgen.runtime.identification.choose_cutoff import usable_cutoff
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, Auto, Method
 from modelgen.runtime.identification.options import CheckOptions, Filters, option_problems
@@ -46,6 +45,8 @@ class Task:
     choice : FilterChoice
     job : Job
         The same for the method.
+    filters : Filters
+        What was given of them.
     """
 
     model: Model
@@ -57,6 +58,7 @@ class Task:
     doubts: tuple[Advice, ...]
     choice: FilterChoice
     job: Job
+    filters: Filters
 
 
 def prepared(
@@ -107,10 +109,7 @@ def prepared(
         robust=method.robust,
         bounds=method.bounds,
     )
-    # directions that were made of other channels belong to the first cut-off
-    if isinstance(method, Auto) and filters.cutoff_hz is None and not filters.directions:
-        job = replace(job, choice=usable_cutoff(job, filters))
-    return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, job.choice, job)
+    return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job, filters)
 
 
 def as_records(records: Record | Channels | Sequence[Record | Channels]) -> tuple[Record, ...]:
