@@ -85,7 +85,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of records. `named`: words of a warning that names the cause; `right`: the model is right."""
+    """One kind of records. `named`: words of a warning that names the cause."""
 
     name: str
     machine: str = "table_2"
@@ -101,7 +101,6 @@ class Kind:
     noisy_loop: bool = False
     zeros_differ: float = 0.0
     named: tuple[str, ...] = ()
-    right: bool = False
 
     @property
     def nominal(self) -> Machine:
@@ -135,30 +134,28 @@ def kinds() -> Iterator[Kind]:
 
 def _right() -> Iterator[Kind]:
     for machine in ("table_1", "table_2", "light", "drive", "geared"):
-        yield Kind(f"plain {machine}", machine, right=True)
-    yield Kind("accelerometer at the load", sensors=("q_m", "a_c"), right=True)
-    yield Kind("accelerometer, drive", "drive", ("q_m", "a_c"), right=True)
-    yield Kind("motor encoder alone", sensors=("q_m",), right=True)
-    yield Kind("motor encoder alone, drive", "drive", ("q_m",), right=True)
-    yield Kind("two speeds", "drive", ("v_m", "v_c"), right=True)
-    yield Kind("encoder and deflection", "drive", ("q_m", "d"), right=True)
-    yield Kind("three bodies, all seen", "chain", ("q_m", "q_c", "q_l"), right=True)
-    yield Kind("three bodies, middle unseen", "chain", ("q_m", "q_l"), right=True)
-    yield Kind("4096 lines, table_1", "table_1", readings=_encoders(16384), right=True)
-    yield Kind("4096 lines, drive", "drive", readings=_encoders(16384), right=True)
-    yield Kind("no noise", noise=1e-3, right=True)
-    yield Kind("noise times 5", noise=5.0, right=True)
-    yield Kind("noise in the loop", "drive", noisy_loop=True, right=True)
-    yield Kind("1 kHz", fs=1000.0, right=True)
-    yield Kind("500 Hz, drive", "drive", fs=500.0, right=True)
-    yield Kind(
-        "250 Hz coarse encoders", "drive", fs=250.0, readings=_encoders(8192), duration_s=6.0, right=True
-    )
-    yield Kind("chirp alone", motions=("chirp",), right=True)
-    yield Kind("trapezoid alone", "drive", motions=("trapezoid",), right=True)
-    yield Kind("multisine alone", "drive", motions=("multisine",), right=True)
-    yield Kind("chirp about rest", motions=("rest",), duration_s=4.0, right=True)
-    yield Kind("short", "drive", duration_s=0.5, right=True)
+        yield Kind(f"plain {machine}", machine)
+    yield Kind("accelerometer at the load", sensors=("q_m", "a_c"))
+    yield Kind("accelerometer, drive", "drive", ("q_m", "a_c"))
+    yield Kind("motor encoder alone", sensors=("q_m",))
+    yield Kind("motor encoder alone, drive", "drive", ("q_m",))
+    yield Kind("two speeds", "drive", ("v_m", "v_c"))
+    yield Kind("encoder and deflection", "drive", ("q_m", "d"))
+    yield Kind("three bodies, all seen", "chain", ("q_m", "q_c", "q_l"))
+    yield Kind("three bodies, middle unseen", "chain", ("q_m", "q_l"))
+    yield Kind("4096 lines, table_1", "table_1", readings=_encoders(16384))
+    yield Kind("4096 lines, drive", "drive", readings=_encoders(16384))
+    yield Kind("no noise", noise=1e-3)
+    yield Kind("noise times 5", noise=5.0)
+    yield Kind("noise in the loop", "drive", noisy_loop=True)
+    yield Kind("1 kHz", fs=1000.0)
+    yield Kind("500 Hz, drive", "drive", fs=500.0)
+    yield Kind("250 Hz coarse encoders", "drive", fs=250.0, readings=_encoders(8192), duration_s=6.0)
+    yield Kind("chirp alone", motions=("chirp",))
+    yield Kind("trapezoid alone", "drive", motions=("trapezoid",))
+    yield Kind("multisine alone", "drive", motions=("multisine",))
+    yield Kind("chirp about rest", motions=("rest",), duration_s=4.0)
+    yield Kind("short", "drive", duration_s=0.5)
 
 
 def _timing() -> Iterator[Kind]:
@@ -169,9 +166,9 @@ def _timing() -> Iterator[Kind]:
         (1e-3, "1 ms"),
         (3e-3, "3 ms"),
     ):
-        yield Kind(f"force late by {words}", readings={"T": Reading(late_s=late_s)}, right=True)
-    yield Kind("force early by 0.3 ms, drive", "drive", readings={"T": Reading(late_s=-3e-4)}, right=True)
-    yield Kind("force late by 1 ms, drive", "drive", readings={"T": Reading(late_s=1e-3)}, right=True)
+        yield Kind(f"force late by {words}", readings={"T": Reading(late_s=late_s)})
+    yield Kind("force early by 0.3 ms, drive", "drive", readings={"T": Reading(late_s=-3e-4)})
+    yield Kind("force late by 1 ms, drive", "drive", readings={"T": Reading(late_s=1e-3)})
     for lag_s in (1e-4, 3e-4, 1e-3):
         yield Kind(f"current loop of {1e3 * lag_s:g} ms", lag_s=lag_s, named=("lag",))
     yield Kind("current loop of 0.5 ms, drive", "drive", lag_s=5e-4, named=("lag",))
@@ -232,11 +229,11 @@ def _readings() -> Iterator[Kind]:
         readings={"a_c": Reading(zero=5.0)},
         named=("zero", "offset"),
     )
-    yield Kind("zeros 1 mrad apart", readings={"q_c": Reading(zero=1e-3)}, right=True)
-    yield Kind("zeros 10 mrad apart", readings={"q_c": Reading(zero=1e-2)}, right=True)
-    yield Kind("zeros 1 rad apart, drive", "drive", readings={"q_c": Reading(zero=1.0)}, right=True)
-    yield Kind("zeros apart, gear", "geared", readings={"q_c": Reading(zero=0.02)}, right=True)
-    yield Kind("zeros of each record", "drive", zeros_differ=0.05, right=True)
+    yield Kind("zeros 1 mrad apart", readings={"q_c": Reading(zero=1e-3)})
+    yield Kind("zeros 10 mrad apart", readings={"q_c": Reading(zero=1e-2)})
+    yield Kind("zeros 1 rad apart, drive", "drive", readings={"q_c": Reading(zero=1.0)})
+    yield Kind("zeros apart, gear", "geared", readings={"q_c": Reading(zero=0.02)})
+    yield Kind("zeros of each record", "drive", zeros_differ=0.05)
     yield Kind("zero of the force", readings={"T": Reading(zero=5e-4)}, named=("offset", "constant force"))
 
 

@@ -59,10 +59,8 @@ def exceeding_noise(
         Of its largest term, that it leaves.
     """
     found, x = [], fit.all_parameters(model.base_parameters)
-    for block, residual in zip(fit.blocks, fit.residuals, strict=True):
-        rms = float(np.sqrt(np.mean(residual**2)))
-        left = rms * float(np.sqrt(len(block.place))) / (block.terms_norm(fit.solution.x) or 1.0)
+    for block, residual, left in zip(fit.blocks, fit.residuals, fit.left_shares, strict=True):
         noise = row_noise(model, records[block.record], choice, block.row, x)
-        if left > share and rms > multiple * noise:
+        if left > share and float(np.sqrt(np.mean(residual**2))) > multiple * noise:
             found.append((block, left))
     return found

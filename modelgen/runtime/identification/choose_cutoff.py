@@ -51,7 +51,6 @@ class Tried:
 def usable_cutoff(job: Job, filters: Filters) -> FilterChoice:
     """Return the filter choice of a job, or one with a lower cut-off that predicts a better estimate."""
     records = tuple(_part(record) for record in job.records)
-    choices = [job.choice]
     try:
         first = _tried(job, records, job.choice)
     except (DataError, IdentifiabilityError):
@@ -74,10 +73,9 @@ def usable_cutoff(job: Job, filters: Filters) -> FilterChoice:
             break
         if tried.columns != first.columns:
             break
-        choices.append(choice)
         found.append(tried)
     best = _best(found)
-    return job.choice if best == 0 else _explained(choices[best], job.choice)
+    return job.choice if best == 0 else _explained(found[best].choice, job.choice)
 
 
 def _part(record: Record) -> Record:
@@ -97,14 +95,8 @@ def _tried(job: Job, records: tuple[Record, ...], choice: FilterChoice) -> Tried
 
 
 def _load_rows_left(fit: Fit) -> float:
-    return max(
-        (
-            float(np.linalg.norm(residual)) / (block.terms_norm(fit.solution.x) or 1.0)
-            for block, residual in zip(fit.blocks, fit.residuals, strict=True)
-            if not block.has_force
-        ),
-        default=0.0,
-    )
+    shares = zip(fit.blocks, fit.left_shares, strict=True)
+    return max((share for block, share in shares if not block.has_force), default=0.0)
 
 
 def _best(found: Sequence[Tried]) -> int:

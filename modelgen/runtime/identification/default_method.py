@@ -32,13 +32,13 @@ from modelgen.runtime.identification.thresholds import (
     AS_GOOD,
     BIAS_SHARE,
     DISAGREEMENT,
-    EXPLAINED,
+    LEFT_SHARE,
     OVER_NOISE,
     SEARCHED,
     SENSOR_DELAYS,
+    STANDS_IN,
 )
 from modelgen.runtime.iv.freed_effects import fit_with_effects
-from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.model_errors import Effect, delay_effects, zero_effects
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.fit import Fit
@@ -62,7 +62,10 @@ def default_method(task: Task, method: Auto) -> Begun:
     try:
         first = _instrumental(task, method.instrumental)
     except (IdentifiabilityError, DataError) as error:
-        task = _with_usable_cutoff(task)
+        lower = _with_usable_cutoff(task)
+        if lower is task:
+            return _stand_in(task, method, error)
+        task = lower
         try:
             first = _instrumental(task, method.instrumental)
         except (IdentifiabilityError, DataError):
@@ -75,11 +78,13 @@ def default_method(task: Task, method: Auto) -> Begun:
 
 
 def _with_usable_cutoff(task: Task) -> Task:
-    """Return a task with the cut-off at which noise would not drown the estimate."""
+    """Return a task with a cut-off at which noise does not drown the estimate; the same if it has one."""
     # directions that were made of other channels belong to the first cut-off
     if task.filters.cutoff_hz is not None or task.filters.directions:
         return task
     choice = usable_cutoff(task.job, task.filters)
+    if choice is task.choice:
+        return task
     return replace(task, choice=choice, job=replace(task.job, choice=choice))
 
 
@@ -103,7 +108,7 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     fit = plain.found.fit
     bias = noise_bias(task.model, task.records, task.choice, fit)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
-    worse = _left(fit) > max(EXPLAINED, _left(iv.fit))
+    worse = max(fit.left_shares) > max(LEFT_SHARE, *iv.fit.left_shares)
     if worse or fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
         return _with_note(first, "method iv; the residual is more than noise of the sensors")
     move = fit.solution.x - iv.fit.solution.x
@@ -147,15 +152,7 @@ def _instrumental(task: Task, method: IV) -> Begun:
 
 def _unexplained(one: Begun) -> bool:
     """Tell whether a row is left unexplained, or effects were found and still leave more than noise."""
-    return _left(one.found.fit) > EXPLAINED or (bool(one.found.effects) and _exceeding(one))
-
-
-def _left(fit: Fit) -> float:
-    """Return the largest share of its largest term that a row leaves on a record."""
-    return max(
-        float(np.linalg.norm(residual)) / (block.terms_norm(fit.solution.x) or 1.0)
-        for block, residual in zip(fit.blocks, fit.residuals, strict=True)
-    )
+    return max(one.found.fit.left_shares) > LEFT_SHARE or (bool(one.found.effects) and _exceeding(one))
 
 
 def _explained(task: Task, method: IV) -> Begun:
@@ -185,7 +182,7 @@ def _with_starts(task: Task, method: IV) -> Begun | None:
     if all_from_composites(task.model):
         return None
     step("looking for zeros and delays of sensors")
-    setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
+    setting = job.setting()
     found = []
     for effects, start, known in _starts(task):
         try:
@@ -229,7 +226,7 @@ def _about_means(job: Job) -> Fit:
     """Return least squares of the rows with a constant in each block, which takes up zeros."""
     observation = job.calm(job.records)
     plain = fit_matched(observation)
-    c, count = len(plain.columns), len(plain.blocks)
+    count = len(plain.blocks)
     blocks = tuple(
         replace(block, W=np.column_stack([block.W, np.tile(np.eye(count)[index], (len(block.place), 1))]))
         for index, block in enumerate(plain.blocks)
@@ -240,7 +237,7 @@ def _about_means(job: Job) -> Fit:
     x = np.array([values[name] for name in plain.columns])
     late = coarse_delays(larger, job.model, job.records, job.choice, job.late)
     delays = tuple((channel, delay, 0.0) for channel, delay in late.items())
-    return replace(plain, solution=replace(plain.solution, x=x[:c]), delays=delays)
+    return replace(plain, solution=replace(plain.solution, x=x), delays=delays)
 
 
 def _with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:
@@ -266,8 +263,8 @@ def _stand_in(task: Task, method: Auto, error: IdentifiabilityError | DataError)
         for name, value in zip(fit.columns, fit.solution.x, strict=True)
         if value < 0.0 and name not in refused and roles.get(name) in POSITIVE_ROLES
     ]
-    biased = np.any(np.abs(bias) > EXPLAINED * np.abs(fit.solution.x))
-    if biased or impossible or _left(fit) > EXPLAINED:
+    biased = np.any(np.abs(bias) > STANDS_IN * np.abs(fit.solution.x))
+    if biased or impossible or max(fit.left_shares) > LEFT_SHARE:
         remedy = "record another motion, or sense more"
         reasons = [Problem(name, reason, remedy) for name, reason in refused.items()]
         swapped = [Problem(one.where, one.what, one.remedy) for one in swapped_channels(task.job, fit)]

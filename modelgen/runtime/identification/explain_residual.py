@@ -132,7 +132,7 @@ def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:
 def _setting(job: Job, fit: Fit) -> Setting:
     delays = {channel: delay for channel, delay, _ in fit.delays}
     records = tuple(advanced(record, delays) for record in job.records)
-    return Setting(job.model, records, job.choice, job.drop, job.loop)
+    return job.setting(records)
 
 
 def _slope(job: Job, fit: Fit) -> FloatArray | None:
@@ -210,18 +210,14 @@ def misfit(fit: Fit) -> float:
     """
     tiny = float(np.finfo(float).tiny)
     return sum(
-        len(residual)
-        * float(
-            np.log(max(float(np.linalg.norm(residual)) / (block.terms_norm(fit.solution.x) or 1.0), tiny))
-        )
-        for block, residual in zip(fit.blocks, fit.residuals, strict=True)
+        len(residual) * float(np.log(max(share, tiny)))
+        for residual, share in zip(fit.residuals, fit.left_shares, strict=True)
     )
 
 
 def _freed(job: Job, fit: Fit, effects: tuple[Effect, ...]) -> Freed | None:
-    setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
     try:
-        found = fit_with_effects(setting, job.calm, fit, effects)
+        found = fit_with_effects(job.setting(), job.calm, fit, effects)
     except IdentifiabilityError:
         return None
     possible = all(effect.possible(size) for effect, size in zip(effects, found.sizes, strict=True))

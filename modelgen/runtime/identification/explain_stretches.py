@@ -13,8 +13,7 @@ from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV
 from modelgen.runtime.identification.thresholds import SEARCHED, STRETCHES
 from modelgen.runtime.iv.freed_effects import fit_with_effects
-from modelgen.runtime.iv.instrumental_variables import Setting
-from modelgen.runtime.iv.model_errors import Effect, zero_effect, zero_record
+from modelgen.runtime.iv.model_errors import Effect, zero_effect
 from modelgen.runtime.records.record import Record
 
 
@@ -38,9 +37,8 @@ def explained_by_stretches(job: Job, method: IV, plain: Explained) -> Explained:
         return replace(plain, drift=told.drift, advice=told.advice)
     record_of = [index for index, one in enumerate(stretches) for _ in one]
     effects = _of_records(told.effects, record_of, len(job.records))
-    setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
     try:
-        freed = fit_with_effects(setting, job.calm, plain.fit, effects)
+        freed = fit_with_effects(job.setting(), job.calm, plain.fit, effects)
     except (IdentifiabilityError, DataError):
         move = told.fit.solution.x - plain.fit.solution.x
         return replace(plain, drift=told.drift + np.outer(move, move), advice=told.advice)
@@ -51,9 +49,8 @@ def _of_records(effects: tuple[Effect, ...], record_of: list[int], records: int)
     """Return effects of stretches as those of the records: a zero that a stretch has is its record's."""
     found: dict[str, Effect] = {}
     for effect in effects:
-        stretch = zero_record(effect)
-        if stretch is not None:
-            effect = zero_effect(effect.channel, record_of[stretch], records)
+        if effect.record is not None:
+            effect = zero_effect(effect.channel, record_of[effect.record], records)
         found[effect.name] = effect
     return tuple(found.values())
 

@@ -18,6 +18,7 @@ from modelgen.runtime.rows.standstill_speeds import Survey
 
 if TYPE_CHECKING:
     from modelgen.runtime.iv.companion_simulation import Loop
+    from modelgen.runtime.iv.instrumental_variables import Setting
     from modelgen.runtime.iv.model_errors import Effect
 
 
@@ -81,6 +82,15 @@ class Job:
 
     def _first_delays(self, fit: Fit) -> Mapping[str, float]:
         return coarse_delays(fit, self.model, self.records, self.choice, self.late)
+
+    def setting(self, records: Sequence[Record] | None = None) -> Setting:
+        """Return what the model is simulated with: these records, delays compensated, say, or the job's."""
+        # its simulation is loaded by those who use it only
+        from modelgen.runtime.iv.instrumental_variables import Setting
+
+        return Setting(
+            self.model, self.records if records is None else records, self.choice, self.drop, self.loop
+        )
 
     def rates(self, fit: Fit, records: tuple[Record, ...], channel: str) -> tuple[FloatArray, ...]:
         """Return how the mismatch of a fit's rows changes with the delay of a force channel."""

@@ -38,11 +38,11 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
     from modelgen.runtime.iv.composite_iv import fit_composites_iv
     from modelgen.runtime.iv.freed_effects import fit_with_effects
     from modelgen.runtime.iv.gauss_newton_step import Rules
-    from modelgen.runtime.iv.instrumental_variables import Setting, fit_iv, iv_round
+    from modelgen.runtime.iv.instrumental_variables import fit_iv, iv_round
 
     observed = job.observing(turns=False)
 
-    setting = Setting(job.model, job.records, job.choice, job.drop, job.loop)
+    setting = job.setting()
 
     def calm(records: tuple[Record, ...]) -> Observation:
         return observed(records).dense()

@@ -24,8 +24,8 @@ BIAS_SHARE = 0.2
 # Least squares and instruments disagree where they are so many standard deviations apart.
 DISAGREEMENT = 3.0
 # Where instruments find nothing, least squares stands in if noise pulls nothing by more than this share of
-# its value, and if no row leaves more than this share of its largest term.
-EXPLAINED = 0.3
+# its value, and no row is left unexplained.
+STANDS_IN = 0.3
 
 # So many effects are estimated at most: the records do not hold more.
 MOST_EFFECTS = 3

@@ -34,7 +34,7 @@ class Effect:
     name : str
         "delay of q_c", unique.
     kind : str
-        Of `KINDS`.
+        "delay", "lag", "clock", "gain", "zero", "force" or "mass": how its size is said.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
     remedy : str
@@ -44,6 +44,8 @@ class Effect:
     edit : callable, optional
         (size, fs in Hz) -> what sets a measured channel `channel` right; where it is linear in the size only
         for small sizes, rows are made of channels set right.
+    record : int, optional
+        Which record has it; None for what all of them have.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Effect:
     changes: Callable[[Simulated], Changes]
     channel: str = ""
     edit: Callable[[str, float, float], Edit] | None = None
+    record: int | None = None
 
     def corrected(self, record: Record, size: float) -> Record:
         """Return a measured record without the effect, as far as its channels can be set right."""
@@ -88,8 +91,6 @@ class Effect:
 
 
 ROLE_OF = {"constant force": "offset", "Coulomb friction": "coulomb", "viscous friction": "viscous"}
-
-
 EITHER_SIGN = ("constant force", "friction by direction")
 
 
@@ -120,15 +121,9 @@ def zero_effect(key: str, index: int, records: int) -> Effect:
     where = f" in record {index + 1}" if records > 1 else ""
     zero = f"{key} has a zero of its own{where}"
     remedy = "subtract its reading at rest"
-    return Effect(f"zero of {key}{where}", "zero", zero, zero, remedy, _constant(key, index), key)
-
-
-def zero_record(effect: Effect) -> int | None:
-    """Return which record a zero is of, None for other effects."""
-    if effect.kind != "zero":
-        return None
-    place = effect.name.partition(" in record ")[2]
-    return int(place) - 1 if place else 0
+    return Effect(
+        f"zero of {key}{where}", "zero", zero, zero, remedy, _constant(key, index), key, record=index
+    )
 
 
 def delay_effects(model: Model) -> tuple[Effect, ...]:

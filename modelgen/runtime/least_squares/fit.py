@@ -108,6 +108,14 @@ class Fit:
         R = np.concatenate([w * r for w, r in zip(self.weights, self.projected, strict=True)])
         return triangle_of(np.column_stack([R, self.weighted_measurement]))
 
+    @cached_property
+    def left_shares(self) -> tuple[float, ...]:
+        """What each block leaves: the norm of its residual, as a share of that of its largest term."""
+        return tuple(
+            float(np.linalg.norm(residual)) / (block.terms_norm(self.solution.x) or 1.0)
+            for block, residual in zip(self.blocks, self.residuals, strict=True)
+        )
+
     @property
     def weighted_residual(self) -> FloatArray:
         """Weighted residual of all blocks, shape (r,)."""
