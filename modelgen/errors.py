@@ -36,8 +36,13 @@ def shortened(text: str, width: int = 80) -> str:
 
 
 def listed(names: Iterable[str], between: str = ", ", most: int = 20, width: int = 80) -> str:
-    """Return "a, b, c and 97 more": a line that a person can read, however many and long the names are."""
+    """Return "a, b, c and 97 more": a line that a person can read, however many and long the names are.
+
+    Of nothing it is "none", so that no sentence has a hole.
+    """
     texts = list(names)
+    if not texts:
+        return "none"
     shown = between.join(shortened(text, width) for text in texts[:most])
     return shown if len(texts) <= most else f"{shown} and {len(texts) - most} more"
 

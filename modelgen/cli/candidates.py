@@ -136,7 +136,7 @@ def _problems(where: str, given: Mapping[str, Any], chain: ChainSpec) -> Iterato
                 yield Problem(place, "is no table", f"write [{kind}.{key}] and its keys below it")
                 continue
             if kind == "actuators" and key not in actuators:
-                yield Problem(place, "is no actuator of the chain", f"choose from {', '.join(actuators)}")
+                yield Problem(place, "is no actuator of the chain", f"its actuators: {listed(actuators)}")
             if kind == "sensors":
                 yield from _sensor_problems(place, key, table, chain)
             known = (*LEVELS, "body", "deflection", "measures") if kind == "sensors" else LEVELS

@@ -46,7 +46,7 @@ def simulate(
     noise: Noise = None,
     resolution: Resolution = None,
     bias: Bias = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise; every excitation draws its own.")] = 0,
     controller: Controller = None,
     with_reference: WithReference = False,
     overwrite: Overwrite = False,

@@ -116,7 +116,7 @@ def held_out(fit: Fit, refused: Mapping[str, str], observation: Observation, own
     fitted: dict[str, tuple[float, float]] = {}
     for block, residual in zip(fit.blocks, fit.residuals, strict=True):
         before = fitted.get(block.row_name, (0.0, 0.0))
-        size = _size(block.Y, block.has_force, block.terms_norm(fit.solution.x))
+        size = block.size(fit.solution.x)
         fitted[block.row_name] = before[0] + float(residual @ residual), before[1] + size**2
     columns = [observation.columns.index(name) for name in fit.columns]
     rows = []
@@ -124,7 +124,7 @@ def held_out(fit: Fit, refused: Mapping[str, str], observation: Observation, own
         if not block.place.size:
             continue
         seen = block.chosen(columns)
-        size = _size(block.Y, block.has_force, seen.terms_norm(fit.solution.x))
+        size = seen.size(fit.solution.x)
         left = seen.summary.residual_norm(fit.solution.x)
         error, power = fitted.get(block.row_name, (0.0, 0.0))
         rows.append(
@@ -166,10 +166,6 @@ def _moves(fit: Fit, refused: Mapping[str, str], own: Fit | None) -> tuple[Move,
         for k, (name, value) in enumerate(zip(fit.columns, fit.solution.x, strict=True))
         if name not in refused and value and not own.solution.undetermined[k]
     )
-
-
-def _size(Y: FloatArray, has_force: bool, terms: float) -> float:
-    return float(np.linalg.norm(Y)) if has_force else terms
 
 
 def _cut(record: Record, share: float, period_s: float | None) -> tuple[Record, Record]:

@@ -58,7 +58,7 @@ def null_solution(
     """
     found = []
     for block, residual in zip(fit.blocks, fit.residuals, strict=True):
-        size = float(np.linalg.norm(block.Y)) if block.has_force else block.terms_norm(fit.solution.x)
+        size = block.size(fit.solution.x)
         left = float(np.linalg.norm(residual)) / size if size > 0.0 else 1.0
         if left < NULL_SHARE:
             continue

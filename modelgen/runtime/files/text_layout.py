@@ -178,7 +178,7 @@ def took_from(layout: Layout, names_line: int) -> tuple[str, ...]:
     """Return what the lines above the samples were taken for."""
     marks = {"\t": "tabs", ";": "semicolons", ",": "commas", SPACES: "spaces"}
     decimal = "a decimal comma" if layout.decimal_comma else "a decimal point"
-    units = listed(f"{name} in {unit}" for name, unit in layout.units.items()) or "none"
+    units = listed(f"{name} in {unit}" for name, unit in layout.units.items())
     sentences = [
         f"columns are separated by {marks[layout.separator]}, numbers have {decimal}",
         f"line {names_line} names the columns, samples start at line {layout.header_line + 1}",

@@ -176,8 +176,7 @@ def row_diagnostics(observation: Observation, fit: Fit) -> tuple[RowDiagnostics,
         if index is not None:
             weight, residual = fit.weights[index], fit.residuals[index]
             rms = float(np.sqrt(np.mean(residual**2)))
-            balanced = fit.blocks[index].terms_norm(fit.solution.x)
-            size = float(np.linalg.norm(block.Y)) if block.has_force else balanced
+            size = fit.blocks[index].size(fit.solution.x)
             error = float(np.linalg.norm(residual)) / size if size > 0.0 else None
         used = block.place.size
         found.append(

@@ -93,7 +93,8 @@ def _held_out(task: Task, solution: Solution) -> HeldOut | None:
         return None
     job, method, fit = solution.job, task.method, solution.as_measured
     held = tuple(advanced(record, solution.delays) for record in task.unseen)
-    decimation = tuple(decimation_for(record.fs, job.choice.cutoff_hz) for record in held)
+    given, cutoff_hz = task.filters.decimation, job.choice.cutoff_hz
+    decimation = tuple(given or decimation_for(record.fs, cutoff_hz) for record in held)
     tags = [record.tag for record in held]
     rows = None if job.rows_for_tag is None else {t: r for t, r in job.rows_for_tag.items() if t in tags}
     choice = replace(job.choice, decimation=decimation)

@@ -128,6 +128,6 @@ def _sense(job: Job, fit: Fit) -> _Sense:
     ]
     left = [0.0]
     for block, residual in zip(fit.blocks, fit.residuals, strict=True):
-        size = float(np.linalg.norm(block.Y)) if block.has_force else block.terms_norm(fit.solution.x)
+        size = block.size(fit.solution.x)
         left.append(float(np.linalg.norm(residual)) / size if size > 0.0 else 1.0)
     return _Sense(len(impossible), max(left))

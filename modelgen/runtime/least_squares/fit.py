@@ -143,9 +143,13 @@ class Fit:
 
     @property
     def relative_error(self) -> float:
-        """Norm of Y - W X relative to that of Y, both weighted."""
-        measured = _norm(self.weights, [block.Y for block in self.blocks])
-        return self.residual_norm / measured if measured > 0.0 else np.inf
+        """Norm of Y - W X relative to that of Y, of the largest term of rows without a force; weighted.
+
+        It lies between the smallest and the largest of the rows' own.
+        """
+        sizes = [block.size(self.solution.x) for block in self.blocks]
+        compared = float(np.linalg.norm(np.multiply(self.weights, sizes)))
+        return self.residual_norm / compared if compared > 0.0 else np.inf
 
     @property
     def residual_norm(self) -> float:

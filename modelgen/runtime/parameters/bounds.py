@@ -7,7 +7,6 @@ have, so the price is told, and a parameter at its bound has no interval.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -140,7 +139,7 @@ def bound_reasons(cost: BoundCost, fit: Fit) -> dict[str, str]:
         for name, value in cost.active
     }
     vanished = [name for name, value in zip(fit.columns, fit.solution.x, strict=True) if value == 0.0]
-    why = f"is zero with {_listed(list(active))} at the bound"
+    why = f"is zero with {', '.join(active)} at the bound"
     return dict.fromkeys(vanished, why) | active if active else {}
 
 
@@ -160,14 +159,12 @@ def bound_advice(cost: BoundCost, significant: float = 3.0) -> tuple[Advice, ...
 
 def bound_sentence(cost: BoundCost) -> str:
     """Return what the bounds cost in one sentence."""
+    if not cost.bounded:
+        return "Bounds: no parameter has one."
     if not cost.active:
-        return f"Bounds (never negative: {_listed(cost.bounded)}): none is active, they cost nothing."
-    active = _listed([f"{name} (without bounds {value:.4g})" for name, value in cost.active])
+        return f"Bounds (never negative: {', '.join(cost.bounded)}): none is active, they cost nothing."
+    active = ", ".join(f"{name} (without bounds {value:.4g})" for name, value in cost.active)
     return (
         f"Bounds: at zero are {active}; the weighted residual grows by "
         f"{100.0 * cost.residual_increase:.3g} %, {cost.deviations:.2g} standard deviations."
     )
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names)

@@ -112,8 +112,14 @@ def physical_parameters(
             spreads = covariances.standard_deviations(solved.gradients[name])
             found.append(Parameter(name, model.units.get(name, ""), solved.values[name], *spreads))
         elif name not in refused:
-            unanswered[name] = f"depends on {', '.join(refused)}, which the records cannot answer"
+            unanswered[name] = _why_open(refused)
     return tuple(found), unanswered
+
+
+def _why_open(refused: Collection[str]) -> str:
+    if not refused:
+        return "cannot be worked out from the base parameters found: they leave it open"
+    return f"depends on {', '.join(refused)}, which the records cannot answer"
 
 
 def _is_start(start: Mapping[str, float], near: Mapping[str, float]) -> bool:

@@ -200,7 +200,7 @@ def missing_name(where: str, kind: str, name: str, available: Iterable[str]) -> 
     names = list(available)
     close = nearest(name, names)
     hint = f"did you mean {close}? " if close is not None else ""
-    return Problem(where, f"has no {kind} {shortened(name)}", f"{hint}available: {listed(names) or 'none'}")
+    return Problem(where, f"has no {kind} {shortened(name)}", f"{hint}available: {listed(names)}")
 
 
 def _label_problems(name: Any, tag: Any) -> list[Problem]:

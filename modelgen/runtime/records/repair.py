@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray
-from modelgen.errors import DataError, Problem
+from modelgen.errors import DataError, Problem, listed
 from modelgen.runtime.records.faults import POSITIONS
 from modelgen.runtime.records.thresholds import GAP
 
@@ -40,7 +40,7 @@ def check_mends(mends: Iterable[str], keys: Iterable[str]) -> None:
     for mend in mends:
         if mend.startswith(OFFSET):
             if mend.removeprefix(OFFSET) not in known:
-                remedy = f"name a channel: {', '.join(known)}"
+                remedy = f"name a channel: {listed(known)}"
                 problems.append(Problem(f"--mend {mend}", "names no channel of the record", remedy))
         elif mend not in MENDS:
             remedy = f"choose from {', '.join(MENDS)}, {OFFSET}KEY"

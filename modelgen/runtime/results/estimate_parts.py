@@ -60,7 +60,8 @@ class EstimatedFit(FrozenValues):
     condition_number, condition_number_raw : float
         Of the weighted observation matrix, with and without scaling its columns to unit length.
     relative_error, error_norm : float
-        Norm of the weighted residual, relative to the weighted measurement (not in %) and as it is.
+        Norm of the weighted residual, relative to what the rows' own errors are relative to (not in %), and
+        as it is.
     sigma : float
         Standard deviation of the weighted residual; `residual_dof` says with which degrees of freedom.
     delays, delay_std : mapping of str to float

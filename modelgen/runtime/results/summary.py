@@ -19,6 +19,10 @@ INTERVAL_KINDS = {
     "(Newey-West), and drift with cut-off and weights. Eq. (11) is for white residuals only.",
     "printed": "Standard deviations and intervals are the paper's, eq. (11): for white residuals only.",
 }
+ERRORS = (
+    "Errors in % of the row's force, or of its largest term where it holds none; the relative error above is "
+    "that of all rows together, weighted."
+)
 DEGREES_OF_FREEDOM = {"r-c": "r - c", "r-1": "r - 1, not as in eq. (11)"}
 
 
@@ -103,7 +107,7 @@ def _rows(estimate: Estimate) -> list[str]:
         error = None if entry.relative_error is None else 100.0 * entry.relative_error
         numbers = [_number(entry.weight, 4), _number(entry.residual_rms, 4), _number(error, 4)]
         rows.append([entry.record, entry.row, entry.unit, str(entry.used), str(entry.masked), *numbers])
-    return _table(rows, left=3)
+    return _table(rows, left=3) + textwrap.wrap(ERRORS, WIDTH)
 
 
 def _pruning(estimate: Estimate) -> list[str]:

@@ -95,6 +95,10 @@ class RowBlock:
         """Return the norm of the largest term; see `RowTriangle`."""
         return self.summary.terms_norm(x)
 
+    def size(self, x: FloatArray) -> float:
+        """Return the norm that a residual is compared with; see `RowTriangle`."""
+        return self.summary.size(x)
+
     def column(self, index: int) -> FloatArray:
         """Return a column of the observation in this row, shape (n,)."""
         if self.touched is None:

@@ -66,6 +66,13 @@ class RowTriangle:
         spread = np.linalg.norm(self.triangle[1:, 1:-1], axis=0)
         return float(np.max(spread * np.abs(self.own(x)), initial=0.0))
 
+    def size(self, x: FloatArray) -> float:
+        """Return the norm that a residual is compared with: of Y, of the largest term without a force in it.
+
+        x is in the order of all columns, shape (columns,).
+        """
+        return float(np.linalg.norm(self.triangle[:, -1])) if self.has_force else self.terms_norm(x)
+
     def chosen(self, columns: Sequence[int]) -> RowTriangle:
         """Return the same with these of all columns only, in their order."""
         every = range(self.triangle.shape[1] - 2) if self.touched is None else self.touched

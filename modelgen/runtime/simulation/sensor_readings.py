@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import pi
+from zlib import crc32
 
 import numpy as np
 
@@ -47,15 +48,18 @@ def readings(
     resolution: Mapping[str, float],
     seed: int,
     bias: Mapping[str, float] | None = None,
+    motion: str = "",
 ) -> dict[str, FloatArray]:
     """Return what the instruments read, and the directions of motion that the model needs.
 
     Signals have shape (N,), in SI.
 
     Every instrument draws its noise from a stream of its own: another channel's noise does not change it.
+    Records of one seed share no noise where their `motion` (a name) or their length differs.
     """
     keys = instrument_keys(model)
-    streams = np.random.default_rng(seed).spawn(len(keys))
+    entropy = [seed, crc32(motion.encode()), len(next(iter(true.values())))]
+    streams = np.random.default_rng(entropy).spawn(len(keys))
     measured = {}
     for key, stream in zip(keys, streams, strict=True):
         reading = true[key]

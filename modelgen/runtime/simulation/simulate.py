@@ -139,7 +139,8 @@ def simulate(
     bias : mapping of str to float, optional
         Constant error (SI) of a channel, such as an accelerometer's.
     seed : int
-        Of the noise, by default 0. Every channel draws from a stream of its own.
+        Of the noise, by default 0. Every channel draws from a stream of its own, and so does every
+        excitation: by its name and its number of samples.
     oversample : int
         Internal steps per sample, by default 32. An Excitation has its own.
     controller : PositionVelocityController, optional
@@ -178,7 +179,8 @@ def simulate(
     start = _initial_state(plant, given["initial_state"])
     motion = move(plant, settings.controller, settings.drive, excitation, start, settings.oversample)
     true = true_signals(plant, motion)
-    measured = readings(model, true, settings.noise, settings.resolution, settings.seed, settings.bias)
+    levels = (settings.noise, settings.resolution, settings.seed, settings.bias)
+    measured = readings(model, true, *levels, excitation.name)
     record = Record(measured, settings.fs, excitation.name, excitation.name)
     changes = tuple(_mode_change(plant, event) for event in motion.events)
     return Simulation(record, MappingProxyType(true), excitation, changes, settings)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import butter, cheby1, sosfiltfilt
 
 from modelgen.errors import DataError
 from modelgen.runtime.diagnostics.hold_out import held_apart
@@ -85,6 +86,48 @@ def test_a_share_is_cut_from_the_end_of_every_record_in_whole_periods() -> None:
 def test_what_cannot_be_held_out_is_named(hold_out: float | str | list[str], said: str) -> None:
     with pytest.raises(DataError, match=said):
         held_apart(records(), hold_out, {})
+
+
+def scipy_rows(record: Record, decimation: int) -> tuple[np.ndarray, np.ndarray]:
+    """The published recipe on one stretch, as one writes it with SciPy; W of M, Fv, Fc and offset, and Y."""
+    sos = butter(4, 100.0, fs=record.fs, output="sos")
+    q = sosfiltfilt(sos, record.signals["q_m"], padtype="odd", padlen=12)
+    v = np.gradient(q, record.dt)
+    a = np.gradient(v, record.dt)
+    rows = np.column_stack([a, v, np.sign(v), np.ones(record.n), record.signals["F"]])[49:]
+    low = cheby1(8, 0.05, 0.8 / decimation, output="sos")
+    kept = -(-len(rows) // decimation)
+    smooth = sosfiltfilt(low, rows, axis=0, padtype="odd", padlen=24)
+    rows = smooth[decimation - (decimation * kept - len(rows)) - 1 :: decimation]
+    return rows[:, :-1], rows[:, -1]
+
+
+@pytest.mark.parametrize("decimation", [2, 10, 17])
+@pytest.mark.parametrize("share", [0.3, 0.6])
+def test_the_given_decimation_holds_for_what_is_held_out(emps: Record, decimation: int, share: float) -> None:
+    given = {"cutoff_hz": 100.0, "filter_order": 4, "decimation": decimation, "drop": 49}
+    estimate = identify(RIGID, emps, **values_of("pham2002", hold_out=share, **given))  # type: ignore[arg-type]
+    at = round((1.0 - share) * emps.n)
+    W, Y = scipy_rows(emps.part(0, at, "kept"), decimation)
+    x = np.linalg.lstsq(W, Y, rcond=None)[0]
+    W, Y = scipy_rows(emps.part(at, emps.n, "held"), decimation)
+    assert estimate.checks.held_out is not None
+    (row,) = estimate.checks.held_out.rows
+    assert row.samples == len(Y)
+    assert row.relative_error == pytest.approx(np.linalg.norm(Y - W @ x) / np.linalg.norm(Y), rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["wls", "iv"])
+@pytest.mark.parametrize("decimation", [3, 20])
+def test_every_method_keeps_to_the_given_decimation(method: str, decimation: int) -> None:
+    given = {**SETTINGS, "decimation": decimation}
+    estimate = identify(RIGID, records(), **values_of(method, hold_out="two", **given))
+    held = estimate.checks.held_out
+    assert held is not None
+    # records of one length whose rows lose no sample: as many there as where it was fitted
+    (row,), (fitted,) = held.rows, estimate.fit.rows
+    assert row.samples == pytest.approx(fitted.used, abs=fitted.masked)
+    assert row.samples == pytest.approx(25000 / decimation, rel=0.2)
 
 
 def test_nothing_is_held_out_unless_it_is_asked_for() -> None:

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.least_squares.fit import Fit
@@ -154,6 +156,25 @@ def test_residuals_and_measurement_are_stacked_with_their_weights() -> None:
     )
     silent = replace(fit, blocks=tuple(replace(one, Y=0.0 * one.Y) for one in fit.blocks))
     assert silent.relative_error == np.inf
+
+
+@given(st.lists(st.tuples(st.booleans(), st.floats(0.01, 100.0)), min_size=1, max_size=4), st.integers(0, 99))
+def test_the_relative_error_lies_between_those_of_the_rows(rows: list[tuple[bool, float]], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x = np.array([2.0, -1.0])
+    blocks = []
+    for forced, error in [(True, 1.0), *rows]:
+        W = rng.standard_normal((50, 2))
+        Y = W @ x + error * rng.standard_normal(50)
+        blocks.append(replace(block(W, Y if forced else Y - W @ x), has_force=forced))
+    fit = fit_matched(Observation(("a", "b"), tuple(blocks)))
+    own = []
+    for one, residual in zip(fit.blocks, fit.residuals, strict=True):
+        terms = np.linalg.norm((one.W - one.W.mean(axis=0)) * fit.solution.x, axis=0)
+        size = np.linalg.norm(one.Y) if one.has_force else terms.max()
+        own.append(np.linalg.norm(residual) / size)
+        assert one.size(fit.solution.x) == pytest.approx(size)
+    assert min(own) * (1.0 - 1e-9) <= fit.relative_error <= max(own) * (1.0 + 1e-9)
 
 
 def test_terms_norm_is_that_of_the_largest_term() -> None:

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from generated import emps300_qm_qc, emps_rigid_asymmetric_qm, three_mass_qa_qb_qc
@@ -11,8 +13,15 @@ from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import model_from_module
-from modelgen.runtime.parameters.bounds import bounded_below_or_above, bounded_fit
+from modelgen.runtime.parameters.bounds import (
+    BoundCost,
+    bound_advice,
+    bound_sentence,
+    bounded_below_or_above,
+    bounded_fit,
+)
 from modelgen.runtime.records.record import Record
+from tests.broken_sentences import hole
 from tests.runtime.rigid_motion import CHOICE, FS, RIGID, SETTINGS, TRUTH, rigid_record
 
 
@@ -103,3 +112,11 @@ def test_instruments_can_be_bounded() -> None:
     estimate = identify(RIGID, record, **values_of("iv", bounds="physical", **SETTINGS))
     assert "Fv" in estimate.not_identifiable
     assert estimate.params["M"] > 0.0
+
+
+@given(st.lists(st.sampled_from(("M", "Fv", "Fc")), unique=True), st.integers(0, 3), st.floats(0.0, 9.0))
+def test_what_is_said_of_bounds_has_no_hole(bounded: list[str], active: int, deviations: float) -> None:
+    at_zero = tuple((name, -1.0) for name in bounded[:active])
+    cost = BoundCost(tuple(bounded), at_zero, 0.1, deviations if at_zero else 0.0)
+    assert hole(bound_sentence(cost)) is None
+    assert [hole(one.sentence) for one in bound_advice(cost)] in ([], [None])

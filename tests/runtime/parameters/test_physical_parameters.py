@@ -6,10 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from generated import emps_rigid_qm
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.parameters.physical_parameters import Covariances, physical_parameters
+from tests.broken_sentences import hole
 
 Formula = Callable[[np.ndarray], dict[str, float]]
 
@@ -107,3 +110,16 @@ def test_composites_that_do_not_determine_a_parameter_give_no_number() -> None:
     )
     assert found == ()
     assert unanswered == {"K": "depends on J, J/K, which the records cannot answer"}
+
+
+@given(st.sets(st.integers(0, 2), max_size=2), st.booleans())
+def test_no_reason_has_a_hole_whatever_is_missing(missing: set[int], told: bool) -> None:
+    model = composite_model()
+    base = np.array([np.nan if k in missing else value for k, value in enumerate((6.0, 12.0, 3.0))])
+    names = [model.base_parameters[k] for k in sorted(missing)]
+    refused = dict.fromkeys(names, "not seen") if told else {}
+    C = np.eye(3 - len(missing))
+    found, unanswered = physical_parameters(model, base, covariances(C), refused, {"J": 5.0})
+    named = {*unanswered, *refused} | {entry.name for entry in found}
+    assert named >= set(model.identifiable)
+    assert [hole(f"{name}: {why}") for name, why in unanswered.items()] == [None] * len(unanswered)

@@ -45,6 +45,8 @@ record  row  unit  used  masked  weight  residual rms  error %
 --------------------------------------------------------------
 chirp   m    N m   1200      30   250.0      0.004000    2.000
 rest    m    N m      0    1230       0             -        -
+Errors in % of the row's force, or of its largest term where it holds none; the relative error above
+is that of all rows together, weighted.
 
 Without parameters of 10 % and more, largest first:
   F_vm (20 %) removed: relative error now 3.5000 %
@@ -77,6 +79,8 @@ record  row  unit  used  masked  weight  residual rms  error %
 --------------------------------------------------------------
 chirp   m    N m   1200      30   250.0      0.004000    2.000
 rest    m    N m      0    1230       0             -        -
+Errors in % of the row's force, or of its largest term where it holds none; the relative error above
+is that of all rows together, weighted.
 
 No parameter has a relative standard deviation of 10 % or more.
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from generated import emps300_qm_qc
 from modelgen.errors import DataError
@@ -44,6 +46,23 @@ def test_a_seed_gives_the_same_noise_channel_by_channel() -> None:
     assert not np.any(other["Gamma_m"] == alone["Gamma_m"])
     in_common = np.corrcoef(together["Gamma_m"] - 1.0, together["q_m"] - TRUE["q_m"])[0, 1]
     assert abs(in_common) < 4.0 / 20001**0.5
+
+
+@given(
+    st.integers(0, 2**70),
+    st.lists(st.tuples(st.text(max_size=5), st.integers(4000, 4003)), min_size=2, max_size=4, unique=True),
+)
+def test_motions_of_one_seed_share_no_noise(seed: int, motions: list[tuple[str, int]]) -> None:
+    drawn = []
+    for motion, n in motions:
+        true = {key: np.zeros(n) for key in TRUE}
+        read = readings(EMPS, true, dict.fromkeys(TRUE, 1.0), {}, seed, motion=motion)
+        again = readings(EMPS, true, dict.fromkeys(TRUE, 1.0), {}, seed, motion=motion)
+        assert all(np.array_equal(read[key], again[key]) for key in TRUE)
+        drawn += [read[key][:4000] for key in TRUE]
+    # whichever the motion and whichever the channel
+    common = np.corrcoef(drawn) - np.eye(len(drawn))
+    assert np.abs(common).max() < 6.0 / np.sqrt(4000)
 
 
 def test_readings_are_rounded_to_the_resolution() -> None:
