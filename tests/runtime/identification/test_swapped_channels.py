@@ -106,5 +106,9 @@ def test_what_no_exchange_mends_is_not_told() -> None:
     ]
     job = Job(QC, tuple(records), choose_filter(QC, records))
     fit = METHODS["wls"].run(job)[1]
-    assert fit.relative_error > 0.9
+    left = [
+        np.linalg.norm(residual) / block.size(fit.solution.x)
+        for block, residual in zip(fit.blocks, fit.residuals, strict=True)
+    ]
+    assert max(left) > 0.9
     assert swapped_channels(job, fit) == ()
