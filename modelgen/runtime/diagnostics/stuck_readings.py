@@ -14,6 +14,7 @@ import numpy as np
 from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.runtime.diagnostics.thresholds import (
     ALTERNATING,
+    AROUND,
     CHANCE,
     CLIPPED_RUN,
     EXCERPT,
@@ -22,9 +23,13 @@ from modelgen.runtime.diagnostics.thresholds import (
     LEAP_AFTER_STUCK,
     MOST,
     MOSTLY,
+    NEARBY,
     NEARLY,
+    NEIGHBOURS,
     OFTEN,
     RARELY,
+    REACHES,
+    REPEATED,
     RESOLUTIONS,
     ROUNDING,
     SELDOM,
@@ -69,15 +74,36 @@ def excerpt(samples: FloatArray) -> FloatArray:
 
 
 def _resolution(samples: FloatArray) -> float:
-    """Return the least difference of two readings if most others are multiples of it, otherwise 0."""
-    apart = np.diff(np.unique(excerpt(samples)))
-    # values that were scaled or shifted differ by rounding as well
-    apart = apart[apart > ROUNDING * np.ptp(samples)]
+    """Return the step to which readings are rounded, the coarser where it differs, 0 if they are not.
+
+    It differs in a file with so many significant digits: it is coarser far from zero.
+    """
+    shown = excerpt(samples)
+    least = ROUNDING * float(np.ptp(samples))  # values that were scaled or shifted differ by that as well
+    readings, counts = np.unique(shown, return_counts=True)
+    apart = np.diff(readings)
+    parts = np.array_split(np.arange(len(apart)), max(len(apart) // NEIGHBOURS, 1))
+    # where no reading repeats, rounding does not show
+    repeated = [part for part in parts if np.any(counts[part] > 1)]
+    found = [_common_step(apart[part][apart[part] > least]) for part in repeated]
+    if any(found):
+        return float(np.quantile(found, MOST, method="lower"))
+    # readings that are many steps apart have only steps in time as small as one
+    steps = np.unique(np.abs(np.diff(shown)))
+    return _common_step(steps[steps > least])
+
+
+def _common_step(apart: FloatArray) -> float:
+    """Return the least of differences if most of them are multiples of it, otherwise 0."""
     if not apart.size:
         return 0.0
-    least = float(np.min(apart))
-    multiples = np.abs(apart / least - np.round(apart / least)) < NEARLY
-    return least if float(np.mean(multiples)) > MOST else 0.0
+    step = float(np.min(apart))
+    for reach in REACHES:
+        # the larger multiples tell the step more exactly
+        near = apart[apart < reach * step]
+        step = float(np.sum(near)) / float(np.sum(np.round(near / step)))
+    multiples = np.abs(apart / step - np.round(apart / step)) < NEARLY
+    return step if float(np.mean(multiples)) > MOST else 0.0
 
 
 def faulty_runs(
@@ -101,8 +127,10 @@ def faulty_runs(
     long = lengths >= _longest_by_chance(len(samples), lengths)
     if _noisy(samples, runs):
         short = extreme & (lengths >= CLIPPED_RUN)
-        clipped = short & (long | (np.sum(short) > 1))
-        return np.flatnonzero(clipped), np.flatnonzero(long & ~extreme)
+        clipped = np.flatnonzero(short & (long | (np.sum(short) > 1)))
+        stuck = np.flatnonzero(long & ~extreme)
+        stuck = stuck[_not_at_rest(runs, stuck, measures, moving)]
+        return tuple(which[~_coarse_there(samples, runs, which)] for which in (clipped, stuck))
     steps, bends = np.abs(np.diff(samples)), np.abs(np.diff(samples, 2))
     full = _full_speed(steps, bends, runs.resolution)
     # at a limit the step into the run is cut short; the one before it is not
@@ -125,6 +153,36 @@ def faulty_runs(
         # a body that sticks is not accelerated
         wrong &= (measures != "acceleration") | (values != 0.0)
     return np.flatnonzero(clipped), np.flatnonzero(long & ~clipped & wrong)
+
+
+def _coarse_there(samples: FloatArray, runs: Runs, which: IntArray) -> BoolArray:
+    """Tell around which runs other readings repeat as well: noise does not show there, so they are no fault.
+
+    A file with so many significant digits has coarse readings far from zero and fine ones near it; an axis
+    at rest between two counts of its encoder has none of the noise that it shows when it moves.
+    """
+    found = np.zeros(len(which), dtype=bool)
+    for index, run in enumerate(which.tolist()):
+        first, last = int(runs.first[run]), int(runs.last[run])
+        parts = samples[max(first - NEARBY, 0) : first], samples[last + 1 : last + 1 + NEARBY]
+        pairs = [(part[1:], part[:-1]) for part in parts]
+        other = sum(int(np.sum(later != samples[first])) for later, _ in pairs)
+        same = sum(int(np.sum((later == early) & (later != samples[first]))) for later, early in pairs)
+        found[index] = same > REPEATED * max(other, 1)
+    return found
+
+
+def _not_at_rest(runs: Runs, which: IntArray, measures: str, moving: BoolArray) -> BoolArray:
+    """Tell during which runs, or next to which, the machine moves: what stands still at rest is no fault."""
+    first, last = runs.first[which], runs.last[which]
+    moved = np.concatenate([[0], np.cumsum(moving)])
+    during = moved[last + 1] - moved[first] > MOSTLY * (last + 1 - first)
+    if measures not in ("position", "velocity"):
+        return np.asarray(during)
+    n = len(moving)
+    before = moved[first] > moved[np.maximum(first - AROUND, 0)]
+    after = moved[np.minimum(last + 1 + AROUND, n)] > moved[last + 1]
+    return np.asarray(during | before | after)
 
 
 def _only_there(short: BoolArray, lengths: IntArray, n: int) -> bool:

@@ -90,6 +90,8 @@ DIRECTION_FACTOR = 2.0
 EXCERPTS, EXCERPT = 16, 1 << 12
 # Readings are rounded to a step where most of their differences are nearly integer multiples of the least.
 ROUNDING, NEARLY, MOST = 1e-12, 0.1, 0.8
+# The step is looked for among so many neighbouring readings, and made exact by differences of so many steps.
+NEIGHBOURS, REACHES = 32, (4.0, 30.0, 200.0)
 # Chance that a run of equal readings as long as one that counts comes about in a record by itself.
 CHANCE = 1e-6
 SHORTEST_RUN = 8
@@ -103,6 +105,8 @@ FULL_SPEED, RESOLUTIONS, USUAL_CHANGES = 0.15, 4.0, 4.0
 STRAIGHT = 1e-6
 # Noise changes the sign of its fourth difference nearly every sample; it counts from so many resolutions on.
 ALTERNATING, VISIBLE_NOISE = 0.6, 2.0
+# Noise does not show where more than this share of so many readings before and after a run repeat as well.
+REPEATED, NEARBY = 0.5, 32
 # A sensor that was stuck leaps to where the motion is by then: by this many of the largest usual steps.
 LEAP_AFTER_STUCK = {"position": 1.0, "velocity": 5.0}
 # Forces and accelerations repeat a reading by fault where fewer than this share of the others are repeated,

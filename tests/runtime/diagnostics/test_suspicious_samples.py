@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,7 @@ from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime import measured_records
 
 FloatArray = npt.NDArray[np.float64]
 Fault = Callable[[FloatArray], FloatArray]
@@ -90,6 +93,45 @@ def only(model: Model, record: Record) -> Advice:
 def test_measured_records_are_not_suspected(emps: Record, bench: Record) -> None:
     assert suspicions(RIGID, [emps]) == ()
     assert suspicions(BENCH, [bench]) == ()
+
+
+@pytest.mark.parametrize("axis", range(1, 7))
+def test_an_axis_of_a_robot_at_rest_is_not_suspected(axis: int, shared_data: Path) -> None:
+    model, record = measured_records.robot_axis(shared_data, axis)
+    assert equal_runs(record.signals["q_a"]).lengths.max() > 50
+    assert suspicions(model, [record]) == ()
+
+
+def dwells(seed: int, turns: int, digits: int) -> Record:
+    """An encoder of a drive that rests between its moves, in a file with so many significant digits."""
+    rng = np.random.default_rng(seed)
+    stops = 50.0 * turns * rng.uniform(-1.0, 1.0, 8)
+    share = np.clip(np.linspace(-0.5, 1.5, 3000), 0.0, 1.0)
+    moves = [a + (b - a) * (3.0 - 2.0 * share) * share**2 for a, b in pairwise(stops.tolist())]
+    counts = 2.0 * np.pi / 65536
+    wobble = np.repeat(rng.integers(0, 2, 7 * 100), 30)
+    exact = (np.round(np.concatenate(moves) / counts) + wobble) * counts
+    written = np.array([float(f"{reading:.{digits}g}") for reading in exact.tolist()])
+    force = rng.normal(size=len(written))
+    force[:900] = 0.5  # until its amplifier is switched on
+    return Record({"q_m": written, "F": force}, 1000.0, "dwells")
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("turns", "digits"), [(1, 5), (1, 7), (10, 6), (30, 12)])
+def test_a_drive_that_rests_between_its_moves_is_not_suspected(turns: int, digits: int, seed: int) -> None:
+    assert [one for one in suspicions(RIGID, [dwells(seed, turns, digits)]) if one.kind != "unit"] == []
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
+def test_a_noisy_encoder_that_is_stuck_during_a_move_is_told(share: float) -> None:
+    record = dwells(0, 1, 12)
+    noise = 1e-3 * np.random.default_rng(1).normal(size=record.n)
+    first = 3000 + 750 + int(1500 * share)
+    stuck = Record({"q_m": held(first, 60)(record.signals["q_m"] + noise), "F": record.signals["F"]}, 1000.0)
+    assert f"samples {first} to {first + 59}" in "".join(
+        one.where for one in suspicions(RIGID, [stuck]) if one.kind == "stuck"
+    )
 
 
 @pytest.mark.parametrize("noise", [False, True])
