@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import sqrt
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
-from modelgen.runtime.diagnostics.thresholds import HIGHEST, NOISE_LINES
+from modelgen.runtime.diagnostics.thresholds import (
+    FRICTION_OVER_REST,
+    HIGHEST,
+    LARGEST_NOISE,
+    NOISE_LINES,
+)
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import gain
 from modelgen.runtime.least_squares.fit import Fit
@@ -63,4 +68,41 @@ def exceeding_noise(
         noise = row_noise(model, records[block.record], choice, block.row, x)
         if left > share and float(np.sqrt(np.mean(residual**2))) > multiple * noise:
             found.append((block, left))
+    return found
+
+
+def drowned_friction(
+    model: Model,
+    records: Sequence[Record],
+    choice: FilterChoice,
+    fit: Fit,
+    reasons: Mapping[str, str],
+) -> dict[str, str]:
+    """Return those of frictions in vibration that what the model lacks may have made, with the reason.
+
+    Where the residual of the rows that hold a friction is noise, its standard deviation says all. Otherwise
+    forces that the model lacks are about as large as the residual, and friction must stand out of them.
+
+    Parameters
+    ----------
+    reasons : mapping of str to str
+        Base columns that are friction in vibration alone, with the reason to doubt them.
+    """
+    lacking = exceeding_noise(model, records, choice, fit, LARGEST_NOISE)
+    found = {}
+    for name, reason in reasons.items():
+        if name not in fit.columns:
+            continue
+        index = fit.columns.index(name)
+        places = {(block.record, block.row) for block, _ in lacking if np.any(block.column(index))}
+        rows = [
+            (abs(float(fit.solution.x[index])) * float(np.linalg.norm(block.column(index))), residual)
+            for block, residual in zip(fit.blocks, fit.residuals, strict=True)
+            if (block.record, block.row) in places
+        ]
+        force = sqrt(sum(size**2 for size, _ in rows))
+        rest = sqrt(sum(float(residual @ residual) for _, residual in rows))
+        if rows and force < FRICTION_OVER_REST * rest:
+            share = f"there {name} gives {force / rest:.2g} times what the model leaves unexplained"
+            found[name] = f"{reason}; {share}"
     return found

@@ -39,6 +39,8 @@ LOST_SHARE = 1.0
 NULL_SHARE = 0.9
 # A residual below this multiple of what noise of the sensors gives its row is noise.
 LARGEST_NOISE = 1.5
+# Friction in vibration counts where it is so many times what the model, beyond noise, leaves of its rows.
+FRICTION_OVER_REST = 3.0
 # Derivatives with less signal than this above their noise bias least squares visibly.
 LEAST_SNR_DB = 20.0
 

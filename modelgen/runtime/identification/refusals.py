@@ -16,6 +16,7 @@ from modelgen.runtime.diagnostics.motion_checks import (
     resting_bodies,
 )
 from modelgen.runtime.diagnostics.noise_bias import lost_in_noise
+from modelgen.runtime.diagnostics.row_noise import drowned_friction
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.thresholds import WITHOUT_NUMBER_PERCENT
 from modelgen.runtime.least_squares.fit import Fit
@@ -23,7 +24,11 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.dependence import dependences
 from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX, LARGEST_INDEX
-from modelgen.runtime.parameters.unanswered_columns import not_identifiable
+from modelgen.runtime.parameters.unanswered_columns import (
+    columns_that_vanish,
+    friction_without_steady_motion,
+    not_identifiable,
+)
 from modelgen.runtime.records.record import Record, missing_name
 
 
@@ -43,7 +48,7 @@ def refusals(
     unknown = [name for name in keep if name not in model.base_parameters]
     if unknown:
         raise DataError(*(missing_name("keep", "parameter", name, model.base_parameters) for name in unknown))
-    reasons = not_identifiable(model, records, choice, fit) | one_way_columns(model, fit.absent)
+    reasons = unanswered(model, records, choice, fit) | one_way_columns(model, fit.absent)
     reasons |= dependent_columns(fit, reasons) | resting_bodies(model, records)
     reasons |= friction_and_offset(model, one_way_friction(model, fit), fit.columns)
     lost = {*fit.absent, *_undetermined(fit)}
@@ -54,6 +59,15 @@ def refusals(
     )
     refused = {name: reasons[name] for name in model.base_parameters if name in reasons}
     return {name: reason for name, reason in refused.items() if name not in insisted}, advice
+
+
+def unanswered(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit) -> dict[str, str]:
+    """Return the columns that the records cannot answer, with the reason; in the order of the columns."""
+    reasons = columns_that_vanish(model, friction_without_steady_motion(model, records, choice))
+    if reasons:
+        reasons = drowned_friction(model, records, choice, fit, reasons)
+    reasons |= not_identifiable(model, records, choice, fit)
+    return {name: reasons[name] for name in model.base_parameters if name in reasons}
 
 
 def late_refusals(

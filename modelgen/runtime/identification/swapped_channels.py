@@ -18,11 +18,11 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
+from modelgen.runtime.identification.refusals import unanswered
 from modelgen.runtime.identification.thresholds import BETTER, TRIES, UNEXPLAINED
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
-from modelgen.runtime.parameters.unanswered_columns import not_identifiable
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
@@ -120,7 +120,7 @@ def _changed(job: Job, change: _Change) -> Job:
 
 def _sense(job: Job, fit: Fit) -> _Sense:
     roles = job.model.roles
-    refused = not_identifiable(job.model, job.records, job.choice, fit)
+    refused = unanswered(job.model, job.records, job.choice, fit)
     impossible = [
         name
         for name, value in zip(fit.columns, fit.solution.x.tolist(), strict=True)

@@ -1,4 +1,4 @@
-"""What a record cannot answer although the equations could: friction without steady motion, encoder zeros.
+"""What a record cannot answer although the equations could: friction in vibration alone, encoder zeros.
 
 A number comes out of least squares in any case, with a small standard deviation even. These checks look at
 the record instead, and give the reason for which a parameter is not to be believed.
@@ -29,9 +29,6 @@ def not_identifiable(
     for name, lost in zip(fit.columns, fit.solution.undetermined, strict=True):
         if lost:
             reasons[name] = "cannot be told from other parameters in these records (W is short of rank)"
-    unsteady = friction_without_steady_motion(model, records, choice)
-    for name, reason in columns_that_vanish(model, unsteady).items():
-        reasons.setdefault(name, reason)
     for name, reason in offsets_of_encoder_zeros(model, records, fit).items():
         reasons.setdefault(name, reason)
     return {name: reasons[name] for name in model.base_parameters if name in reasons}
@@ -42,8 +39,8 @@ def friction_without_steady_motion(
 ) -> dict[str, str]:
     """Return the friction parameters to ground of bodies that only ever vibrate, with the reason.
 
-    While a body vibrates, friction is small compared with inertial forces, and what is fitted is mostly their
-    error.
+    While a body vibrates, friction is small compared with inertial forces: if the model is not exact, what is
+    fitted is mostly their error.
     """
     limit_hz = STEADY_BAND * (choice.dynamics_hz or choice.cutoff_hz)
     reasons: dict[str, str] = {}
@@ -54,7 +51,7 @@ def friction_without_steady_motion(
         names = ", ".join(record.name for record in records)
         reason = (
             f"no constant-velocity motion of {body} in record {names}: {100.0 * max(shares):.2g} % of its "
-            f"velocity's power lies below {limit_hz:.3g} Hz, where 1 % is needed"
+            f"velocity's power lies below {limit_hz:.3g} Hz"
         )
         for name, role in model.roles.items():
             if role.role in ("viscous", "coulomb") and role.bodies == (body,):

@@ -22,6 +22,7 @@ from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.identification.test_assemble_estimate import TRUTH, observation
 from tests.runtime.measured_records import bench, emps
 from tests.runtime.rigid_motion import ONE_WAY, RIGID, SETTINGS, kinds, rigid_record, swings
+from tests.runtime.rigid_motion import TRUTH as RIGID_TRUTH
 
 TWO_MASS = model_from_module(emps300_qm_qc)
 VIBRATION = swings((0.1, 1.3), (0.05, 3.1))
@@ -75,11 +76,29 @@ def test_what_only_the_drift_leaves_without_a_value_is_refused_late() -> None:
     assert late_refusals(fit, others, drift, ()) == others
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_friction_in_vibration_is_told_where_the_model_leaves_noise_only(seed: int) -> None:
+    estimate = identify(RIGID, rigid_record(VIBRATION, seed=seed), **values_of(**SETTINGS))
+    assert estimate.not_identifiable == {}
+    for name, value in estimate.params.items():
+        assert abs(value - RIGID_TRUTH[name]) < 3.0 * estimate.bse[name]
+    assert estimate.bse["Fv"] < 0.01 * RIGID_TRUTH["Fv"]
+
+
+def lacking_force(share: float) -> Record:
+    """A vibration with a force that the model lacks, a share of the force's standard deviation."""
+    record = rigid_record(swings((0.1, 4.3), (0.05, 7.1)))
+    t = np.arange(record.n) / record.fs
+    lacks = share * np.std(record.signals["F"]) * np.sin(10.0 * np.pi * t) * np.sin(0.6 * np.pi * t)
+    return Record({**record.signals, "F": record.signals["F"] + lacks}, record.fs, record.name)
+
+
 def test_a_doubtful_parameter_can_be_kept_but_not_what_is_impossible() -> None:
-    record = rigid_record(VIBRATION)
-    plain = identify(RIGID, record, **values_of(**SETTINGS))
+    record = lacking_force(0.1)
+    plain = identify(RIGID, record, **values_of(cutoff_hz=40.0))
     assert "no constant-velocity motion" in plain.not_identifiable["Fv"]
-    kept = identify(RIGID, record, **values_of(keep=("Fv",), **SETTINGS))
+    assert "times what the model leaves unexplained" in plain.not_identifiable["Fv"]
+    kept = identify(RIGID, record, **values_of(keep=("Fv",), cutoff_hz=40.0))
     assert "Fv" in kept.params
     assert "Fc" in kept.not_identifiable
     (advice,) = [one for one in kept.checks.advice if one.kind == "kept on request"]
