@@ -25,7 +25,8 @@ from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.write_record import write_record
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.simulation.simulate import simulate
 
 ROOT = Path(__file__).resolve().parents[1]

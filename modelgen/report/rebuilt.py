@@ -12,8 +12,9 @@ from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.observation import Observation, RowBlock, observe
+from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
+from modelgen.runtime.rows.row_block import RowBlock
 
 CONFIDENCE_99 = 2.5758293035489004
 MOST_LAGS = 200

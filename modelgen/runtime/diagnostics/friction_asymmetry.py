@@ -6,21 +6,27 @@ its sign() stands; different Coulomb friction adds a constant, which an offset t
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.diagnostics.thresholds import SIGNIFICANT_ASYMMETRY
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.fit import Fit, FittedStretch
 from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
 from modelgen.runtime.least_squares.thresholds import RANK_TOLERANCE
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
+from modelgen.runtime.rows.record_rows import matched_rows
+from modelgen.runtime.rows.remade_rows import RemadeFeature
+from modelgen.runtime.rows.row_block import STRETCH
 from modelgen.runtime.rows.standstill_speeds import NOTHING
+
+# values of a column at points of a grid, from (n,) to (n,)
+Column = Callable[[IntArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -53,7 +59,7 @@ def asymmetries(
         if _is_refused(model, feature, refused):
             continue
         extra = _columns(fit, model, records, choice, drop, feature)
-        if not any(np.any(column) for column in extra):
+        if not any(extra):
             continue
         one = _one_more(fit, extra)
         if one is not None:
@@ -61,35 +67,67 @@ def asymmetries(
     return tuple(found)
 
 
-def _one_more(fit: Fit, extra: Sequence[FloatArray]) -> tuple[float, float] | None:
+def _one_more(fit: Fit, extra: Sequence[Column | None]) -> tuple[float, float] | None:
     """Return value and standard deviation of one more column of a fit; None where others hold it already.
 
     What the regressors leave of the column is what it is fitted with (Frisch and Waugh 1933): nothing else
     has to be solved again.
     """
-    regressors = [fit.regressor(index) for index in range(len(fit.blocks))]
-    parts = list(zip(fit.weights, regressors, extra, strict=True))
-    shared = np.zeros(len(fit.columns))
-    for weight, (regressor, place), column in parts:
-        shared[place] += weight**2 * (regressor.T @ column)
+    shared, whole = np.zeros(len(fit.columns)), 0.0
+    for index, one, column in _columns_in_stretches(fit, extra):
+        weight = fit.weights[index] ** 2
+        shared[fit.touched(index)] += weight * (one.regressor.T @ column)
+        whole += weight * float(column @ column)
     share = fit.solution.inverse @ shared
-    left = [column - regressor @ share[place] for _, (regressor, place), column in parts]
-    power = sum(w**2 * float(own @ own) for w, own in zip(fit.weights, left, strict=True))
-    whole = sum(w**2 * float(column @ column) for w, _, column in parts)
+    power = value = 0.0
+    for index, one, column in _columns_in_stretches(fit, extra):
+        weight, left = fit.weights[index] ** 2, column - one.regressor @ share[fit.touched(index)]
+        power += weight * float(left @ left)
+        value += weight * float(left @ one.residual)
     if power <= RANK_TOLERANCE * whole:
         return None
-    own_residuals = zip(fit.weights, left, fit.residuals, strict=True)
-    value = sum(w**2 * float(own @ residual) for w, own, residual in own_residuals) / power
-    series: dict[int, FloatArray] = {}
-    for block, weight, residual, own, column in zip(
-        fit.blocks, fit.weights, fit.residuals, left, extra, strict=True
-    ):
-        rest = residual - value * (column - block.W @ block.own(share))
-        psi = series.setdefault(block.record, np.zeros((block.grid, 1)))
-        psi[block.place, 0] += weight**2 * own * rest / power
-    r = sum(len(residual) for residual in fit.residuals)
-    variance = float(long_run_covariance(list(series.values()))[0, 0]) * r / (r - len(fit.columns) - 1)
+    value /= power
+    records: dict[int, list[int]] = {}
+    for index, block in enumerate(fit.blocks):
+        records.setdefault(block.record, []).append(index)
+    series = [partial(_influence, fit, extra, of, share, (value, power)) for of in records.values()]
+    r = fit.count
+    variance = float(long_run_covariance(series)[0, 0]) * r / (r - len(fit.columns) - 1)
     return value, float(np.sqrt(max(variance, 0.0)))
+
+
+def _columns_in_stretches(
+    fit: Fit, extra: Sequence[Column | None]
+) -> Iterator[tuple[int, FittedStretch, FloatArray]]:
+    """Yield the stretches of every block, its number first, with the further column there, shape (n,)."""
+    for index, (block, of) in enumerate(zip(fit.blocks, extra, strict=True)):
+        if of is None:  # a column of zeros neither shares anything nor leaves anything
+            continue
+        for start in range(0, block.grid, STRETCH):
+            one = fit.between(index, start, start + STRETCH)
+            yield index, one, of(one.part.place)
+
+
+def _influence(
+    fit: Fit,
+    extra: Sequence[Column | None],
+    blocks: Sequence[int],
+    share: FloatArray,
+    found: tuple[float, float],
+) -> Iterator[FloatArray]:
+    """Yield what each instant of one record contributes to the error of the further parameter, (n, 1)."""
+    value, power = found
+    grid = fit.blocks[blocks[0]].grid
+    for start in range(0, grid, STRETCH):
+        psi = np.zeros((min(start + STRETCH, grid) - start, 1))
+        for index in blocks:
+            block, of = fit.blocks[index], extra[index]
+            part, regressor, residual = fit.between(index, start, start + STRETCH)
+            column = of(part.place) if of else np.zeros(len(part.place))
+            left = column - regressor @ share[fit.touched(index)]
+            rest = residual - value * (column - part.W @ block.own(share))
+            psi[part.place - start, 0] += fit.weights[index] ** 2 * left * rest / power
+        yield psi
 
 
 def asymmetry_notes(found: Sequence[Asymmetry]) -> tuple[str, ...]:
@@ -115,10 +153,11 @@ def _is_refused(model: Model, feature: Feature, refused: Container[str]) -> bool
 
 def _columns(
     fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice, drop: int, feature: Feature
-) -> list[FloatArray]:
-    """Return |velocity| behind the filter for every block, where the row holds the sign; else zeros."""
-    signals: dict[int, FloatArray] = {}
-    columns = []
+) -> list[Column | None]:
+    """Return |velocity| behind the filter for every block whose row holds the sign, at points of its grid."""
+    speeds: dict[int, FloatArray | RemadeFeature] = {}
+    columns: list[Column | None] = []
+    signal = next(signal for signal in model.signals if signal.key == feature.of)
     for block in fit.blocks:
         share = sum(
             coefficient
@@ -126,20 +165,18 @@ def _columns(
             for coefficient, key in terms
             if key == feature.key
         )
-        if not share:
-            columns.append(np.zeros(block.place.size))
+        # a channel that brings the direction alone tells no speed
+        if not share or signal.sensor is None:
+            columns.append(None)
             continue
-        if block.record not in signals:
+        if block.record not in speeds:
             record, factor = records[block.record], choice.decimation[block.record]
             rows = matched_rows(model, record, choice, factor, drop, survey=NOTHING)
-            signals[block.record] = _speed(rows, str(feature.of))
-        columns.append(share * signals[block.record][block.place])
+            speed = Feature("speed", "sign", of=str(feature.of), times=str(feature.of))
+            speeds[block.record] = rows.feature(speed) if block.in_memory else RemadeFeature(rows, speed)
+        columns.append(partial(_scaled, share, speeds[block.record]))
     return columns
 
 
-def _speed(rows: RecordRows, key: str) -> FloatArray:
-    """Return |velocity| behind the filter on the grid; zeros where the record brings the direction only."""
-    signal = next(signal for signal in rows.plan.model.signals if signal.key == key)
-    if signal.sensor is None:
-        return np.zeros(len(rows.grid))
-    return rows.feature(Feature("speed", "sign", of=key, times=key))
+def _scaled(share: float, speed: FloatArray | RemadeFeature, place: IntArray) -> FloatArray:
+    return np.asarray(share * speed[place])

@@ -114,14 +114,14 @@ def held_out(fit: Fit, refused: Mapping[str, str], observation: Observation, own
         The fit to these rows alone, if they can answer for themselves.
     """
     fitted: dict[str, tuple[float, float]] = {}
-    for block, residual in zip(fit.blocks, fit.residuals, strict=True):
+    for index, block in enumerate(fit.blocks):
         before = fitted.get(block.row_name, (0.0, 0.0))
         size = block.size(fit.solution.x)
-        fitted[block.row_name] = before[0] + float(residual @ residual), before[1] + size**2
+        fitted[block.row_name] = before[0] + fit.residual_norms[index] ** 2, before[1] + size**2
     columns = [observation.columns.index(name) for name in fit.columns]
     rows = []
     for block in observation.blocks:
-        if not block.place.size:
+        if not block.count:
             continue
         seen = block.chosen(columns)
         size = seen.size(fit.solution.x)
@@ -131,7 +131,7 @@ def held_out(fit: Fit, refused: Mapping[str, str], observation: Observation, own
             HeldOutRow(
                 block.record_name,
                 block.row_name,
-                block.place.size,
+                block.count,
                 left / size if size > 0.0 else 0.0,
                 float(np.sqrt(error / power)) if power > 0.0 else None,
             )

@@ -184,13 +184,13 @@ def _keys(model: Model, column: str) -> dict[str, None]:
 def _one_sided(model: Model, fit: Fit, index: int) -> bool:
     """Tell whether a column holds one sign only, up to what a filter adds; coefficients of rows set aside."""
     column = model.base_parameters.index(fit.columns[index])
-    parts = []
+    least, most = np.inf, -np.inf
     for block in fit.blocks:
-        terms = model.column_terms(block.row, column)
-        if terms:
-            parts.append(block.column(index) * np.sign(terms[0][0]))
-    values = np.concatenate(parts)
-    least, most = float(values.min()), float(values.max())
+        terms, place = model.column_terms(block.row, column), block.column_at(index)
+        for part in block.stretches() if terms and place is not None else ():
+            if part.Y.size:
+                values = part.W[:, place] * np.sign(terms[0][0])
+                least, most = min(least, float(values.min())), max(most, float(values.max()))
     return min(-least, most) < LEAST_CHANGE * max(-least, most)
 
 

@@ -35,7 +35,7 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
         frequency_hz, power = noise_band(record, choice)
         touched = np.arange(c) if block.touched is None else block.touched
         for channel, ways in _ways(model, fit, block.row, touched).items():
-            noise = weight**2 * block.place.size * record.facts.spectrum(channel).noise * power
+            noise = weight**2 * block.count * record.facts.spectrum(channel).noise * power
             responses = np.array([response(terms, frequency_hz) for terms in ways])
             shared = np.real(np.conj(responses) * noise @ responses.T)
             added[np.ix_(touched, touched)] += shared[:-1, :-1]

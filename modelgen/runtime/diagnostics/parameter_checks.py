@@ -6,7 +6,6 @@ from collections.abc import Container, Mapping, Sequence
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import row_noise
@@ -20,7 +19,6 @@ from modelgen.runtime.parameters.dependence import Dependence
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.observation import RowBlock
 
 REMEDIES = {
     "inertia": "accelerate harder",
@@ -57,12 +55,12 @@ def null_solution(
     nothing and does no harm.
     """
     found = []
-    for block, residual in zip(fit.blocks, fit.residuals, strict=True):
-        size = block.size(fit.solution.x)
-        left = float(np.linalg.norm(residual)) / size if size > 0.0 else 1.0
+    for index, block in enumerate(fit.blocks):
+        share = fit.unexplained(index)
+        left = 1.0 if share is None else share
         if left < NULL_SHARE:
             continue
-        if block.has_force and _drowned(fit, block, residual, model, records[block.record], choice):
+        if block.has_force and _drowned(fit, index, model, records[block.record], choice):
             continue
         where = f"{block.record_name}, row {block.row_name}"
         if block.has_force:
@@ -76,13 +74,10 @@ def null_solution(
     return tuple(found)
 
 
-def _drowned(
-    fit: Fit, block: RowBlock, residual: FloatArray, model: Model, record: Record, choice: FilterChoice
-) -> bool:
+def _drowned(fit: Fit, index: int, model: Model, record: Record, choice: FilterChoice) -> bool:
     """Tell whether what a row leaves is hardly more than noise of the sensors."""
     x = fit.all_parameters(model.base_parameters)
-    rms = float(np.sqrt(np.mean(residual**2)))
-    return rms < LARGEST_NOISE * row_noise(model, record, choice, block.row, x)
+    return fit.rms(index) < LARGEST_NOISE * row_noise(model, record, choice, fit.blocks[index].row, x)
 
 
 def negative_values(model: Model, parameters: Sequence[Parameter]) -> tuple[Advice, ...]:
@@ -132,11 +127,10 @@ def uncertain_parameters(
             continue
         index = fit.columns.index(entry.name)
         ratios = []
-        for block, residual in zip(fit.blocks, fit.residuals, strict=True):
-            term = block.column(index) * entry.value
-            left = float(np.sqrt(np.mean(residual**2)))
-            if np.any(term) and left > 0.0:
-                ratios.append((float(np.sqrt(np.mean(term**2))) / left, block.row_name))
+        for number, block in enumerate(fit.blocks):
+            term, left = block.column_norm(index) * abs(entry.value), fit.residual_norms[number]
+            if term > 0.0 and left > 0.0:
+                ratios.append((term / left, block.row_name))
         if not ratios or max(ratios)[0] >= 1.0:
             continue
         ratio, row = max(ratios)

@@ -13,20 +13,22 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.residual_whiteness import Coloured, coloured, whiteness
+from modelgen.runtime.diagnostics.residual_whiteness import coloured, whiteness
 from modelgen.runtime.diagnostics.thresholds import (
     CONFIDENCE,
     FEWEST_PERIODS,
     INPUT_LAGS,
     LEAST_EXPLAINED,
     LEAST_REPEATED,
+    MOST_SAMPLES,
     SMALLEST_ERROR,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.power_spectrum import quick_length
-from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.fit import Fit, FittedStretch
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.row_block import STRETCH
 
 
 @dataclass(frozen=True)
@@ -91,18 +93,21 @@ def residual_tests(
     """Test the residual of every row on every record; `period_s` names the periodic records' periods in s."""
     x = fit.all_parameters(model.base_parameters)
     found = []
-    for index, (block, residual) in enumerate(zip(fit.blocks, fit.residuals, strict=True)):
+    for index, block in enumerate(fit.blocks):
         record = records[block.record]
         step_s = choice.decimation[block.record] / record.fs
         colour = None
-        if np.linalg.norm(residual) > SMALLEST_ERROR * block.terms_norm(fit.solution.x):
-            colour = coloured(model, block, residual, x, choice, record.fs)
+        run = fit.fitted(index, block.longest_run(MOST_SAMPLES))
+        if fit.residual_norms[index] > SMALLEST_ERROR * block.terms_norm(fit.solution.x):
+            colour = coloured(model, block, run.residual, x, choice, record.fs)
         white, bound = whiteness(colour, len(fit.blocks)) if colour else (None, None)
-        correlation = _correlation(fit, index, colour, step_s) if colour else None
+        correlation = _correlation(fit, index, run, step_s) if colour else None
         repeated = None
         if colour and record.name in period_s:
             series = np.full(block.grid, np.nan)
-            series[block.place] = residual
+            for start in range(0, block.grid, STRETCH):
+                part, _, residual = fit.between(index, start, start + STRETCH)
+                series[part.place] = residual
             repeated = repeated_share(series, period_s[record.name] / step_s)
         found.append(ResidualTest(block.record_name, block.row_name, white, bound, correlation, repeated))
     return tuple(found)
@@ -172,13 +177,12 @@ def residual_advice(tests: Sequence[ResidualTest]) -> tuple[Advice, ...]:
     return tuple(found)
 
 
-def _correlation(fit: Fit, index: int, colour: Coloured, step_s: float) -> Correlation | None:
+def _correlation(fit: Fit, index: int, run: FittedStretch, step_s: float) -> Correlation | None:
     """Return the largest correlation, against its bound, of a stretch of a residual with past inputs."""
     from scipy.stats import norm
 
-    e = fit.residuals[index][colour.samples]
-    e = e - e.mean()
-    regressor, touched = fit.regressor(index)
+    e = run.residual - run.residual.mean()
+    touched = fit.touched(index)
     n = len(e)
     lags = min(INPUT_LAGS, n // 4)
     size = quick_length(2 * n)
@@ -187,7 +191,7 @@ def _correlation(fit: Fit, index: int, colour: Coloured, step_s: float) -> Corre
     count = len(fit.blocks) * lags * len(fit.columns)
     quantile = float(norm.isf(0.5 * (1.0 - CONFIDENCE) / count))
     best: tuple[float, Correlation] | None = None
-    inputs = regressor[colour.samples] * fit.solution.x[touched]
+    inputs = run.regressor * fit.solution.x[touched]
     least = 1e-9 * max(float(inputs.max()), -float(inputs.min()))
     for column, u in zip(touched.tolist(), inputs.T, strict=True):
         name, u = fit.columns[column], u - u.mean()

@@ -19,24 +19,22 @@ from modelgen.runtime.diagnostics.thresholds import (
     CONFIDENCE,
     FEWEST_LINES,
     LEAST_POWER,
-    MOST_SAMPLES,
     WHITENESS_LAGS,
     WHITENESS_ROUNDS,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import gain
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.rows.observation import RowBlock, runs_of
+from modelgen.runtime.rows.row_block import RowBlock
 
 
 @dataclass(frozen=True, eq=False)
 class Coloured:
     """A stretch of a block's residual: its periodogram and the spectrum that noise of the sensors fits to it.
 
-    `samples` is a slice of the block's samples; `frequency_hz`, `power` and `noise` share a shape.
+    `frequency_hz`, `power` and `noise` share a shape.
     """
 
-    samples: slice
     frequency_hz: FloatArray
     power: FloatArray
     noise: FloatArray
@@ -58,15 +56,13 @@ def coloured(
     block : RowBlock
         The block of the residual.
     residual : array, shape (n,)
+        Of a stretch without a gap.
     x : array, shape (columns,)
         All base parameters in the model's order, zero for those not in the fit.
     fs : float
         Sampling frequency of the record in Hz.
     """
-    longest = max(runs_of(block.place), key=len)
-    first = int(longest[0]) if len(longest) else 0
-    samples = slice(first, first + min(len(longest), MOST_SAMPLES))
-    e = residual[samples] - residual[samples].mean()
+    e = residual - residual.mean()
     n = len(e)
     rate = fs / choice.decimation[block.record]
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / max(n, 1))
@@ -79,7 +75,7 @@ def coloured(
     if inside.sum() < FEWEST_LINES or not np.any(power[inside] > 0.0):
         return None
     noise = _fitted(shapes[inside], power[inside])
-    return Coloured(samples, frequency_hz[inside], power[inside], noise)
+    return Coloured(frequency_hz[inside], power[inside], noise)
 
 
 def whiteness(found: Coloured, tests: int = 1) -> tuple[float, float]:

@@ -20,7 +20,7 @@ from modelgen.runtime.filter_choice.signal_to_noise import gain
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.observation import RowBlock
+from modelgen.runtime.rows.row_block import RowBlock
 
 
 def noise_band(record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
@@ -64,9 +64,9 @@ def exceeding_noise(
         Of its largest term, that it leaves.
     """
     found, x = [], fit.all_parameters(model.base_parameters)
-    for block, residual, left in zip(fit.blocks, fit.residuals, fit.left_shares, strict=True):
+    for index, (block, left) in enumerate(zip(fit.blocks, fit.left_shares, strict=True)):
         noise = row_noise(model, records[block.record], choice, block.row, x)
-        if left > share and float(np.sqrt(np.mean(residual**2))) > multiple * noise:
+        if left > share and fit.rms(index) > multiple * noise:
             found.append((block, left))
     return found
 
@@ -94,14 +94,14 @@ def drowned_friction(
         if name not in fit.columns:
             continue
         index = fit.columns.index(name)
-        places = {(block.record, block.row) for block, _ in lacking if np.any(block.column(index))}
+        places = {(block.record, block.row) for block, _ in lacking if block.column_norm(index) > 0.0}
         rows = [
-            (abs(float(fit.solution.x[index])) * float(np.linalg.norm(block.column(index))), residual)
-            for block, residual in zip(fit.blocks, fit.residuals, strict=True)
+            (abs(float(fit.solution.x[index])) * block.column_norm(index), left)
+            for block, left in zip(fit.blocks, fit.residual_norms, strict=True)
             if (block.record, block.row) in places
         ]
         force = sqrt(sum(size**2 for size, _ in rows))
-        rest = sqrt(sum(float(residual @ residual) for _, residual in rows))
+        rest = sqrt(sum(left**2 for _, left in rows))
         if rows and force < FRICTION_OVER_REST * rest:
             share = f"there {name} gives {force / rest:.2g} times what the model leaves unexplained"
             found[name] = f"{reason}; {share}"

@@ -174,11 +174,8 @@ def row_diagnostics(observation: Observation, fit: Fit) -> tuple[RowDiagnostics,
         index = solved.get((block.record, block.row))
         weight, rms, error = 0.0, None, None
         if index is not None:
-            weight, residual = fit.weights[index], fit.residuals[index]
-            rms = float(np.sqrt(np.mean(residual**2)))
-            size = fit.blocks[index].size(fit.solution.x)
-            error = float(np.linalg.norm(residual)) / size if size > 0.0 else None
-        used = block.place.size
+            weight, rms, error = fit.weights[index], fit.rms(index), fit.unexplained(index)
+        used = block.count
         found.append(
             RowDiagnostics(
                 block.record_name, block.row_name, block.unit, used, block.masked, weight, rms, error

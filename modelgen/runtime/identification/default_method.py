@@ -228,7 +228,9 @@ def _about_means(job: Job) -> Fit:
     plain = fit_matched(observation)
     count = len(plain.blocks)
     blocks = tuple(
-        replace(block, W=np.column_stack([block.W, np.tile(np.eye(count)[index], (len(block.place), 1))]))
+        replace(
+            block.kept(), W=np.column_stack([block.W, np.tile(np.eye(count)[index], (len(block.place), 1))])
+        )
         for index, block in enumerate(plain.blocks)
     )
     names = tuple(f"constant {index}" for index in range(count))

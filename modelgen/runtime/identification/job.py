@@ -13,7 +13,8 @@ from modelgen.runtime.least_squares.delays import Run, delay_rates, fit_with_del
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.observation import Observation, observe, rows_by_tag
+from modelgen.runtime.rows.observation import Observation, observe
+from modelgen.runtime.rows.rows_by_tag import rows_by_tag
 from modelgen.runtime.rows.standstill_speeds import Survey
 
 if TYPE_CHECKING:

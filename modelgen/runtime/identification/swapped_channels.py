@@ -127,7 +127,7 @@ def _sense(job: Job, fit: Fit) -> _Sense:
         if value < 0.0 and name not in refused and name in roles and roles[name].role in POSITIVE_ROLES
     ]
     left = [0.0]
-    for block, residual in zip(fit.blocks, fit.residuals, strict=True):
-        size = block.size(fit.solution.x)
-        left.append(float(np.linalg.norm(residual)) / size if size > 0.0 else 1.0)
+    for index in range(len(fit.blocks)):
+        share = fit.unexplained(index)
+        left.append(1.0 if share is None else share)
     return _Sense(len(impossible), max(left))

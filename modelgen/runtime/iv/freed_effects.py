@@ -164,7 +164,7 @@ def _with_columns(plain: Fit, Z: Sequence[FloatArray], grown: Grown, sizes: Floa
     )
     fit = weighed(replace(plain, residuals=residuals)).dense()
     blocks = tuple(
-        replace(block, W=np.column_stack([block.W, part]))
+        replace(block.kept(), W=np.column_stack([block.W, part]))
         for block, part in zip(fit.blocks, extra, strict=True)
     )
     names = tuple(f"effect {index}" for index in range(len(grown)))
@@ -181,7 +181,8 @@ def _without(larger: Fit, plain: Fit, grown: Grown, sizes: FloatArray) -> Fit:
     share = np.linalg.lstsq(stacked[:, c:] / scale, stacked[:, :c], rcond=None)[0] / scale[:, None]
     added = [np.column_stack(parts)[:, len(grown) - effects :] @ sizes for parts in zip(*grown, strict=True)]
     blocks = tuple(
-        replace(block, Y=block.Y - more) for block, more in zip(plain.dense().blocks, added, strict=True)
+        replace(block.kept(), Y=block.Y - more)
+        for block, more in zip(plain.dense().blocks, added, strict=True)
     )
     projected = tuple(r[:, :c] - r[:, c:] @ share for r in larger.regressors)
     return with_regressors(replace(plain, weights=larger.weights, blocks=blocks), projected)

@@ -101,7 +101,7 @@ def step_from(setting: Setting, plain: Fit, now: Unknowns, rules: Rules) -> Step
     for block, residual, z, rate, white_of in parts:
         W = white_of(np.column_stack([block.W @ slope, -rate]), block.place)
         Y = white_of(residual, block.place) + W[:, : len(now.p)] @ now.p
-        white.append(replace(block, W=W, Y=Y))
+        white.append(replace(block.kept(), W=W, Y=Y))
         stacked.append(white_of(np.column_stack([z @ slope, -rate]), block.place))
     names = (*model.parameters, *(f"delay of {channel}" for channel in now.delays))
     linear = replace(fit, columns=names, blocks=tuple(white))

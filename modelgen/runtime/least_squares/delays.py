@@ -192,7 +192,7 @@ def _with_rates(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:
     fit = fit.dense()
     extra = [-np.column_stack(columns) for columns in zip(*rates, strict=True)]
     blocks = tuple(
-        replace(block, W=np.column_stack([block.W, more]))
+        replace(block.kept(), W=np.column_stack([block.W, more]))
         for block, more in zip(fit.blocks, extra, strict=True)
     )
     names = tuple(f"delay {index}" for index in range(len(rates)))

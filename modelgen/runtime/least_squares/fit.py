@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares
 from modelgen.runtime.numerics.qr_triangle import triangle_of
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.observation import RowBlock
+from modelgen.runtime.rows.row_block import RowBlock, Stretch
 from modelgen.runtime.rows.row_triangles import RowTriangle
 
 
@@ -38,6 +39,14 @@ class CarriedOver:
         return {name: values[name] for name in names}
 
 
+class FittedStretch(NamedTuple):
+    """A stretch of a block: its samples, what Y was regressed on, shape (n, k), and Y - W x, shape (n,)."""
+
+    part: Stretch
+    regressor: FloatArray
+    residual: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """A weighted least-squares fit of an observation.
@@ -50,13 +59,14 @@ class Fit:
         In the order of `columns`, of the weighted rows.
     blocks : tuple of RowBlock
         The blocks used, with the columns of the fit; `weights` holds one weight each.
-    residuals : tuple of array
-        Unweighted Y - W X, one array a block.
+    residuals : sequence of array
+        Unweighted Y - W X, one array a block; of rows that are not kept it is made whenever asked for: ask
+        `residual_norms`, or for stretches (`between`).
     notes : tuple of str
         What the weighting met.
     projected : tuple of array, optional
         What Y was regressed on in place of W, shape (n, columns) a block: with instrumental variables their
-        projection on W. None for least squares. Ask `regressor`, which is right for both.
+        projection on W. None for least squares. Ask `between`, which is right for both.
     delays : tuple of (str, float, float)
         Of each force whose delay was estimated: its channel, by how many s it is late, and the standard
         deviation of that.
@@ -74,20 +84,13 @@ class Fit:
     solution: LeastSquares
     blocks: tuple[RowBlock, ...]
     weights: tuple[float, ...]
-    residuals: tuple[FloatArray, ...]
+    residuals: Sequence[FloatArray]
     notes: tuple[str, ...] = ()
     projected: tuple[FloatArray, ...] | None = None
     delays: tuple[tuple[str, float, float], ...] = ()
     lost: int = 0
     carried: CarriedOver | None = None
     simulated: Mapping[int, Record] | None = None
-
-    def regressor(self, index: int) -> tuple[FloatArray, IntArray]:
-        """Return what a block's Y was regressed on, shape (n, k), and the places of these k columns."""
-        block, every = self.blocks[index], np.arange(len(self.columns))
-        if self.projected is not None:
-            return self.projected[index], every
-        return block.W, every if block.touched is None else block.touched
 
     @property
     def regressors(self) -> tuple[FloatArray, ...]:
@@ -112,8 +115,8 @@ class Fit:
     def left_shares(self) -> tuple[float, ...]:
         """What each block leaves: the norm of its residual, as a share of that of its largest term."""
         return tuple(
-            float(np.linalg.norm(residual)) / (block.terms_norm(self.solution.x) or 1.0)
-            for block, residual in zip(self.blocks, self.residuals, strict=True)
+            left / (block.terms_norm(self.solution.x) or 1.0)
+            for block, left in zip(self.blocks, self.residual_norms, strict=True)
         )
 
     @property
@@ -147,20 +150,79 @@ class Fit:
 
         It lies between the smallest and the largest of the rows' own.
         """
-        sizes = [block.size(self.solution.x) for block in self.blocks]
-        compared = float(np.linalg.norm(np.multiply(self.weights, sizes)))
+        compared = _norm(self.weights, [block.size(self.solution.x) for block in self.blocks])
         return self.residual_norm / compared if compared > 0.0 else np.inf
 
     @property
     def residual_norm(self) -> float:
         """Norm of the weighted residual of all blocks."""
-        return _norm(self.weights, self.residuals)
+        return _norm(self.weights, self.residual_norms)
+
+    @cached_property
+    def residual_norms(self) -> tuple[float, ...]:
+        """Norm of each block's residual, not weighted."""
+        return tuple(
+            float(np.linalg.norm(self.residuals[index]))
+            if block.in_memory
+            else block.summary.residual_norm(self.solution.x)
+            for index, block in enumerate(self.blocks)
+        )
+
+    def rms(self, index: int) -> float:
+        """Return the rms of a block's residual, not weighted."""
+        return self.residual_norms[index] / float(np.sqrt(self.blocks[index].count))
+
+    def unexplained(self, index: int) -> float | None:
+        """Return what share of its force a block leaves, or of its largest term; None where that is zero."""
+        size = self.blocks[index].size(self.solution.x)
+        return self.residual_norms[index] / size if size > 0.0 else None
+
+    @property
+    def count(self) -> int:
+        """Samples used in all blocks."""
+        return sum(block.count for block in self.blocks)
+
+    def between(self, index: int, start: int, stop: int) -> FittedStretch:
+        """Return the samples of a block that are used among those points of the grid."""
+        return self.fitted(index, self.blocks[index].between(start, stop))
+
+    def fitted(self, index: int, part: Stretch) -> FittedStretch:
+        """Return what a stretch of a block was regressed on, and what it leaves."""
+        block, regressor = self.blocks[index], part.W
+        if self.projected is not None:
+            regressor = self.projected[index][part.rows]
+        if block.in_memory:
+            return FittedStretch(part, regressor, self.residuals[index][part.rows])
+        return FittedStretch(part, regressor, part.Y - part.W @ block.own(self.solution.x))
+
+    def touched(self, index: int) -> IntArray:
+        """Return the places of a regressor's columns among those of the fit, shape (k,)."""
+        touched = self.blocks[index].touched
+        every = np.arange(len(self.columns))
+        return every if self.projected is not None or touched is None else touched
 
 
-def _norm(weights: Sequence[float], parts: Sequence[FloatArray]) -> float:
-    """Return the norm of weighted parts together, shape (n,) each, without a copy of them."""
-    sizes = [weight * np.linalg.norm(part) for weight, part in zip(weights, parts, strict=True)]
-    return float(np.linalg.norm(sizes))
+def residuals_of(blocks: Sequence[RowBlock], x: FloatArray) -> Sequence[FloatArray]:
+    """Return Y - W x of each block, shape (n,); of rows that are not kept it is made whenever asked for."""
+    if all(block.in_memory for block in blocks):
+        return tuple(block.residual(x) for block in blocks)
+    return _RemadeResiduals(blocks, x)
+
+
+class _RemadeResiduals(Sequence[FloatArray]):
+    def __init__(self, blocks: Sequence[RowBlock], x: FloatArray) -> None:
+        self._blocks, self._x = blocks, x
+
+    def __len__(self) -> int:
+        return len(self._blocks)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._blocks[index].residual(self._x)
+
+
+def _norm(weights: Sequence[float], norms: Sequence[float]) -> float:
+    """Return the norm of weighted parts together."""
+    return float(np.linalg.norm([weight * norm for weight, norm in zip(weights, norms, strict=True)]))
 
 
 def triangle_rows(

@@ -31,9 +31,8 @@ def printed_covariance(fit: Fit, residual_dof: str = "r-c") -> tuple[float, Floa
     `residual_dof` says what |Y - W X|^2 is divided by: "r-c" (eq. (11)) or "r-1", the residual's plain
     variance, with which published figures are reproduced.
     """
-    count = sum(len(residual) for residual in fit.residuals)
     lost = len(fit.columns) if residual_dof == "r-c" else 1
-    variance = fit.residual_norm**2 / (count - lost)
+    variance = fit.residual_norm**2 / (fit.count - lost)
     return float(np.sqrt(variance)), variance * fit.solution.inverse
 
 
@@ -47,7 +46,7 @@ def hac_covariance(fit: Fit) -> FloatArray:
     """
     known = vars(fit)
     if "hac_covariance" not in known:
-        r = sum(len(residual) for residual in fit.residuals)
+        r = fit.count
         covariance = long_run_covariance(influence_parts(fit))
         known["hac_covariance"] = covariance * r / (r - len(fit.columns) - fit.lost)
     return np.array(known["hac_covariance"])
@@ -228,22 +227,18 @@ def _parts(fit: Fit, indices: Sequence[int]) -> Iterator[FloatArray]:
     c = len(fit.columns)
     grid = fit.blocks[indices[0]].grid
     step = max(1, PART // c)
-    regressors = {index: fit.regressor(index) for index in indices}
     for start in range(0, grid, step):
         stop = min(start + step, grid)
         lines = np.zeros((c, stop - start))
         for index in indices:
-            block = fit.blocks[index]
-            rows = slice(*np.searchsorted(block.place, (start, stop)))
-            regressor, touched = regressors[index]
-            change = fit.solution.inverse[touched].T @ regressor[rows].T
-            change *= fit.weights[index] ** 2 * fit.residuals[index][rows]
+            part, regressor, residual = fit.between(index, start, stop)
+            change = fit.solution.inverse[fit.touched(index)].T @ regressor.T
+            change *= fit.weights[index] ** 2 * residual
             # where nothing is masked the places follow each other
-            whole = rows.stop - rows.start == stop - start
-            if whole:
+            if len(part.place) == stop - start:
                 lines += change
                 continue
-            place = block.place[rows] - start
+            place = part.place - start
             for line, more in zip(lines, change, strict=True):
                 line[place] += more
         # sums over time run along lines

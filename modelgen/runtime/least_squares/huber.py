@@ -74,7 +74,7 @@ def _weighted(fit: Fit, weights: tuple[FloatArray, ...]) -> Fit:
     """Return the fit to the rows of `fit` times the roots of weights."""
     roots = [np.sqrt(weight) for weight in weights]
     blocks = tuple(
-        replace(block, Y=root * block.Y, W=root[:, None] * block.W)
+        replace(block.kept(), Y=root * block.Y, W=root[:, None] * block.W)
         for block, root in zip(fit.blocks, roots, strict=True)
     )
     Z = tuple(root[:, None] * r for root, r in zip(roots, fit.regressors, strict=True))

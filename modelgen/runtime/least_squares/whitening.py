@@ -14,7 +14,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.thresholds import LEAST_POWER, SAMPLES_A_COEFFICIENT, WHITENING_ORDER
-from modelgen.runtime.rows.observation import runs_of
+from modelgen.runtime.rows.row_block import runs_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, Problem
-from modelgen.runtime.least_squares.fit import Fit, triangle_rows
+from modelgen.runtime.least_squares.fit import Fit, residuals_of, triangle_rows
 from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares, least_squares, polished
 from modelgen.runtime.least_squares.thresholds import (
     LOAD_ROW_SHARE,
@@ -24,7 +24,8 @@ from modelgen.runtime.least_squares.thresholds import (
     SMALLEST_RESIDUAL,
     WEIGHTING_ROUNDS,
 )
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.rows.row_triangles import RowTriangle
 
 Part = TypeVar("Part", RowBlock, RowTriangle)
@@ -100,7 +101,7 @@ def fit_at(observation: Observation, start: Fit) -> Fit:
     blocks, columns, absent = _used_with_force(observation.blocks, observation.columns)
     if columns != start.columns:
         return fit_matched(observation)
-    residuals = tuple(block.residual(start.solution.x) for block in blocks)
+    residuals = residuals_of(blocks, start.solution.x)
     weights = (1.0,) * len(blocks)
     return Fit(columns, absent, start.solution, blocks, weights, residuals, simulated=start.simulated)
 
@@ -178,28 +179,36 @@ def _solve(
     else:
         triangle = np.asarray(np.linalg.qr(triangle_rows(blocks, weights, c), mode="r"))
         solution = polished(triangle, _Weighted(blocks, weights, c))
-    residuals = tuple(block.residual(solution.x) for block in blocks)
+    residuals = residuals_of(blocks, solution.x)
     return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
 
 
 class _Weighted(Sequence[tuple[FloatArray, FloatArray]]):
-    """The weighted rows in pieces: all together they would be in memory twice."""
+    """The weighted rows in pieces: all together they would be in memory twice.
+
+    The rows of a record follow each other stretch by stretch: those that are not kept are made together.
+    """
 
     def __init__(self, blocks: Sequence[RowBlock], weights: Sequence[float], columns: int) -> None:
         self._columns = columns
-        self._pieces = [
-            (weight, block, slice(start, start + ROWS_A_PIECE))
+        pieces = [
+            (block.record, start, weight, block)
             for weight, block in zip(weights, blocks, strict=True)
-            for start in range(0, len(block.Y), ROWS_A_PIECE)
+            for start in range(0, block.grid, ROWS_A_PIECE)
         ]
+        self._pieces = sorted(pieces, key=lambda piece: piece[:2])
 
     def __len__(self) -> int:
         return len(self._pieces)
 
     def __getitem__(self, index: Any) -> Any:
-        weight, block, rows = self._pieces[index]
-        piece = replace(block, W=block.W[rows], Y=block.Y[rows]).dense(self._columns)
-        return weight * piece.W, weight * piece.Y
+        _, start, weight, block = self._pieces[index]
+        part = block.between(start, start + ROWS_A_PIECE)
+        W = part.W
+        if block.touched is not None:
+            W = np.zeros((len(part.Y), self._columns))
+            W[:, block.touched] = part.W
+        return weight * W, weight * part.Y
 
 
 def _weighted(rows: Sequence[RowTriangle], weights: Sequence[float], columns: int) -> LeastSquares:

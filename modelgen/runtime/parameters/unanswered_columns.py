@@ -78,7 +78,7 @@ def offsets_of_encoder_zeros(model: Model, records: Sequence[Record], fit: Fit) 
             role = model.roles.get(fit.columns[index])
             if role is None or role.role != "stiffness":
                 continue
-            mean = abs(float(fit.solution.x[index] * np.mean(block.column(index))))
+            mean = abs(float(fit.solution.x[index]) * block.column_mean(index))
             if mean <= largest:
                 continue
             reason = (

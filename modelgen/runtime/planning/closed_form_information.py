@@ -29,7 +29,8 @@ from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model, Terms
 from modelgen.runtime.planning.thresholds import BEYOND
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.observation import RowBlock, observe
+from modelgen.runtime.rows.observation import observe
+from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.rows.thresholds import SUPPORT_TOLERANCE
 
 # coefficients of one row's residual or column: (channel, derivative) -> coefficient

@@ -4,126 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from modelgen.array_types import FloatArray, IntArray
-from modelgen.errors import DataError, Problem
+from modelgen.array_types import IntArray
 from modelgen.progress import counted
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.numerics.qr_triangle import tall_triangle
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.masks import turn_masks
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
-from modelgen.runtime.rows.row_triangles import RowTriangle
+from modelgen.runtime.rows.remade_rows import remade_blocks
+from modelgen.runtime.rows.row_block import RowBlock
+from modelgen.runtime.rows.row_terms import row_terms
 from modelgen.runtime.rows.standstill_speeds import Survey
 from modelgen.runtime.rows.thresholds import LEAST_FORCE, LEAST_SHARE
 
 # From so many columns a row holds those only that it touches: of a long chain that is a handful.
 WIDE = 40
-
-
-@dataclass(frozen=True, eq=False)
-class RowBlock:
-    """The samples of one row of the model on one record.
-
-    Attributes
-    ----------
-    record, row : int
-        Index of the record and of the row; `record_name`, `row_name` name them.
-    place : array of int, shape (n,)
-        Position of each sample on the record's decimated grid of `grid` samples; what is masked is left out.
-    Y : array, shape (n,)
-        Left-hand side, in `unit`.
-    W : array, shape (n, columns), or (n, touched)
-        Observation matrix; in wide observations its columns that the row touches.
-    masked : int
-        Samples of the grid left out.
-    has_force : bool
-        Whether a force fixes the scale of the row. The left-hand side of a load row is zero, or nearly so
-        where its actuator rests.
-    force_scale : float
-        Rms on the grid of the forces, differentiated as often as the row: the size of what a row balances.
-    start : int
-        Sample of the record at the grid's first point.
-    touched : array of int, optional
-        Which columns of the observation those of W are; None for all of them.
-    """
-
-    record: int
-    row: int
-    record_name: str
-    row_name: str
-    unit: str
-    place: IntArray
-    grid: int
-    Y: FloatArray
-    W: FloatArray
-    masked: int
-    has_force: bool
-    force_scale: float
-    differentiated: int
-    start: int = 0
-    touched: IntArray | None = None
-
-    @cached_property
-    def summary(self) -> RowTriangle:
-        """All that weights, and sizes of residuals and terms, ask of the rows."""
-        triangle = tall_triangle(self.W, self.Y)
-        count, touched = len(self.place), self.touched
-        return RowTriangle(
-            self.record, self.row, count, self.grid, self.has_force, self.force_scale, triangle, touched
-        )
-
-    @property
-    def triangle(self) -> FloatArray:
-        """R of [1 W Y], shape (k + 2, k + 2)."""
-        return self.summary.triangle
-
-    def own(self, x: FloatArray) -> FloatArray:
-        """Return the entries that belong to the columns of W, of an array of shape (columns, ...)."""
-        return x if self.touched is None else np.asarray(x[self.touched])
-
-    def residual(self, x: FloatArray) -> FloatArray:
-        """Return Y - W x, shape (n,); x is in the order of all columns."""
-        return np.asarray(self.Y - self.W @ self.own(x))
-
-    def terms_norm(self, x: FloatArray) -> float:
-        """Return the norm of the largest term; see `RowTriangle`."""
-        return self.summary.terms_norm(x)
-
-    def size(self, x: FloatArray) -> float:
-        """Return the norm that a residual is compared with; see `RowTriangle`."""
-        return self.summary.size(x)
-
-    def column(self, index: int) -> FloatArray:
-        """Return a column of the observation in this row, shape (n,)."""
-        if self.touched is None:
-            return self.W[:, index]
-        place = np.flatnonzero(self.touched == index)
-        return self.W[:, place[0]] if place.size else np.zeros(len(self.Y))
-
-    def chosen(self, columns: Sequence[int]) -> RowBlock:
-        """Return the block with these of all columns only, in their order."""
-        if self.touched is None:
-            # all of them in their order need no copy
-            whole = list(columns) == list(range(self.W.shape[1]))
-            return self if whole else replace(self, W=self.W[:, columns])
-        place = {int(column): index for index, column in enumerate(self.touched)}
-        kept = [index for index, column in enumerate(columns) if column in place]
-        W = self.W[:, [place[columns[index]] for index in kept]]
-        return replace(self, W=W, touched=np.array(kept, dtype=np.int64))
-
-    def dense(self, columns: int) -> RowBlock:
-        """Return the block with all of so many columns."""
-        if self.touched is None:
-            return self
-        W = np.zeros((len(self.Y), columns))
-        W[:, self.touched] = self.W
-        return replace(self, W=W, touched=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +46,7 @@ def observe(
     drop: int = 0,
     turns: bool = True,
     surveys: Sequence[Survey] = (),
+    memory_limit: float | None = None,
 ) -> Observation:
     """Return the matched-filtered rows of the records.
 
@@ -164,6 +64,9 @@ def observe(
         others would be left they do in any case.
     surveys : sequence of Survey, optional
         Those of an observation of these records with the same filter for directions.
+    memory_limit : float, optional
+        Bytes. Rows that take more are not kept but made again whenever they are asked for; those without
+        `turns` are kept in any case.
 
     Raises
     ------
@@ -172,6 +75,7 @@ def observe(
     """
     blocks: list[RowBlock] = []
     found: list[Survey] = []
+    remade = turns and memory_limit is not None and kept_bytes(model, records, choice) > memory_limit
     notes = [f"drop = {drop} samples at the beginning of every record, as given"] if drop else []
     for index, record in enumerate(counted(records, "filtering")):
         survey = surveys[index] if surveys else None
@@ -179,9 +83,9 @@ def observe(
         found.append(rows.survey)
         if not turns:
             rows = replace(rows, masks=rows.masks + turn_masks(model, choice, record.fs))
-        for block in _blocks(rows, index):
+        for block in remade_blocks(rows, index) if remade else _blocks(rows, index):
             blocks.append(block)
-            if block.place.size == 0:
+            if block.count == 0:
                 notes.append(
                     f"{record.name}, row {block.row_name}: not used, every sample lies too near to a "
                     "reversal or a standstill"
@@ -189,39 +93,12 @@ def observe(
     return Observation(model.base_parameters, tuple(blocks), tuple(notes), tuple(found))
 
 
-def runs_of(place: IntArray) -> list[IntArray]:
-    """Return the indices of samples that are neighbours on the grid, gap by gap; `place` has shape (n,)."""
-    return np.split(np.arange(len(place)), np.flatnonzero(np.diff(place) != 1) + 1)
-
-
-def rows_by_tag(
-    observation: Observation, records: Sequence[Record], rows_for_tag: Mapping[str, Sequence[str]]
-) -> Observation:
-    """Return the observation with only those rows that a record's tag may feed; other tags feed all rows.
-
-    Raises
-    ------
-    DataError
-        When a tag is no record's, or a row's name is unknown.
-    """
-    tags = dict.fromkeys(record.tag for record in records)
-    names = dict.fromkeys(block.row_name for block in observation.blocks)
-    problems = [
-        Problem("rows_for_tag", f"no record has the tag {tag!r}", "give the records' tags")
-        for tag in rows_for_tag
-        if tag not in tags
-    ]
-    problems += [
-        Problem(f"rows_for_tag[{tag!r}]", f"{row!r} is no row", f"choose from {', '.join(names)}")
-        for tag, rows in rows_for_tag.items()
-        for row in rows
-        if row not in names
-    ]
-    if problems:
-        raise DataError(*problems)
-    allowed = [rows_for_tag.get(record.tag or "", tuple(names)) for record in records]
-    blocks = tuple(block for block in observation.blocks if block.row_name in allowed[block.record])
-    return replace(observation, blocks=blocks)
+def kept_bytes(model: Model, records: Sequence[Record], choice: FilterChoice) -> float:
+    """Return how many bytes the rows of the records take where they are kept."""
+    columns = len(model.base_parameters)
+    sizes = [len(terms.columns) if columns >= WIDE else columns for terms in row_terms(model)]
+    points = sum(record.n / factor for record, factor in zip(records, choice.decimation, strict=True))
+    return 8.0 * points * sum(size + 1 for size in sizes)
 
 
 class _Kept:

@@ -18,7 +18,8 @@ from modelgen.runtime.filters.derivatives import paper_difference
 from modelgen.runtime.filters.zero_phase import DECIMATE_ORDER, matlab_decimate, zero_phase
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 
 
 def observe_paper(

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
@@ -104,15 +106,30 @@ def observe_triangles(
 
 def row_triangles(rows: RecordRows, index: int) -> list[RowTriangle]:
     """Return the triangles of the rows of one record, the `index`-th, whose masks look at chunks alone."""
+    return triangles_and_masks(rows, index)[0]
 
-    def of(chunk: Chunk) -> tuple[list[tuple[int, FloatArray]], dict[int, float]]:
+
+class Used(NamedTuple):
+    """Which samples of a chunk a row uses: how many, and a packed bit for each; None where all are."""
+
+    samples: int
+    bits: npt.NDArray[np.uint8] | None
+
+
+def triangles_and_masks(
+    rows: RecordRows, index: int
+) -> tuple[list[RowTriangle], tuple[tuple[Used, ...], ...]]:
+    """Return the same, and for every row which samples of each chunk it uses."""
+
+    def of(chunk: Chunk) -> tuple[list[tuple[Used, FloatArray]], dict[int, float]]:
         signals, found = chunk.signals(), []
         for terms, mask in zip(rows.terms, rows.masks, strict=True):
             lines = terms.evaluate(signals)
             signals.forget(terms.row)
             masked = mask.of(chunk, rows.survey.thresholds)
-            used = lines[:, ~masked] if masked.any() else lines
-            found.append((used.shape[1], tall_triangle(used[:-1].T, used[-1])))
+            bits = np.packbits(~masked) if masked.any() else None
+            lines = lines if bits is None else lines[:, ~masked]
+            found.append((Used(lines.shape[1], bits), tall_triangle(lines[:-1].T, lines[-1])))
         return found, signals.force_power
 
     parts, powers = zip(*rows.over_chunks(of), strict=True)
@@ -120,13 +137,15 @@ def row_triangles(rows: RecordRows, index: int) -> list[RowTriangle]:
     for power in powers:
         for times, more in power.items():
             total[times] = total.get(times, 0.0) + more
-    grid, found = len(rows.grid), []
+    grid, found, every = len(rows.grid), [], []
     for terms, info, of_row in zip(rows.terms, rows.plan.model.rows, zip(*parts, strict=True), strict=True):
-        count = sum(n for n, _ in of_row)
-        triangle = triangle_of(np.concatenate([R for _, R in of_row]))
+        used, triangles = zip(*of_row, strict=True)
+        count = sum(one.samples for one in used)
+        triangle = triangle_of(np.concatenate(triangles))
         scale = float(np.sqrt(total.get(info.differentiated, 0.0) / grid)) / info.lever
         measured = float(np.linalg.norm(triangle[:, -1]))
         has_force = measured > LEAST_FORCE * scale * np.sqrt(count)
         touched = np.array(terms.columns, dtype=np.int64)
         found.append(RowTriangle(index, terms.row, count, grid, bool(has_force), scale, triangle, touched))
-    return found
+        every.append(used)
+    return found, tuple(every)

@@ -16,7 +16,8 @@ from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 from tests.runtime.measured_records import bench
 from tests.runtime.rigid_motion import CHOICE, FS, RIGID, rigid_record, swings
 

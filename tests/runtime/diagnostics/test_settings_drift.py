@@ -9,7 +9,8 @@ from modelgen.runtime.diagnostics.settings_drift import cutoff_drift, load_row_d
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_matched
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 
 CHOICE = FilterChoice(4, 100.0, 80.0, (5,), 80.0, 50.0, (), (), ())
 

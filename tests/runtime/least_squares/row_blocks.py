@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.rows.observation import RowBlock
+from modelgen.runtime.rows.row_block import RowBlock
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -12,7 +12,8 @@ from modelgen.runtime.least_squares.hac_covariance import (
 )
 from modelgen.runtime.least_squares.thresholds import WIDER
 from modelgen.runtime.least_squares.wls import fit_paper
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 
 
 def autoregression(rng: np.random.Generator, n: int, rho: float) -> np.ndarray:

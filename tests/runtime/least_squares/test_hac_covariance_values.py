@@ -24,7 +24,7 @@ from modelgen.runtime.least_squares.hac_covariance import (
 )
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
 from modelgen.runtime.least_squares.thresholds import LARGEST_CORRELATION, WIDER
-from modelgen.runtime.rows.observation import RowBlock
+from modelgen.runtime.rows.row_block import RowBlock
 
 RNG = np.random.default_rng(8)
 SERIES = [RNG.normal(size=(40, 2)).cumsum(axis=0), RNG.normal(size=(25, 2))]

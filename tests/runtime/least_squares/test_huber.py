@@ -12,7 +12,8 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.huber import huber
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 from tests.runtime.rigid_motion import FS, RIGID, SETTINGS, TRUTH, rigid_record
 
 COLUMNS = ("a", "b", "c")

@@ -12,7 +12,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import printed_covariance
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
 from modelgen.runtime.numerics.iterative_refinement import refined
-from modelgen.runtime.rows.observation import RowBlock
+from modelgen.runtime.rows.row_block import RowBlock
 
 PROBLEMS = {problem.name: problem for problem in problems()}
 DIGITS = {name: 7.0 if name == "Filip" else 9.0 for name in PROBLEMS}

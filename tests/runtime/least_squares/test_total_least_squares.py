@@ -12,7 +12,8 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.total_least_squares import fit_total
 from modelgen.runtime.least_squares.wls import fit_matched
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 from tests.runtime.rigid_motion import RIGID, SETTINGS, TRUTH, rigid_record
 
 X = np.array([95.0, 200.0, 20.0, -3.0])

@@ -6,7 +6,8 @@ import pytest
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
 from modelgen.runtime.least_squares.wls import fit_matched, fit_paper, refit
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 from tests.runtime.least_squares.row_blocks import block as row_block
 
 

@@ -16,7 +16,8 @@ from modelgen.runtime.least_squares.orthogonal_solution import _rounding, least_
 from modelgen.runtime.least_squares.thresholds import FEW_ROWS, SMALLEST_RESIDUAL
 from modelgen.runtime.least_squares.wls import fit_matched, fit_paper, refit
 from modelgen.runtime.numerics.iterative_refinement import Parts
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 from tests.runtime.least_squares.row_blocks import block
 
 FloatArray = npt.NDArray[np.float64]

@@ -10,7 +10,8 @@ from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.parameters.dependence import dependences
 from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX
-from modelgen.runtime.rows.observation import Observation, RowBlock
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 
 COLUMNS = model_from_module(emps300_qm_qc).base_parameters
 TRUTH = np.array([1.0, 2.0, 3.0, 0.5, 4.0, 5.0])

@@ -10,7 +10,9 @@ from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.observation import Observation, RowBlock, observe, rows_by_tag
+from modelgen.runtime.rows.observation import Observation, observe
+from modelgen.runtime.rows.row_block import RowBlock
+from modelgen.runtime.rows.rows_by_tag import rows_by_tag
 
 RIGID = model_from_module(emps_rigid_qm)
 QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
