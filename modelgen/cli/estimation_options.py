@@ -66,6 +66,9 @@ ScanCutoffs = Annotated[
     typer.Option(metavar="auto|HZ,HZ,...", help="Estimate behind other filters, too, and compare."),
 ]
 Robust = Annotated[Literal["huber"] | None, typer.Option(help="Samples with large residuals weigh less.")]
+MemoryLimit = Annotated[
+    float | None, typer.Option(help="MB that filtered rows may take; more are made again. No limit.")
+]
 Bounds = Annotated[
     Literal["physical"] | None, typer.Option(help="No negative inertia, stiffness, damping, friction.")
 ]
@@ -88,6 +91,7 @@ class EstimationOptions:
     keep: Keep = None
     robust: Robust = None
     bounds: Bounds = None
+    memory_limit_mb: MemoryLimit = None
 
     def settings(self, method: str, data: DataOptions, **more: Any) -> dict[str, Any]:
         """Return method, filters and checks for `modelgen.identify`.

@@ -24,6 +24,7 @@ from modelgen.runtime.identification.explain_residual import (
 from modelgen.runtime.identification.explain_stretches import explained_by_stretches
 from modelgen.runtime.identification.explained import Begun, Explained, run_method
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.swapped_channels import swapped_channels
@@ -59,6 +60,10 @@ def default_method(task: Task, method: Auto) -> Begun:
     IdentifiabilityError
         When the records answer none of the parameters.
     """
+    beyond = beyond_limit(task.job, method.instrumental)
+    if beyond is not None:
+        why = "instruments take more than memory_limit_mb; delays are not estimated"
+        return _stand_in(_with_usable_cutoff(task), method, DataError(beyond), why)
     try:
         first = _instrumental(task, method.instrumental)
     except (IdentifiabilityError, DataError) as error:
@@ -248,8 +253,11 @@ def _with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:
     return replace(one, found=replace(found, fit=fit, drift=found.drift if drift is None else drift))
 
 
-def _stand_in(task: Task, method: Auto, error: IdentifiabilityError | DataError) -> Begun:
+def _stand_in(
+    task: Task, method: Auto, error: IdentifiabilityError | DataError, why: str | None = None
+) -> Begun:
     """Return least squares where instruments find nothing, if it can be trusted; else raise that error."""
+    why = why or f"instruments find nothing ({error.problems[0].what})"
     try:
         found = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
     except (IdentifiabilityError, DataError):
@@ -271,5 +279,5 @@ def _stand_in(task: Task, method: Auto, error: IdentifiabilityError | DataError)
         reasons = [Problem(name, reason, remedy) for name, reason in refused.items()]
         swapped = [Problem(one.where, one.what, one.remedy) for one in swapped_channels(task.job, fit)]
         raise IdentifiabilityError(*error.problems, *reasons, *swapped) from None
-    note = f"method wls: instruments find nothing ({error.problems[0].what}); noise pulls it little"
+    note = f"method wls: {why}; noise pulls it little"
     return _with_note(found, note, found.found.drift + np.outer(bias, bias))

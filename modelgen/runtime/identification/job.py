@@ -31,7 +31,8 @@ class Job:
     close to the one wanted; it saves rounds. `robust`, `bounds` and `at_zero` are for physical parameters
     fitted to composites; other fits are treated afterwards, see `robust_and_bounded`. `surveys` are those of
     an observation of the records with the same filter for directions, or nothing. `effects` are what the
-    model lacks and is estimated as well, from `sizes` on.
+    model lacks and is estimated as well, from `sizes` on. Rows of least squares that take more than
+    `memory_limit` bytes are made again whenever they are asked for.
     """
 
     model: Model
@@ -48,10 +49,11 @@ class Job:
     surveys: tuple[Survey, ...] = ()
     effects: tuple[Effect, ...] = ()
     sizes: tuple[float, ...] = ()
+    memory_limit: float | None = None
 
     def observed(self, records: tuple[Record, ...], turns: bool = True) -> Observation:
         """Return the rows of records that these stand for, delays compensated, say."""
-        rows = observe(self.model, records, self.choice, self.drop, turns, self.surveys)
+        rows = observe(self.model, records, self.choice, self.drop, turns, self.surveys, self.memory_limit)
         return self.only_rows_for_tag(rows)
 
     def observing(self, turns: bool = True) -> Callable[[tuple[Record, ...]], Observation]:

@@ -8,6 +8,7 @@ from numbers import Integral
 from typing import Any
 
 from modelgen.errors import DataError, Problem
+from modelgen.runtime.identification.memory_limit import limit_problems
 from modelgen.runtime.identification.methods import METHODS, Method
 from modelgen.runtime.identification.robust_and_bounded import treatment_problems
 from modelgen.runtime.rows.rows_by_tag import PAPER
@@ -32,6 +33,10 @@ class Filters:
     directions : mapping of str to str
         Where the direction of a body comes from that has no position or velocity sensor: ``sign_BODY`` -> a
         channel that moves with it, see `modelgen.runtime.records.directions`.
+    memory_limit_mb : float, optional
+        MB (10^6 bytes) that the filtered rows may take, in addition to some tens of MB for the stretch at
+        work. `WLS` does not keep rows that take more: it makes them again whenever it asks for them. So does
+        `Auto`, which is least squares then; other methods say what they need.
     """
 
     cutoff_hz: float | None = None
@@ -40,6 +45,7 @@ class Filters:
     direction_cutoff_hz: float | None = None
     drop: int | None = None
     directions: Mapping[str, str] = field(default_factory=dict)
+    memory_limit_mb: float | None = None
 
 
 @dataclass(frozen=True)
@@ -141,6 +147,7 @@ def option_problems(method: Method, filters: Filters, checks: CheckOptions) -> l
     drop, pairing = filters.drop, method.rows_for_tag
     if drop is not None and (isinstance(drop, bool) or not isinstance(drop, Integral) or drop < 0):
         problems.append(Problem("drop", f"is {drop!r}", "give a number of samples, 0 or more"))
+    problems += limit_problems(filters.memory_limit_mb)
     if isinstance(pairing, str) and pairing != PAPER:
         problems.append(Problem("rows_for_tag", f"is {pairing!r}", f'give a mapping, or "{PAPER}"'))
     if not checks.prune_percent > 0.0:

@@ -9,6 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.errors import DataError
 from modelgen.progress import step
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.cutoff_agreement import (
@@ -27,6 +28,7 @@ from modelgen.runtime.diagnostics.suspicious_samples import told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import WLS, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.robust_and_bounded import Treatment, treat, unweighted
@@ -146,6 +148,9 @@ def fitted(task: Task) -> tuple[Task, Solution]:
 
 def _run(task: Task) -> Begun:
     if not isinstance(task.method, Auto):
+        beyond = beyond_limit(task.job, task.method)
+        if beyond is not None:
+            raise DataError(beyond)
         return run_method(task, task.method)
     # least squares needs no simulation, and what it loads
     from modelgen.runtime.identification.default_method import default_method

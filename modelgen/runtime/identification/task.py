@@ -18,6 +18,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_fi
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, Auto, Method
 from modelgen.runtime.identification.options import CheckOptions, Filters, option_problems
+from modelgen.runtime.identification.thresholds import MEGABYTE
 from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.channels import Channels
@@ -98,6 +99,7 @@ def prepared(
         return aligned(model, extended, method.delays, method.held, method.consistent)
 
     kept, late = ready(kept)
+    limit_mb = filters.memory_limit_mb
     job = Job(
         model,
         kept,
@@ -108,6 +110,7 @@ def prepared(
         late,
         robust=method.robust,
         bounds=method.bounds,
+        memory_limit=None if limit_mb is None else MEGABYTE * limit_mb,
     )
     return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job, filters)
 

@@ -60,3 +60,10 @@ CALM = 1.5
 
 # Samples of a record in which effects are looked for, in so many stretches where there are more.
 SEARCHED, STRETCHES = 1 << 16, 4
+
+# Limits of memory are stated in these.
+MEGABYTE = 1e6
+# What methods that do not make their rows again take, measured on two bodies: copies of the rows
+# (instruments, projections, moved columns); with instruments of the channels of the longest record, too.
+COPIES_OF_ROWS = 8.0
+COPIES_OF_ROWS_IV, COPIES_OF_CHANNELS = 5.0, 5.0

@@ -25,13 +25,10 @@ from modelgen.runtime.least_squares.thresholds import (
     WEIGHTING_ROUNDS,
 )
 from modelgen.runtime.rows.observation import Observation
-from modelgen.runtime.rows.row_block import RowBlock
+from modelgen.runtime.rows.row_block import STRETCH, RowBlock
 from modelgen.runtime.rows.row_triangles import RowTriangle
 
 Part = TypeVar("Part", RowBlock, RowTriangle)
-
-# Rows that are weighted at a time.
-ROWS_A_PIECE = 1 << 17
 
 
 def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE) -> Fit:
@@ -194,7 +191,7 @@ class _Weighted(Sequence[tuple[FloatArray, FloatArray]]):
         pieces = [
             (block.record, start, weight, block)
             for weight, block in zip(weights, blocks, strict=True)
-            for start in range(0, block.grid, ROWS_A_PIECE)
+            for start in range(0, block.grid, STRETCH)
         ]
         self._pieces = sorted(pieces, key=lambda piece: piece[:2])
 
@@ -203,7 +200,7 @@ class _Weighted(Sequence[tuple[FloatArray, FloatArray]]):
 
     def __getitem__(self, index: Any) -> Any:
         _, start, weight, block = self._pieces[index]
-        part = block.between(start, start + ROWS_A_PIECE)
+        part = block.between(start, start + STRETCH)
         W = part.W
         if block.touched is not None:
             W = np.zeros((len(part.Y), self._columns))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.errors import DataError
 from modelgen.runtime.parameters.physical_parameters import Covariances
 from modelgen.runtime.results.checks import Checks
 from modelgen.runtime.results.estimate_parts import EstimatedFit, EstimatedModel, EstimatedParameters
@@ -83,13 +84,22 @@ class Estimate:
 
     @property
     def resid(self) -> FloatArray:
-        """Weighted residual, rows stacked, shape (nobs,); in the row's unit where there is only one block."""
+        """Weighted residual, rows stacked, shape (nobs,); in the row's unit where there is only one block.
+
+        Raises
+        ------
+        DataError
+            Where a limit of memory did not let it stay.
+        """
+        if self.fit.resid is None:
+            remedy = "identify without the limit, or with a larger decimation"
+            raise DataError.at("resid", "was not kept: its rows exceed memory_limit_mb", remedy)
         return self.fit.resid
 
     @property
     def nobs(self) -> int:
         """Number of rows of the weighted observation matrix."""
-        return len(self.fit.resid)
+        return sum(row.used for row in self.fit.rows if row.weight > 0.0)
 
     @property
     def condition_number(self) -> float:

@@ -55,8 +55,9 @@ class EstimatedFit(FrozenValues):
         How the covariance of the noise was made: "hac", or "printed" for eq. (11).
     filtering : FilterChoice
     rows : tuple of RowDiagnostics
-    resid : array, shape (nobs,)
-        Weighted residual, rows stacked; in the unit of the row where there is only one block.
+    resid : array, shape (nobs,), or None
+        Weighted residual, rows stacked; in the unit of the row where there is only one block. None where a
+        limit of memory did not let the rows stay.
     condition_number, condition_number_raw : float
         Of the weighted observation matrix, with and without scaling its columns to unit length.
     relative_error, error_norm : float
@@ -77,7 +78,7 @@ class EstimatedFit(FrozenValues):
     covariance_kind: str
     filtering: FilterChoice
     rows: tuple[RowDiagnostics, ...]
-    resid: FloatArray
+    resid: FloatArray | None
     condition_number: float
     condition_number_raw: float
     relative_error: float

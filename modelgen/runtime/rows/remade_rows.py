@@ -18,13 +18,10 @@ from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.runtime.model.model import Feature
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.record_rows import RecordRows
-from modelgen.runtime.rows.row_block import DrawnBlock, RowBlock, Stretch
+from modelgen.runtime.rows.row_block import STRETCH, DrawnBlock, RowBlock, Stretch
 from modelgen.runtime.rows.row_triangles import Used, triangles_and_masks
 
 Found = TypeVar("Found")
-
-# Chunks that stay: a stretch may begin in one and end in the next, for one row after the other.
-LAST_CHUNKS = 2
 
 
 class ChunkWindow(Generic[Found]):
@@ -33,11 +30,13 @@ class ChunkWindow(Generic[Found]):
     def __init__(self, rows: RecordRows, make: Callable[[Chunk], Found]) -> None:
         self._rows, self._make = rows, make
         self.size = next(rows.chunks()).count
+        # a stretch is asked for of one row after the other
+        self._last = -(-STRETCH // self.size) + 1
         self._made: dict[int, Found] = {}
 
     def __getitem__(self, number: int) -> Found:
         if number not in self._made:
-            while len(self._made) >= LAST_CHUNKS:
+            while len(self._made) >= self._last:
                 del self._made[next(iter(self._made))]
             self._made[number] = self._make(next(islice(self._rows.chunks(), number, None)))
         return self._made[number]

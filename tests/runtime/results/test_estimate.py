@@ -84,7 +84,7 @@ def test_numbers_go_by_name(estimate: Estimate) -> None:
     assert dict(estimate.bse) == {"J_m": 1e-8, "F_vm": 4e-6}
     assert estimate.relative_std["F_vm"] == pytest.approx(20.0)
     assert dict(estimate.physical) == {"J_total": 1.1e-5}
-    assert estimate.nobs == 3
+    assert estimate.nobs == 1200
     assert Parameter("x", "N", 0.0, 1.0, 1.0, 0.0, 1.0).relative_std == float("inf")
 
 

@@ -33,7 +33,7 @@ physical  unit          value  std. dev.      %
 -----------------------------------------------
 J_total   kg m^2  1.10000e-05  2.000e-08  0.182
 
-Samples r = 3, condition number 12.5000 with columns of unit length, inf as they are
+Samples r = 1200, condition number 12.5000 with columns of unit length, inf as they are
 Error norm 1.1456, relative error 3.1200 %, sigma 0.9000 over r - c
 Delay of Gamma_m: 105.0 us
 
@@ -72,7 +72,7 @@ F_vm       N m s/rad  -2.00000e-05  4.000e-06   20.0  -2.78399e-05  -1.21601e-05
 
 Standard deviations and intervals are the paper's, eq. (11): for white residuals only.
 
-Samples r = 3, condition number 12.5000 with columns of unit length, inf as they are
+Samples r = 1200, condition number 12.5000 with columns of unit length, inf as they are
 Error norm 1.1456, relative error 3.1200 %, sigma 0.9000 over r - 1, not as in eq. (11)
 
 record  row  unit  used  masked  weight  residual rms  error %
