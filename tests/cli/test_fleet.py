@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from generated import emps300_qm_qc
 from modelgen.cli.main import app
+from modelgen.read_file import Kind, read_text
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.simulation.simulate import simulate
 
@@ -52,6 +53,32 @@ def test_every_machine_gets_its_estimate_and_a_corrupt_file_is_named(tmp_path: P
         assert values["K"] == pytest.approx(truth["K"], rel=1e-3)
     assert list(found["failed"]) == [str(broken)]
     assert "is no readable HDF5 file" in found["failed"][str(broken)]
+
+
+def test_the_module_is_read_once_and_trusted_if_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    record = simulate(MODEL, MODEL.parameter_sets["table_2"], "chirp", duration_s=1.0, oversample=8).record
+    folder = tmp_path / "press" / "run1"
+    folder.mkdir(parents=True)
+    for channel, samples in record.signals.items():
+        np.save(folder / f"{channel}.npy", samples)
+    module, reads = tmp_path / "edited.py", list[Path]()
+    module.write_text(MODULE.read_text().replace("CHAIN = ", "CHAIN  = ", 1))
+
+    def counted(path: Path, kind: Kind) -> str:
+        reads.append(Path(path))
+        return read_text(path, kind)
+
+    monkeypatch.setattr("modelgen.runtime.model.module_file.read_text", counted)
+    options = ["--model", str(module), "--cutoff-hz", "300", "--fs", "5000", "--workers", "1", "--json"]
+    result = CliRunner().invoke(app, ["fleet", str(folder), *options])
+    assert result.exit_code == 2
+    assert f"{module}: " in result.output
+    assert "--trust" in result.output
+    reads.clear()
+    result = CliRunner().invoke(app, ["fleet", str(folder), *options, "--trust"])
+    assert result.exit_code == 0, result.output
+    assert reads == [module]
 
 
 @pytest.mark.slow

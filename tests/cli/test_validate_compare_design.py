@@ -144,6 +144,23 @@ def test_compare_of_modules_and_records(here: Path) -> None:
     assert "emps300_qm_qc and emps300_qm_ac: consistent" in text
 
 
+def test_compare_pairs_rows_with_records_by_their_tags(here: Path) -> None:
+    common = ("simulate", "emps300", "--parameters", "light", "--sensors", "qm_ac")
+    for kind in ("chirp", "trapezoid"):
+        run(*common, "--excitation", kind, "-o", f"{kind}.csv")
+    (here / "again.py").write_text(Path(AC).read_text())
+    files = ("--data", "chirp.csv", "--data", "trapezoid.csv")
+    chosen = ("compare", AC, "again.py", "--method", "wls", *files)
+    tags, pairing = ("--tag", "chirp=up", "--tag", "trapezoid=down"), ("--pairing", "pham2002")
+    found = [run_json(*chosen, *more)["estimates"]["parameters"] for more in ((), tags, pairing)]
+    assert found[0] == found[1]  # by themselves tags pair nothing
+    assert found[0] != found[2]
+    assert "no record has the tag 'chirp'" in run(*chosen, *pairing, *tags, code=2)
+    assert "--tag: has no record chir; did you mean chirp?" in run(*chosen, "--tag", "chir=up", code=2)
+    for lonely in (tags, pairing):
+        assert "--data: is missing" in run("compare", "emps300", *lonely, code=2)
+
+
 def test_compare_needs_two_models() -> None:
     assert "names 1 model; give two or more" in run("compare", QC, code=2)
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from modelgen.cli.arguments import period_from
-from modelgen.cli.data_arguments import DataOptions, read_files, reading_lines
-from modelgen.cli.estimation_options import Cutoff, EstimationOptions, Method, Periods
+from modelgen.cli.data_arguments import DataOptions, read_files, reading_lines, tagged
+from modelgen.cli.estimation_options import Cutoff, EstimationOptions, Method, Pairing, Periods, Tags
 from modelgen.cli.options import Json, SensorSet, Trust, refuse_given
 from modelgen.cli.output import note, print_json
 from modelgen.errors import DataError, ModelgenError
@@ -48,6 +48,8 @@ def compare(
     data: Records = None,
     method: Method = "auto",
     cutoff_hz: Cutoff = None,
+    tag: Tags = None,
+    pairing: Pairing = "all",
     period_s: Periods = None,
     yardsticks: Yardsticks = False,
     trust: Trust = False,
@@ -62,15 +64,18 @@ def compare(
 
     if not data:
         refuse_given(given, "--data")
-        refuse_given(estimation, "--data", (cutoff_hz, period_s))
+        refuse_given(estimation, "--data", (cutoff_hz, tag, pairing != "all", period_s))
     models = _models(sources, sensors, trust, 1 if yardsticks and data else 2)
     described = describe(models, parameters, fs_hz)
     if data:
-        readings = read_files(data, list(models.values()), given)
+        readings = tagged(read_files(data, list(models.values()), given), tag or ())
         note(reading_lines(data, readings))
         records = [reading.record for reading in readings]
         period = period_from(period_s or (), given.map_file)
-        settings = estimation.settings(method, given, cutoff_hz=cutoff_hz, period_s=period)
+        paired = None if pairing == "all" else pairing
+        settings = estimation.settings(
+            method, given, cutoff_hz=cutoff_hz, period_s=period, rows_for_tag=paired
+        )
         step("identifying")
         described["estimates"] = _estimates(models, records, settings)
         if yardsticks:

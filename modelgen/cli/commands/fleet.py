@@ -18,7 +18,6 @@ from modelgen.cli.options import Json, Module, Trust
 from modelgen.cli.output import note, report
 from modelgen.errors import DataError
 from modelgen.progress import step
-from modelgen.read_file import MODULE, read_text
 
 if TYPE_CHECKING:
     from modelgen.runtime.fleet.dask_cluster import Certificates
@@ -75,13 +74,15 @@ def fleet(
     """
     from modelgen.runtime.fleet.dask_cluster import check_cluster, fleet_client
     from modelgen.runtime.fleet.identify_fleet import identify_fleet
-    from modelgen.runtime.model.model import load_model
+    from modelgen.runtime.model.model import model_from_text
+    from modelgen.runtime.model.module_file import read_module
 
     certificates = _certificates(tls_ca_file, tls_cert, tls_key)
     check_cluster(scheduler, workers, certificates)
     if scheduler is not None and not scheduler.startswith("tls://"):
         note([f"warning: {scheduler} is not encrypted: whoever reaches it can run code on its workers"])
-    model = load_model(module, trust)
+    text = read_module(module)  # once: what was checked is what the workers get
+    model = model_from_text(text, str(module), trust)
     records = _records(data, model, given)
     settings = estimation.settings(
         method,
@@ -92,7 +93,7 @@ def fleet(
     )
     step("starting the workers" if scheduler is None else f"asking {scheduler}")
     with fleet_client(scheduler, workers, certificates=certificates) as client:
-        found = identify_fleet(client, read_text(module, MODULE), records, settings, checkpoint)
+        found = identify_fleet(client, text, records, settings, checkpoint, trust)
     facts = {
         "machines": dict(found.machines),
         "pooled": [asdict(one) for one in found.pooled],

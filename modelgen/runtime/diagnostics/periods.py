@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.thresholds import (
@@ -92,13 +92,13 @@ def period_spread(
     clusters = []
     for index, parts in zip(used, influence_parts(fit), strict=True):
         record, block = records[index], next(block for block in fit.blocks if block.record == index)
-        at = (block.start + decimation[index] * np.arange(block.grid)) / record.fs
-        number = np.floor(at / period_s[record.name] + 1e-9).astype(int)
-        number -= number[0]
-        together = -(-(int(number[-1]) + 1) // MOST_CLUSTERS)
-        sums, first = np.zeros((int(number[-1]) // together + 1, len(fit.columns))), 0
+        instants = block.start / record.fs, decimation[index] / record.fs, period_s[record.name]
+        last = int(_periods_since(*instants, np.array([block.grid - 1]))[0])
+        together = -(-(last + 1) // MOST_CLUSTERS)
+        sums, first = np.zeros((last // together + 1, len(fit.columns))), 0
         for psi in parts():
-            np.add.at(sums, number[first : first + len(psi)] // together, psi)
+            number = _periods_since(*instants, np.arange(first, first + len(psi)))
+            np.add.at(sums, number // together, psi)
             first += len(psi)
         clusters.append(sums)
     found = np.concatenate(clusters)
@@ -107,6 +107,12 @@ def period_spread(
         return None
     found = found - found.mean(axis=0)
     return PeriodSpread(dict(period_s), count, found.T @ found * count / (count - 1))
+
+
+def _periods_since(start_s: float, step_s: float, period_s: float, points: IntArray) -> IntArray:
+    """Return how many periods after that of the first point of a grid points of it lie, shape (n,)."""
+    of = [np.floor((start_s + step_s * at) / period_s + 1e-9) for at in (points, np.zeros(1))]
+    return np.asarray(of[0] - of[1], dtype=np.int64)
 
 
 def spread_beyond_noise(found: PeriodSpread, noise: FloatArray) -> FloatArray:

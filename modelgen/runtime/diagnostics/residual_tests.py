@@ -6,7 +6,7 @@ the most of periodic records: noise differs from period to period, what the mode
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,22 +104,30 @@ def residual_tests(
         correlation = _correlation(fit, index, run, step_s) if colour else None
         repeated = None
         if colour and record.name in period_s:
-            series = np.full(block.grid, np.nan)
-            for start in range(0, block.grid, STRETCH):
-                part, _, residual = fit.between(index, start, start + STRETCH)
-                series[part.place] = residual
-            repeated = repeated_share(series, period_s[record.name] / step_s)
+            series = _on_the_grid(fit, index)
+            repeated = repeated_share(series, block.grid, period_s[record.name] / step_s)
         found.append(ResidualTest(block.record_name, block.row_name, white, bound, correlation, repeated))
     return tuple(found)
 
 
-def repeated_share(series: FloatArray, period: float) -> float | None:
+def _on_the_grid(fit: Fit, index: int) -> Iterator[FloatArray]:
+    """Yield the residual of a block at all points of its grid, in stretches; NaN where a sample is masked."""
+    grid = fit.blocks[index].grid
+    for start in range(0, grid, STRETCH):
+        part, _, residual = fit.between(index, start, start + STRETCH)
+        series = np.full(min(STRETCH, grid - start), np.nan)
+        series[part.place - start] = residual
+        yield series
+
+
+def repeated_share(series: Iterable[FloatArray], n: int, period: float) -> float | None:
     """Return the share of a series' power that is the same in every period, 0 to 1.
 
     Parameters
     ----------
-    series : array, shape (n,)
-        NaN where there is no sample.
+    series : iterable of array
+        Its n samples in stretches; NaN where there is none.
+    n : int
     period : float
         In samples. Where it is no integer, the smallest multiple that is one takes its place.
 
@@ -130,19 +138,25 @@ def repeated_share(series: FloatArray, period: float) -> float | None:
     """
     multiple = next((k for k in range(1, 13) if abs(k * period - round(k * period)) < 1e-6 * k * period), 0)
     length = round(multiple * period)
-    if length == 0 or len(series) // length < FEWEST_PERIODS:
+    if length == 0 or n // length < FEWEST_PERIODS:
         return None
-    count = len(series) // length
-    folded = series[: count * length].reshape(count, length)
-    folded = folded[:, np.all(np.isfinite(folded), axis=0)]
-    if folded.shape[1] == 0:
+    count, first = n // length, 0
+    # of each sample of the period; a NaN stays one
+    sums, squares = np.zeros(length), np.zeros(length)
+    for part in series:
+        inside = part[: max(count * length - first, 0)]
+        at = (first + np.arange(len(inside))) % length
+        sums += np.bincount(at, inside, length)
+        squares += np.bincount(at, inside**2, length)
+        first += len(part)
+    whole = np.isfinite(sums)
+    if not whole.any():
         return None
-    folded = folded - folded.mean()
-    mean = folded.mean(axis=0)
-    noise = float(np.mean((folded - mean) ** 2)) * count / (count - 1)
-    total = float(np.mean(folded**2))
+    mean = sums[whole] / count
+    noise = float(np.mean(squares[whole] / count - mean**2)) * count / (count - 1)
+    total = float(np.mean(squares[whole])) / count - float(mean.mean()) ** 2
     # of noise alone the mean over the periods keeps 1 / count
-    return max(0.0, (float(np.mean(mean**2)) - noise / count) / total) if total > 0.0 else None
+    return max(0.0, (float(np.var(mean)) - noise / count) / total) if total > 0.0 else None
 
 
 def residual_advice(tests: Sequence[ResidualTest]) -> tuple[Advice, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from modelgen.runtime.least_squares.wls import solve_matched
 from modelgen.runtime.rows.observation import Observation
 
 Found = TypeVar("Found")  # a fit, of whatever kind
+Solution = TypeVar("Solution", bound="Solved")
 
 
 class Solved(Protocol):
@@ -42,6 +43,51 @@ class Solved(Protocol):
     @property
     def solution(self) -> LeastSquares:
         """In their order."""
+
+
+class Attempts(Generic[Solution]):
+    """Fits at other settings; remembers those that say nothing of this one, with the reason.
+
+    Parameters
+    ----------
+    again : callable
+        Observes and fits with other settings.
+    choice : FilterChoice
+        The settings in use.
+    columns : sequence of str
+        Those of the fit that others are compared with.
+    """
+
+    def __init__(
+        self, again: Callable[[FilterChoice], Solution], choice: FilterChoice, columns: Sequence[str]
+    ) -> None:
+        self._again, self._choice, self._columns = again, choice, tuple(columns)
+        self._failed: dict[str, str] = {}
+
+    def __call__(self, other: FilterChoice) -> Solution:
+        """Return the fit with other settings; raises what it raises."""
+        setting = f"at {other.cutoff_hz:.4g} Hz"
+        if other.direction_cutoff_hz != self._choice.direction_cutoff_hz:
+            setting = f"with directions below {other.direction_cutoff_hz:.4g} Hz"
+        try:
+            found = self._again(other)
+        except (DataError, IdentifiabilityError) as error:
+            problem = error.problems[0]
+            self._failed[setting] = f"{problem.where} {problem.what}"
+            raise
+        only = [name for name in self._columns if name not in found.columns]
+        more = [name for name in found.columns if name not in self._columns]
+        if only or more:
+            self._failed[setting] = f"no column for {', '.join(only)}" if only else f"{', '.join(more)}, too"
+        return found
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One sentence on the settings that could not be compared, or nothing."""
+        if not self._failed:
+            return ()
+        listed = ", ".join(f"{setting} ({why})" for setting, why in self._failed.items())
+        return (f"the intervals do not hold what other settings would move: nothing to compare {listed}",)
 
 
 def cutoff_drift(

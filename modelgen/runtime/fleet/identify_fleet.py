@@ -56,6 +56,7 @@ def identify_fleet(
     records: Sequence[FleetRecord],
     options: Mapping[str, Any] | None = None,
     checkpoint: str | Path | None = None,
+    trust: bool = False,
 ) -> FleetEstimate:
     """Identify the parameters of every machine, and what suits all.
 
@@ -72,6 +73,8 @@ def identify_fleet(
     checkpoint : path, optional
         A folder that keeps what came of each machine. A machine that is in it, with the same data, model and
         options, is not identified again, nor are its records read, as long as they have stamps.
+    trust : bool
+        Execute a text that modelgen did not write, see `modelgen.load_model`.
 
     Raises
     ------
@@ -83,7 +86,7 @@ def identify_fleet(
     if twice is not None:
         raise DataError.at(twice, "names two records", "give every record a name of its own")
     chosen = dict(options or {})
-    model, fleet = fleet_model(module_text), _machines(records)
+    model, fleet = fleet_model(module_text, trust), _machines(records)
     kept = Checkpoint(Path(checkpoint), module_text, chosen) if checkpoint is not None else None
     reports = {
         machine: report
@@ -91,19 +94,26 @@ def identify_fleet(
         if kept is not None and (report := kept.load(machine, members)) is not None
     }
     left = {machine: members for machine, members in fleet.items() if machine not in reports}
-    submit = partial(_submit, client, module_text, chosen)
+    submit = partial(_submit, client, module_text, chosen, trust)
+
+    def finish(machine: str, report: MachineReport) -> None:
+        reports[machine] = report
+        if kept is not None:
+            kept.save(machine, left[machine], report)
+
     futures = {machine: submit(members) for machine, members in left.items()}
-    done, lost = gathered(futures, "machines identified", _save(kept, left))
+    _, lost = gathered(futures, "machines identified", finish)
     without, why = _without_deadly(client, model, {machine: left[machine] for machine in lost})
-    again, still = gathered({machine: submit(members) for machine, members in without.items()}, "again")
-    reports |= done | {
-        machine: replace(report, failed={**why.get(machine, {}), **report.failed})
-        for machine, report in again.items()
-    }
-    for machine in lost:
-        if machine not in again:
-            reason = still.get(machine, "none of its records can be read")
-            reports[machine] = MachineReport(None, reason, why.get(machine, {}), {})
+
+    def finish_without(machine: str, report: MachineReport) -> None:
+        finish(machine, replace(report, failed={**why[machine], **report.failed}))
+
+    futures = {machine: submit(members) for machine, members in without.items()}
+    _, still = gathered(futures, "again", finish_without)
+    for machine, reason in still.items():  # of what is not known: another run may do better
+        reports[machine] = MachineReport(None, reason, why[machine], {})
+    for machine in (machine for machine in lost if machine not in without):
+        finish(machine, MachineReport(None, "none of its records can be read", why[machine], {}))
     ordered = {machine: reports[machine] for machine in fleet}
     _refuse_same(client, model, records, ordered)
     return _estimate(ordered)
@@ -117,15 +127,10 @@ def _machines(records: Sequence[FleetRecord]) -> dict[str, list[FleetRecord]]:
     return found
 
 
-def _submit(client: Any, module_text: str, options: Mapping[str, Any], members: Sequence[FleetRecord]) -> Any:
-    return client.submit(identify_machine, module_text, members, options, pure=False)
-
-
-def _save(kept: Checkpoint | None, fleet: Mapping[str, Sequence[FleetRecord]]) -> Any:
-    """Return what is done with the report of a machine as soon as it is there."""
-    if kept is None:
-        return None
-    return lambda machine, report: kept.save(machine, fleet[machine], report)
+def _submit(
+    client: Any, module_text: str, options: Mapping[str, Any], trust: bool, members: Sequence[FleetRecord]
+) -> Any:
+    return client.submit(identify_machine, module_text, members, options, trust, pure=False)
 
 
 def _without_deadly(

@@ -76,16 +76,16 @@ class MachineReport:
 
 
 @lru_cache(maxsize=8)
-def fleet_model(text: str) -> Model:
-    """Return the model of a generated module's text."""
-    return model_from_text(text, "fleet")
+def fleet_model(text: str, trust: bool = False) -> Model:
+    """Return the model of a generated module's text; with `trust` whoever wrote it."""
+    return model_from_text(text, "fleet", trust)
 
 
 def identify_machine(
-    module_text: str, records: Sequence[FleetRecord], options: Mapping[str, Any]
+    module_text: str, records: Sequence[FleetRecord], options: Mapping[str, Any], trust: bool = False
 ) -> MachineReport:
     """Return the estimate of one machine; a record that cannot be read is left out, and named."""
-    model = fleet_model(module_text)
+    model = fleet_model(module_text, trust)
     usable, failed, looks = [], {}, {}
     for one in records:
         try:

@@ -19,6 +19,7 @@ from modelgen.runtime.diagnostics.cutoff_agreement import (
     significant_drift,
 )
 from modelgen.runtime.diagnostics.settings_drift import (
+    Attempts,
     Solved,
     cutoff_drift,
     direction_drift,
@@ -178,16 +179,17 @@ def settings_drift(
     lowest_fs = min(record.fs for record in task.records)
     directions = bool(task.model.direction_keys)
     if method.consistent:
+        tried = Attempts(again, choice, fit.columns)
         seen = coordinates_of(fit, task.model, solution.treatment.at_zero)
-        found = all_disagreements(fit, choice, lowest_fs, again, directions, seen)
+        found = all_disagreements(fit, choice, lowest_fs, tried, directions, seen)
         named = [name for name in seen.names if name not in solution.refused]
         notes = disagreement_notes(found, seen.names, named)
-        return seen.in_columns(significant_drift(found, len(seen.names))), notes
-    found_at = partial(solution.found_at, task)
+        return seen.in_columns(significant_drift(found, len(seen.names))), notes + tried.notes
+    found_at = Attempts(partial(solution.found_at, task), choice, fit.columns)
     drift = cutoff_drift(fit, choice, lowest_fs, found_at)
     if directions:
         drift += direction_drift(fit, choice, lowest_fs, found_at)
     if isinstance(method, WLS):
         kept = [solution.plain.columns.index(name) for name in fit.columns]
         drift += load_row_drift(solution.plain, solution.observation)[np.ix_(kept, kept)]
-    return drift, ()
+    return drift, found_at.notes

@@ -260,15 +260,23 @@ def model_from_module(module: Any) -> Model:
     )
 
 
-def model_from_text(text: str, name: str = "model") -> Model:
-    """Return the model of a generated module's text that is in no file; the text is executed.
+def model_from_text(text: str, name: str = "model", trust: bool = False) -> Model:
+    """Return the model of a generated module's text; it is executed.
+
+    Parameters
+    ----------
+    text : str
+    name : str
+        Names the module in messages.
+    trust : bool
+        As for `load_model`.
 
     Raises
     ------
     DataError
         When the text cannot be executed or violates the contract.
     """
-    return model_from_module(execute_text(text, name))
+    return model_from_module(execute_text(text, name, trust))
 
 
 def load_model(path: str | Path, trust: bool = False) -> Model:

@@ -38,18 +38,29 @@ def execute_file(path: Path, trust: bool = False) -> ModuleType:
     The module is kept in ``sys.modules`` under a name derived from the path; the import path is left alone.
     See `modelgen.runtime.model.model.load_model`.
     """
-    if path.suffix != ".py":
-        raise DataError.at(str(path), "is no .py file", "give the module that modelgen generate has written")
-    where = str(path)
-    text = module_text(read_text(path, MODULE))
+    text, where = read_module(path), str(path)
     place = str(path.resolve())
     if not trust:
         refuse_foreign(text, where)
     return _execute(_module_name(path.stem, place.encode()), place, text, where)
 
 
+def read_module(path: Path) -> str:
+    """Return the text of a module's file, which `execute_text` takes.
+
+    Raises
+    ------
+    DataError
+        When it is no ``.py`` file, or cannot be read.
+    """
+    if path.suffix != ".py":
+        raise DataError.at(str(path), "is no .py file", "give the module that modelgen generate has written")
+    return module_text(read_text(path, MODULE))
+
+
 def execute_text(text: str, name: str, trust: bool = False) -> ModuleType:
     """Execute a generated module's text and return its module, kept in ``sys.modules`` like a file's."""
+    text = module_text(text)
     if not trust:
         refuse_foreign(text, name)
     return _execute(_module_name(name, text.encode()), f"<{name}>", text, where=name)

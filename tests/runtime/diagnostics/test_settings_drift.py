@@ -4,8 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from modelgen.errors import DataError
-from modelgen.runtime.diagnostics.settings_drift import cutoff_drift, load_row_drift
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.diagnostics.settings_drift import (
+    Attempts,
+    cutoff_drift,
+    direction_drift,
+    load_row_drift,
+)
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_matched
@@ -87,3 +92,33 @@ def test_without_load_rows_there_is_no_such_drift() -> None:
     both = observation(0.5)
     forced = replace(both, blocks=both.blocks[:1])
     np.testing.assert_array_equal(load_row_drift(fit_matched(forced), forced), 0.0)
+
+
+def test_settings_that_say_nothing_are_told_with_the_reason() -> None:
+    fit = fit_matched(observation(0.1))
+
+    def again(choice: FilterChoice) -> Fit:
+        if choice.direction_cutoff_hz > 80.0:
+            raise IdentifiabilityError.at("rows", "nothing is left", "move")
+        if choice.cutoff_hz < 100.0:
+            raise DataError.at("run", "is too short", "make it longer")
+        return replace(fit, columns=("a", "c"))
+
+    attempts = Attempts(again, CHOICE, fit.columns)
+    assert not attempts.notes
+    np.testing.assert_array_equal(cutoff_drift(fit, CHOICE, 1000.0, attempts), 0.0)
+    np.testing.assert_array_equal(direction_drift(fit, CHOICE, 1000.0, attempts), 0.0)
+    (note,) = attempts.notes
+    for said in (
+        "at 70.71 Hz (run is too short)",
+        "at 141.4 Hz (no column for b)",
+        "with directions below 160 Hz (rows nothing is left)",
+    ):
+        assert said in note
+
+
+def test_settings_that_can_be_compared_leave_no_note() -> None:
+    fit = fit_matched(observation(0.1))
+    attempts = Attempts(lambda _: fit, CHOICE, fit.columns)
+    cutoff_drift(fit, CHOICE, 1000.0, attempts)
+    assert attempts.notes == ()

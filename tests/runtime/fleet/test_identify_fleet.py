@@ -258,6 +258,37 @@ def test_a_record_that_no_worker_survives_is_named(
     assert found.machines["a"] == alone([sources[1]], **SETTINGS)
 
 
+@pytest.mark.slow
+def test_what_no_worker_survived_is_not_tried_again_from_a_checkpoint(
+    client: Any, sources: list[NpyChannels], tmp_path: Path
+) -> None:
+    opened, kept = tmp_path / "opened", tmp_path / "kept"
+    opened.mkdir()
+    bad = [Deadly(sources[0].columns, sources[0].fs, f"bad {k}", sources[0].n) for k in range(2)]
+    fleet = [
+        FleetRecord(machine, partial(reader, source, opened), source.name, stamp="as recorded")
+        for machine, source in (("a", bad[0]), ("a", sources[1]), ("b", bad[1]), ("c", sources[2]))
+    ]
+    found = identify_fleet(client, TEXT, fleet, SETTINGS, kept)
+    assert list(found.failed) == ["bad 0", "bad 1"]
+    assert found.machines["a"] == alone([sources[1]], **SETTINGS)
+    assert found.refused == {"b": "none of its records can be read"}
+    before = len(list(opened.iterdir()))
+    assert identify_fleet(client, TEXT, fleet, SETTINGS, kept) == found
+    assert len(list(opened.iterdir())) == before
+
+
+def test_a_module_that_was_edited_is_executed_where_it_is_trusted(
+    client: Any, sources: list[NpyChannels]
+) -> None:
+    edited = TEXT.replace("CHAIN = ", "CHAIN  = ", 1)
+    assert edited != TEXT
+    with pytest.raises(DataError, match="trust"):
+        identify_fleet(client, edited, fleet_of(sources), SETTINGS)
+    found = identify_fleet(client, edited, fleet_of(sources), SETTINGS, trust=True)
+    assert found == identify_fleet(client, TEXT.replace("\n", "\r\n"), fleet_of(sources), SETTINGS)
+
+
 def test_a_worker_that_dies_costs_nothing_where_another_can_do_its_work(
     client: Any, sources: list[NpyChannels]
 ) -> None:
