@@ -130,7 +130,8 @@ def faulty_runs(
         clipped = np.flatnonzero(short & (long | (np.sum(short) > 1)))
         stuck = np.flatnonzero(long & ~extreme)
         stuck = stuck[_not_at_rest(runs, stuck, measures, moving)]
-        return tuple(which[~_coarse_there(samples, runs, which)] for which in (clipped, stuck))
+        stuck = stuck[~_coarse_there(samples, runs, stuck)]
+        return clipped[~_coarse_there(samples, runs, clipped)], stuck
     steps, bends = np.abs(np.diff(samples)), np.abs(np.diff(samples, 2))
     full = _full_speed(steps, bends, runs.resolution)
     # at a limit the step into the run is cut short; the one before it is not

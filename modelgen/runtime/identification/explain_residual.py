@@ -30,7 +30,7 @@ from modelgen.runtime.identification.thresholds import (
 from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
 from modelgen.runtime.iv.instrumental_variables import Setting
-from modelgen.runtime.iv.model_errors import Effect, effects_of
+from modelgen.runtime.iv.model_errors import DIRECTION, Effect, effects_of
 from modelgen.runtime.iv.score_tests import Score, scores, without_noise
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
@@ -70,6 +70,10 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
         if not shown:
             break
         best = shown[0]
+        if any(effect.kind == DIRECTION for effect in effects):
+            # what is left is of the reversals as well, whatever it looks like
+            drift = drift + np.outer(best.move, best.move)
+            break
         freed = None
         if fit.carried is None and len(effects) < given + MOST_EFFECTS:
             best, freed = _best_freed(job, fit, effects, shown)
@@ -91,6 +95,17 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
 def found_by(job: Job, observation: Observation, fit: Fit) -> Freed:
     """Return a fit without effects as what `explained` starts from."""
     return Freed(observation, fit, _setting(job, fit))
+
+
+def with_turns(job: Job, found: Explained) -> Explained:
+    """Return a fit with its intervals widened by a late direction, if it must use samples near reversals."""
+    fit = found.fit
+    if fit.carried is not None or not any(block.turning for block in fit.blocks):
+        return found
+    now = found_by(job, found.observation, fit)
+    shown, _ = _scores(job, now, (), _slope(job, fit), (DIRECTION,))
+    drift = sum((np.outer(one.move, one.move) for one in shown), found.drift)
+    return replace(found, drift=drift, advice=(*found.advice, *(_left(one, ()) for one in shown)))
 
 
 def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:
@@ -145,16 +160,23 @@ def _slope(job: Job, fit: Fit) -> FloatArray | None:
 
 
 def _scores(
-    job: Job, now: Freed, estimated: Sequence[Effect], slope: FloatArray | None
+    job: Job,
+    now: Freed,
+    estimated: Sequence[Effect],
+    slope: FloatArray | None,
+    kinds: Sequence[str] = (),
 ) -> tuple[tuple[Score, ...], tuple[Effect, ...]]:
-    """Return the scores of effects that are not estimated, and those that hardly differ from the columns."""
+    """Return the scores of effects that are not estimated, and those that hardly differ from the columns.
+
+    Of these `kinds` only, where there are any.
+    """
     try:
         simulated = simulated_records(now.fit, now.setting)
     except IdentifiabilityError:
         return (), ()
     known = {effect.name for effect in estimated}
     every = effects_of(job.model, simulated[0].plant.bodies, len(job.records))
-    tested = [effect for effect in every if effect.name not in known]
+    tested = [one for one in every if one.name not in known and (not kinds or one.kind in kinds)]
     others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
                                  for channel, _, _ in now.fit.delays)  # fmt: skip
     rows = effect_rows(now.fit, now.setting, simulated, tested)

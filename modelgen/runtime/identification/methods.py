@@ -51,8 +51,13 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
         rules = Rules(job.robust is not None, job.bounds is not None, job.at_zero)
         return fit_composites_iv(setting, calm, job.late, job.start, rules)
 
+    waiting = [calm(job.records)]
+    # where every sample feels a reversal, a late force and a late change of direction look alike
+    turning = any(block.turning and block.has_force for block in waiting[0].blocks)
+    job = replace(job, late=()) if turning else job
+
     def run(records: tuple[Record, ...], start: Fit | None) -> tuple[Observation, Fit]:
-        observation = calm(records)
+        observation = waiting.pop() if waiting and records is job.records else calm(records)
         start = start or job.start
         first = fit_matched(observation) if start is None else fit_at(observation, start)
         here = replace(setting, records=records)

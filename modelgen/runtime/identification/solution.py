@@ -30,7 +30,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.memory_limit import beyond_limit
-from modelgen.runtime.identification.methods import WLS, Auto
+from modelgen.runtime.identification.methods import IV, WLS, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.robust_and_bounded import Treatment, treat, unweighted
 from modelgen.runtime.identification.task import Task
@@ -148,15 +148,20 @@ def fitted(task: Task) -> tuple[Task, Solution]:
 
 
 def _run(task: Task) -> Begun:
-    if not isinstance(task.method, Auto):
-        beyond = beyond_limit(task.job, task.method)
-        if beyond is not None:
-            raise DataError(beyond)
-        return run_method(task, task.method)
     # least squares needs no simulation, and what it loads
-    from modelgen.runtime.identification.default_method import default_method
+    if isinstance(task.method, Auto):
+        from modelgen.runtime.identification.default_method import default_method
 
-    return default_method(task, task.method)
+        return default_method(task, task.method)
+    beyond = beyond_limit(task.job, task.method)
+    if beyond is not None:
+        raise DataError(beyond)
+    begun = run_method(task, task.method)
+    if not isinstance(task.method, IV) or not task.checks.drift_check:
+        return begun
+    from modelgen.runtime.identification.explain_residual import with_turns
+
+    return replace(begun, found=with_turns(begun.task.job, begun.found))
 
 
 def settings_drift(

@@ -18,7 +18,7 @@ from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.pushed_chain import deflection_of, pushed
 from modelgen.runtime.iv.thresholds import KEPT, LAGS, RESOLVED, SHORTEST_REACH, STRIBECK_QUANTILE
 from modelgen.runtime.least_squares.delays import shift
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.model import Friction, Model, Sensor
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
@@ -34,7 +34,7 @@ class Effect:
     name : str
         "delay of q_c", unique.
     kind : str
-        "delay", "lag", "clock", "gain", "zero", "force" or "mass": how its size is said.
+        "delay", "direction", "lag", "clock", "gain", "zero", "force" or "mass": how its size is said.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
     remedy : str
@@ -77,7 +77,7 @@ class Effect:
     def said(self, size: float) -> str:
         """Return the effect with its size in words."""
         words, shown = self.words if size > 0.0 else self.negative, abs(size)
-        if self.kind == "delay":
+        if self.kind in ("delay", DIRECTION):
             return f"{words} by {1e6 * shown:.3g} us"
         if self.kind == "lag":
             return f"{words} (time constant about {1e6 * float(np.sqrt(2.0 * shown)):.2g} us)"
@@ -91,6 +91,7 @@ class Effect:
 
 
 ROLE_OF = {"constant force": "offset", "Coulomb friction": "coulomb", "viscous friction": "viscous"}
+DIRECTION = "direction"
 EITHER_SIGN = ("constant force", "friction by direction")
 
 
@@ -104,6 +105,7 @@ def effects_of(model: Model, bodies: Sequence[str], records: int) -> tuple[Effec
     if not model.cubic_springs:
         for body in bodies:
             found += _body_effects(body, _named(model, body))
+        found += [_late_direction(one) for one in model.friction if one.coulomb_plus]
         for name, role in model.roles.items():
             if role.role == "stiffness":
                 found += _link_effects(name, role.bodies)
@@ -191,6 +193,21 @@ def _body_effects(body: str, named: Collection[str]) -> Iterator[Effect]:
     yield Effect(f"further mass on {body}", "mass", f"a further mass on a spring hangs on {body}",
                  "", "add the body to the spec, or excite less of the high frequencies",
                  _further_mass(body))  # fmt: skip
+
+
+def _late_direction(friction: Friction) -> Effect:
+    """Return that the direction of a body changes too late: it is that of a low-passed velocity."""
+    body, name = friction.body, friction.coulomb_plus or ""
+
+    def changes(simulated: Simulated) -> Changes:
+        push = np.array([float(one == body) for one in simulated.plant.bodies])
+        level = simulated.plant.parameters[name]
+        jumps = np.gradient(np.sign(simulated.motion[f"v_{body}"]), simulated.record.dt)
+        return pushed(simulated, push, -level * jumps)
+
+    return Effect(f"direction of {body}", DIRECTION, f"the direction of {body} changes late",
+                  f"the direction of {body} changes early",
+                  "record a motion that reverses less often", changes)  # fmt: skip
 
 
 def _link_effects(stiffness: str, bodies: tuple[str, ...]) -> Iterator[Effect]:

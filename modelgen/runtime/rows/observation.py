@@ -130,14 +130,15 @@ class _Kept:
             for times, more in power.items():
                 self.force_power[times] = self.force_power.get(times, 0.0) + more
 
-    def place(self, row: int) -> IntArray | None:
-        """Return the samples that a row may use; None for all."""
-        masked = self.masked[row]
+    def place(self, row: int) -> tuple[IntArray | None, bool]:
+        """Return the samples that a row may use, None for all; and whether some of them feel a turn."""
+        masked, turning = self.masked[row], False
         further = len(self.rows.terms) + row
         if further < len(self.masked):
             calm = masked | self.masked[further]
-            masked = calm if np.count_nonzero(~calm) >= LEAST_SHARE * self.count else masked
-        return np.flatnonzero(~masked).astype(np.int64) if masked.any() else None
+            turning = bool(np.count_nonzero(~calm) < LEAST_SHARE * self.count)
+            masked = masked if turning else calm
+        return (np.flatnonzero(~masked).astype(np.int64) if masked.any() else None), turning
 
 
 def _blocks(rows: RecordRows, index: int) -> Iterator[RowBlock]:
@@ -146,7 +147,7 @@ def _blocks(rows: RecordRows, index: int) -> Iterator[RowBlock]:
     kept.all()
     every = np.arange(kept.count)
     for terms, info in zip(rows.terms, rows.plan.model.rows, strict=True):
-        place = kept.place(terms.row)
+        place, turning = kept.place(terms.row)
         lines = kept.lines[terms.row] if place is None else kept.lines[terms.row][:, place]
         kept.lines[terms.row] = lines[:0].copy()  # one row at a time stands in memory twice
         force_scale = float(np.sqrt(kept.force_power.get(info.differentiated, 0.0) / kept.count)) / info.lever
@@ -167,4 +168,5 @@ def _blocks(rows: RecordRows, index: int) -> Iterator[RowBlock]:
             differentiated=info.differentiated,
             start=rows.grid[0],
             touched=np.array(terms.columns, dtype=np.int64) if kept.wide else None,
+            turning=turning,
         )

@@ -72,6 +72,9 @@ class RowBlock:
         Sample of the record at the grid's first point.
     touched : array of int, optional
         Which columns of the observation those of W are; None for all of them.
+    turning : bool
+        Whether samples that feel a reversal are among these although they should not be: there are too few
+        others.
     """
 
     record: int
@@ -89,6 +92,7 @@ class RowBlock:
     differentiated: int
     start: int = 0
     touched: IntArray | None = None
+    turning: bool = False
 
     @cached_property
     def summary(self) -> RowTriangle:

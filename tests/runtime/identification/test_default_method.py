@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.identification import default_method
 from modelgen.runtime.identification.explained import Begun
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.methods import IV, Auto
+from modelgen.runtime.identification.methods import IV, Auto, Method
 from modelgen.runtime.identification.options import CheckOptions
 from modelgen.runtime.identification.task import Task
+from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.simulation.excitation import Excitation
+from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.two_mass_records import (
     FS,
     GEARED,
@@ -36,6 +40,30 @@ def test_of_a_right_model_nothing_is_said(seed: int) -> None:
     assert told(estimate) == []
     assert_truth_inside(estimate, TRUTH)
     assert estimate.fit.method == "iv"
+
+
+def about_rest(seed: int) -> Record:
+    """A chirp of the force about rest, from 0.15 to 1.8 times the resonance: hundreds of reversals."""
+    rate_hz, duration_s = 16 * FS, 3.0
+    t = np.arange(round(duration_s * rate_hz)) / rate_hz
+    resonance = np.sqrt(TRUTH["K"] * (1.0 / TRUTH["J_m"] + 1.0 / TRUTH["J_c"]))
+    phase = 0.15 * resonance * t + 0.5 * 1.65 * resonance * t**2 / duration_s
+    zero, force = np.zeros_like(t), 6.0 * TRUTH["F_sm"] * np.sin(phase)
+    excitation = Excitation(zero, zero, force, rate_hz, "rest")
+    noise = {"q_m": 2e-5, "q_c": 2e-5, "Gamma_m": 1e-4}
+    return simulate(SMALL, TRUTH, excitation, fs=FS, noise=noise, seed=seed).record
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("method", [Auto(), IV()], ids=["default", "iv"])
+def test_a_chirp_about_rest_gives_no_delay_and_intervals_that_hold(method: Method, seed: int) -> None:
+    estimate = identify(SMALL, [about_rest(seed)], method)
+    assert estimate.delays == {}
+    for name, value in estimate.params.items():
+        assert abs(value - TRUTH[name]) < 3.0 * estimate.bse[name], name
+    assert {"J_m", "J_c", "K"} <= set(estimate.params)
+    assert estimate.bse["J_m"] < 0.05 * TRUTH["J_m"]
+    assert any("direction of m changes" in what for _, _, what in told(estimate))
 
 
 @pytest.mark.parametrize("samples", [7.0, -6.0, 25.0])
