@@ -165,7 +165,7 @@ def dependence_advice(
 
 def _closeness(group: Dependence) -> str:
     exact = group.condition_index > HIGHEST_INDEX
-    return "exactly dependent" if exact else f"condition index {group.condition_index:.0f}"
+    return "exactly dependent" if exact else group.index_said
 
 
 def noisy_derivatives(model: Model, entries: Sequence[SignalToNoise]) -> tuple[Advice, ...]:

@@ -39,8 +39,9 @@ from modelgen.runtime.identification.thresholds import (
     SENSOR_DELAYS,
     STANDS_IN,
 )
+from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import fit_with_effects
-from modelgen.runtime.iv.model_errors import Effect, delay_effects, zero_effects
+from modelgen.runtime.iv.model_errors import delay_effects, zero_effects
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance

@@ -27,10 +27,11 @@ from modelgen.runtime.identification.thresholds import (
     OVER_NOISE,
     TRIED_TOO,
 )
+from modelgen.runtime.iv.effect import DIRECTION, Effect
 from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
 from modelgen.runtime.iv.instrumental_variables import Setting
-from modelgen.runtime.iv.model_errors import DIRECTION, Effect, effects_of
+from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score, scores, without_noise
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit

@@ -12,8 +12,9 @@ from modelgen.runtime.identification.explained import Explained
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV
 from modelgen.runtime.identification.thresholds import SEARCHED, STRETCHES
+from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import fit_with_effects
-from modelgen.runtime.iv.model_errors import Effect, zero_effect
+from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.records.record import Record
 
 

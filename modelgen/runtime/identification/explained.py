@@ -15,7 +15,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.rows.observation import Observation
 
 if TYPE_CHECKING:
-    from modelgen.runtime.iv.model_errors import Effect
+    from modelgen.runtime.iv.effect import Effect
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,8 @@ from modelgen.runtime.rows.standstill_speeds import Survey
 
 if TYPE_CHECKING:
     from modelgen.runtime.iv.companion_simulation import Loop
+    from modelgen.runtime.iv.effect import Effect
     from modelgen.runtime.iv.instrumental_variables import Setting
-    from modelgen.runtime.iv.model_errors import Effect
 
 
 @dataclass(frozen=True, eq=False)

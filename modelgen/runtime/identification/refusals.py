@@ -117,8 +117,8 @@ def dependent_columns(
             spread = 100.0 * float(np.sqrt(max(covariance[index, index], 0.0)))
             uncertain = spread > WITHOUT_NUMBER_PERCENT * abs(float(fit.solution.x[index]))
             if uncertain and name not in otherwise and name not in lost:
-                index_said = f"condition index {group.condition_index:.0f}"
-                found[name] = f"cannot be told from {group.others(name)} in these records ({index_said})"
+                others = group.others(name)
+                found[name] = f"cannot be told from {others} in these records ({group.index_said})"
     return found
 
 

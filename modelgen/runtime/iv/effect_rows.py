@@ -11,8 +11,8 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.companion_simulation import Simulated, possible, simulated_beside
+from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.instrumental_variables import Setting, diverged, simulation_parameters
-from modelgen.runtime.iv.model_errors import Changes, Effect
 from modelgen.runtime.iv.thresholds import TRIED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model

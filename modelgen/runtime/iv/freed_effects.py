@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
 from modelgen.runtime.iv.instrumental_variables import Setting, diverged, instruments, weighed
-from modelgen.runtime.iv.model_errors import Effect
 from modelgen.runtime.iv.thresholds import (
     EFFECT_CHANGE,
     EFFECT_MOVE,

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.iv.model_errors import Effect
+from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.thresholds import (
     LARGEST_SHARE,
     LEAST_EXPLAINED,

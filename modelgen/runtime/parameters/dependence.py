@@ -64,6 +64,11 @@ class Dependence:
         )
         return f"{listed} move together: only {seen} {verb} seen"
 
+    @property
+    def index_said(self) -> str:
+        """The condition index in words, to two digits: more of them are rounding where it is large."""
+        return f"condition index {float(f'{self.condition_index:.2g}'):.0f}"
+
     def others(self, name: str) -> str:
         """The other columns, in words."""
         return joined([column for column in self.columns if column != name])

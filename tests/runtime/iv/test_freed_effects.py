@@ -12,9 +12,10 @@ from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.iv import freed_effects
+from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
 from modelgen.runtime.iv.instrumental_variables import Setting
-from modelgen.runtime.iv.model_errors import Effect, effects_of
+from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from tests.runtime.two_mass_records import FS, SMALL, TRUTH, two_mass_records

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from modelgen.runtime.iv.model_errors import Effect, _without_lag, effects_of, zero_effects
+from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.model_errors import _without_lag, effects_of, zero_effects
 from modelgen.runtime.records.record import Record
 from tests.runtime.two_mass_records import FS, GEARED, SMALL, two_mass_records
 

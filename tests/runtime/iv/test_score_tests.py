@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from modelgen.runtime.iv.model_errors import Effect
+from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.score_tests import scores
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_at, fit_matched

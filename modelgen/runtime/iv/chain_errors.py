@@ -1,0 +1,123 @@
+"""Effects of the chain that a model may lack: forces on a body, a further mass, what a link does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.iv.companion_simulation import Simulated
+from modelgen.runtime.iv.effect import DIRECTION, Changes, Effect, curvature
+from modelgen.runtime.iv.pushed_chain import deflection_of, pushed
+from modelgen.runtime.iv.thresholds import STRIBECK_QUANTILE
+from modelgen.runtime.model.model import Friction, Model
+
+ROLE_OF = {"constant force": "offset", "Coulomb friction": "coulomb", "viscous friction": "viscous"}
+EITHER_SIGN = ("constant force", "friction by direction")
+
+
+def chain_effects(model: Model, bodies: Sequence[str]) -> Iterator[Effect]:
+    """Yield the effects of bodies and of links; none with cubic springs: such a chain is not linear."""
+    if model.cubic_springs:
+        return
+    for body in bodies:
+        yield from _body_effects(body, _named(model, body))
+    for friction in model.friction:
+        if friction.coulomb_plus:
+            yield _late_direction(friction)
+    for name, role in model.roles.items():
+        if role.role == "stiffness":
+            yield from _link_effects(name, role.bodies)
+
+
+def _named(model: Model, body: str) -> set[str]:
+    """Return which forces on a body the spec names, known or not."""
+    found = {role.role for role in model.roles.values() if role.bodies == (body,)}
+    for friction in model.friction:
+        if friction.body == body:
+            found |= {"coulomb"} if friction.coulomb_plus else set()
+            found |= {"offset"} if friction.offset else set()
+            found |= {"viscous"} if friction.asymmetric else set()
+    return found
+
+
+def _body_effects(body: str, named: Collection[str]) -> Iterator[Effect]:
+    forms: dict[str, tuple[str, Callable[[FloatArray], FloatArray]]] = {
+        "constant force": ("a constant force (offset)", np.ones_like),
+        "Coulomb friction": ("Coulomb friction that the spec does not name", np.sign),
+        "viscous friction": ("viscous friction that the spec does not name", np.asarray),
+        "quadratic friction": ("friction that grows with the square of the speed", lambda v: v * np.abs(v)),
+        "friction by direction": ("viscous friction that depends on the direction", np.abs),
+        "Stribeck friction": ("more friction at low speed (Stribeck)", _stribeck),
+    }
+    for name, (words, form) in forms.items():
+        if ROLE_OF.get(name) in named:
+            continue
+        negative = f"{words} acts on {body}" if name in EITHER_SIGN else ""
+        yield Effect(f"{name} on {body}", "force", f"{words} acts on {body}", negative, "add it to the spec",
+                     _friction(body, form))  # fmt: skip
+    yield Effect(f"further mass on {body}", "mass", f"a further mass on a spring hangs on {body}",
+                 "", "add the body to the spec, or excite less of the high frequencies",
+                 _further_mass(body))  # fmt: skip
+
+
+def _late_direction(friction: Friction) -> Effect:
+    """Return that the direction of a body changes too late: it is that of a low-passed velocity."""
+    body, name = friction.body, friction.coulomb_plus or ""
+
+    def changes(simulated: Simulated) -> Changes:
+        push = np.array([float(one == body) for one in simulated.plant.bodies])
+        level = simulated.plant.parameters[name]
+        jumps = np.gradient(np.sign(simulated.motion[f"v_{body}"]), simulated.record.dt)
+        return pushed(simulated, push, -level * jumps)
+
+    return Effect(f"direction of {body}", DIRECTION, f"the direction of {body} changes late",
+                  f"the direction of {body} changes early",
+                  "record a motion that reverses less often", changes)  # fmt: skip
+
+
+def _link_effects(stiffness: str, bodies: tuple[str, ...]) -> Iterator[Effect]:
+    pair = " and ".join(bodies)
+    yield Effect(f"stiffening of {stiffness}", "force", f"{stiffness} between {pair} stiffens",
+                 f"{stiffness} between {pair} softens",
+                 "compare amplitudes; give the link a stiffness3",
+                 _spring(stiffness, lambda d: d**3))  # fmt: skip
+    yield Effect(f"backlash of {stiffness}", "force", f"there is backlash between {pair}",
+                 f"{stiffness} between {pair} softens", "compare amplitudes, or preload the link",
+                 _spring(stiffness, lambda d: -np.sign(d)))  # fmt: skip
+
+
+def _stribeck(v: FloatArray) -> FloatArray:
+    slow = float(np.quantile(np.abs(v), STRIBECK_QUANTILE)) or float(np.max(np.abs(v))) or 1.0
+    return np.asarray(np.sign(v) * np.exp(-np.abs(v) / slow))
+
+
+def _friction(body: str, form: Callable[[FloatArray], FloatArray]) -> Callable[[Simulated], Changes]:
+    def changes(simulated: Simulated) -> Changes:
+        push = np.array([float(name == body) for name in simulated.plant.bodies])
+        return pushed(simulated, push, -form(simulated.motion[f"v_{body}"]))
+
+    return changes
+
+
+def _further_mass(body: str) -> Callable[[Simulated], Changes]:
+    def changes(simulated: Simulated) -> Changes:
+        push = np.array([float(name == body) for name in simulated.plant.bodies])
+        jerk_rate = curvature(simulated.motion[f"a_{body}"], simulated.record.dt)
+        place = simulated.plant.bodies.index(body)
+        # J_x s^2 / (1 + s^2 / w^2): J_x s^2 is the body's, the next term - J_x s^4 / w^2 pulls
+        return pushed(simulated, push, simulated.plant.inertia[place] * jerk_rate)
+
+    return changes
+
+
+def _spring(stiffness: str, form: Callable[[FloatArray], FloatArray]) -> Callable[[Simulated], Changes]:
+    def changes(simulated: Simulated) -> Changes:
+        lever = deflection_of(simulated.plant, stiffness)
+        motion = [simulated.motion[f"q_{body}"] for body in simulated.plant.bodies]
+        d = sum(share * q for share, q in zip(lever, motion, strict=True))
+        d = d - np.mean(d)
+        return pushed(simulated, lever, -form(d / (np.std(d) or 1.0)))
+
+    return changes

@@ -1,0 +1,87 @@
+"""Effect: something that a model or its sensors may lack, in words and as what it adds to the channels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.iv.companion_simulation import Simulated
+from modelgen.runtime.records.channels import Edit
+from modelgen.runtime.records.record import Record
+
+Changes = Mapping[str, FloatArray]
+# How the size of a late change of direction is said, and how it is known.
+DIRECTION = "direction"
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """Something that may be wrong, in words, and what it does to the channels of a simulated record.
+
+    Attributes
+    ----------
+    name : str
+        "delay of q_c", unique.
+    kind : str
+        "delay", "direction", "lag", "clock", "gain", "zero", "force" or "mass": how its size is said.
+    words, negative : str
+        What is said of it where its size is positive, and negative; empty where that cannot be.
+    remedy : str
+    changes : callable
+        Simulated -> what is added to each channel per unit of size, shape (n,) each; empty for a record that
+        does not have it.
+    edit : callable, optional
+        (size, fs in Hz) -> what sets a measured channel `channel` right; where it is linear in the size only
+        for small sizes, rows are made of channels set right.
+    record : int, optional
+        Which record has it; None for what all of them have.
+    """
+
+    name: str
+    kind: str
+    words: str
+    negative: str
+    remedy: str
+    changes: Callable[[Simulated], Changes]
+    channel: str = ""
+    edit: Callable[[str, float, float], Edit] | None = None
+    record: int | None = None
+
+    def corrected(self, record: Record, size: float) -> Record:
+        """Return a measured record without the effect, as far as its channels can be set right."""
+        if self.edit is None or not size:
+            return record
+        return record.edited({self.channel: self.edit(self.channel, size, record.fs)})
+
+    def possible(self, size: float) -> bool:
+        """Tell whether physics allows the sign."""
+        return bool(self.words if size > 0.0 else self.negative)
+
+    def samples(self, size: float, fs: float) -> float:
+        """Return the size of a delay or lag in samples at fs, in Hz; 0 for other effects."""
+        if self.edit is None:
+            return 0.0
+        return fs * (abs(size) if self.kind == "delay" else float(np.sqrt(2.0 * abs(size))))
+
+    def said(self, size: float) -> str:
+        """Return the effect with its size in words."""
+        words, shown = self.words if size > 0.0 else self.negative, abs(size)
+        if self.kind in ("delay", DIRECTION):
+            return f"{words} by {1e6 * shown:.3g} us"
+        if self.kind == "lag":
+            return f"{words} (time constant about {1e6 * float(np.sqrt(2.0 * shown)):.2g} us)"
+        if self.kind == "clock":
+            return f"{words} ({1e6 * size:+.3g} ppm)"
+        if self.kind == "gain":
+            return f"{words} ({100.0 * size:+.2g} %)"
+        if self.kind == "zero":
+            return f"{words} ({size:+.3g})"
+        return words
+
+
+def curvature(samples: FloatArray, dt: float) -> FloatArray:
+    """Return the second derivative of samples dt s apart, shape (n,)."""
+    return np.asarray(np.gradient(np.gradient(samples, dt), dt))
