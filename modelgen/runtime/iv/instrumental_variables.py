@@ -26,6 +26,7 @@ from modelgen.runtime.iv.thresholds import (
     SHRINKING,
     SMALL_CHANGE,
     SMALL_MOVE,
+    VANISHED_ROW,
 )
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -152,15 +153,23 @@ def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
 def weighed(fit: Fit) -> Fit:
     """Return the fit with weights from its residuals.
 
+    No residual counts as smaller than what sampling and filters allow: a load row that is nearly exact would
+    outweigh the forces, which alone fix the scale.
 
-    No residual counts as smaller than what sampling and filters allow: a load
-    row that is nearly exact would outweigh the forces, which alone fix the scale.
+    Raises
+    ------
+    IdentifiabilityError
+        When the parameters of a row without a force have shrunk to nothing: zero solves it, too.
     """
     tiny = float(np.finfo(float).tiny)
     weights = []
     for block, residual in zip(fit.blocks, fit.residuals, strict=True):
-        samples = np.sqrt(max(len(residual), 1))
-        least = EXACTNESS * block.terms_norm(fit.solution.x) / samples
+        samples = float(np.sqrt(max(len(residual), 1)))
+        largest = block.terms_norm(fit.solution.x) / samples
+        if not block.has_force and largest < VANISHED_ROW * block.force_scale:
+            what = f"all parameters of row {block.row_name} go to zero, which solves a row without a force"
+            raise diverged(f"{what}; noise of the sensors in {block.record_name} hides its motion")
+        least = EXACTNESS * largest
         weights.append(1.0 / max(float(np.linalg.norm(residual) / samples), least, tiny))
     return replace(fit, weights=tuple(weights), notes=())
 

@@ -36,6 +36,8 @@ SHRINKING = 0.5
 # share of a value.
 NEAR = 3.0
 NEAR_SHARE = 0.25
+# A row without a force whose terms are all below this share of the forces has gone to zero.
+VANISHED_ROW = 1e-6
 # Rows hold no more exactly than to this share of their largest term.
 EXACTNESS = 1e-3
 

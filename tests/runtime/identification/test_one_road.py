@@ -235,3 +235,15 @@ def test_what_is_no_record_is_refused() -> None:
     short = Record(dict.fromkeys(model.channels, np.sin(np.arange(60) * 0.1)), 5000.0, "run")
     with pytest.raises(DataError, match=r"run: has 60 samples"):
         identify(model, Record.over(short), cutoff_hz=300.0)
+
+
+def test_a_row_without_a_force_does_not_go_to_zero() -> None:
+    # rounded to 1e-4 of its range, the trapezoid hides how the link bends
+    model, records = experiment(7)
+    truth = next(iter(model.parameter_sets.values()))
+    found = identify(model, records)
+    assert "go to zero" in found.fit.notes[0]
+    for name, value in truth.items():
+        assert abs(found.params[name] - value) < 3.0 * found.bse[name]
+    with pytest.raises(IdentifiabilityError, match="row c go to zero"):
+        identify(model, records, "iv")
