@@ -20,6 +20,7 @@ from modelgen.runtime.identification.explain_residual import (
     explained,
     found_by,
     misfit,
+    other_weights,
 )
 from modelgen.runtime.identification.explain_stretches import explained_by_stretches
 from modelgen.runtime.identification.explained import Begun, Explained, run_method
@@ -132,7 +133,8 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
         )
     told = tuple(replace(one, what=one.what.replace(ESTIMATED, HELD)) for one in iv.advice)
     found = replace(plain.found, advice=told)
-    return _with_note(replace(plain, found=found), note, np.outer(move, move))
+    weighed, _ = other_weights(task.job, fit)
+    return _with_note(replace(plain, found=found), note, np.outer(move, move) + weighed)
 
 
 def _instrumental(task: Task, method: IV) -> Begun:

@@ -20,7 +20,9 @@ from modelgen.runtime.identification.explained import Explained
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
     AS_GOOD,
+    INEXACT,
     LEFT_SHARE,
+    LITTLE_LEFT,
     LITTLE_OWN,
     MOST_EFFECTS,
     MOST_TRIED,
@@ -37,6 +39,7 @@ from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
+from modelgen.runtime.least_squares.unrelated_regressions import across_rows
 from modelgen.runtime.rows.observation import Observation
 
 # What is done about an effect, in words.
@@ -71,8 +74,7 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
         if not shown:
             break
         best = shown[0]
-        if any(effect.kind == DIRECTION for effect in effects):
-            # what is left is of the reversals as well, whatever it looks like
+        if _of_the_same(best, effects):
             drift = drift + np.outer(best.move, best.move)
             break
         freed = None
@@ -86,11 +88,22 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
         for other in others:
             apart = other.move - best.move
             drift = drift + np.outer(apart, apart) / len(others)
+        change = INEXACT.get(best.effect.kind, 0.0) * (freed.fit.solution.x - now.fit.solution.x)
+        drift = drift + np.outer(change, change)
         now, effects = freed, (*effects, best.effect)
         advice.append(estimated(best.effect, freed.sizes[-1], others))
     weighed, told = other_weights(job, now.fit)
     fit = replace(now.fit, notes=now.fit.notes + sums)
     return Explained(now.observation, fit, effects, now.sizes, drift + weighed, (*advice, *told))
+
+
+def _of_the_same(score: Score, effects: Sequence[Effect]) -> bool:
+    """Tell whether an effect is what is left of one that is estimated, whatever it looks like.
+
+    What a reversal does has no form that is known, and other effects are simulated in first order.
+    """
+    kinds = {effect.kind for effect in effects}
+    return DIRECTION in kinds or (bool(kinds & INEXACT.keys()) and score.explained < LITTLE_LEFT)
 
 
 def found_by(job: Job, observation: Observation, fit: Fit) -> Freed:
@@ -110,24 +123,28 @@ def with_turns(job: Job, found: Explained) -> Explained:
 
 
 def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:
-    """Return what other weights of rows and records move, where a row is left unexplained, and what is said.
+    """Return what other weights of rows and records move, where the model lacks something, and what is said.
 
-    Weights from residuals hide a row that the model does not explain; weights from the rows' own size do not.
+    What a link lacks is left by both of its bodies' rows: weights across rows know that. Weights from
+    residuals hide a row that the model does not explain; weights from the rows' own size do not.
 
     Returns
     -------
     array, shape (c, c)
-        Mean square of the move, and the covariance with those weights.
+        Mean square of the moves, and the covariance with the last weights.
     tuple of Advice
     """
     c = len(fit.columns)
-    left = (
-        []
-        if fit.carried is not None
-        else exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE, LEFT_SHARE)
-    )
-    if not left or len(fit.blocks) < 2:
+    if fit.carried is not None or len(fit.blocks) < 2:
         return np.zeros((c, c)), ()
+    exceeding = exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE)
+    if not exceeding:
+        return np.zeros((c, c)), ()
+    move = across_rows(fit).solution.x - fit.solution.x
+    drift = np.outer(move, move)
+    left = [(block, share) for block, share in exceeding if share > LEFT_SHARE]
+    if not left:
+        return drift, ()
     sizes = [
         block.terms_norm(fit.solution.x) / float(np.sqrt(len(block.place))) or 1.0 for block in fit.blocks
     ]
@@ -142,7 +159,7 @@ def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:
         "hold what these rows would move",
         "identify from each record alone and compare, or add what is missing to the spec",
     )
-    return np.outer(move, move) + hac_covariance(other), (advice,)
+    return drift + np.outer(move, move) + hac_covariance(other), (advice,)
 
 
 def _setting(job: Job, fit: Fit) -> Setting:

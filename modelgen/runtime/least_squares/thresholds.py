@@ -58,3 +58,6 @@ EARLIEST, LATEST = -12, 40
 COARSE_BETTER = 0.9
 # Samples of a record and row that are looked at.
 LOOKED_AT = 20_000
+
+# Combinations of rows that cancel in more than this share of their variance weigh as if they did not.
+SMALLEST_VARIANCE = 1e-4

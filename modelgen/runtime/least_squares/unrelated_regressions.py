@@ -1,0 +1,59 @@
+"""Weights from the covariance of residuals between the rows of a record (Zellner 1962).
+
+What a link's model lacks acts on both of its bodies, with opposite sign: each of the two rows leaves it,
+their sum does not. Weights that know how residuals of rows go together trust that sum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.projected_least_squares import with_regressors
+from modelgen.runtime.least_squares.thresholds import SMALLEST_VARIANCE
+from modelgen.runtime.rows.row_block import RowBlock
+
+
+def across_rows(fit: Fit) -> Fit:
+    """Return the fit of combinations of rows whose residuals, by those of the fit, are uncorrelated.
+
+    Of the samples that all rows of a record use. Residuals count around zero: a mean is an error as well.
+    """
+    fit, regressors = fit.dense(), fit.regressors
+    blocks: list[RowBlock] = []
+    projected: list[FloatArray] = []
+    for record in dict.fromkeys(block.record for block in fit.blocks):
+        ours = [index for index, block in enumerate(fit.blocks) if block.record == record]
+        common = reduce(np.intersect1d, (fit.blocks[index].place for index in ours))
+        kept = [np.searchsorted(fit.blocks[index].place, common) for index in ours]
+        residuals = [fit.residuals[index][rows] for index, rows in zip(ours, kept, strict=True)]
+        share = _whitening(np.column_stack(residuals))
+        Y = np.stack([fit.blocks[index].Y[rows] for index, rows in zip(ours, kept, strict=True)])
+        W = np.stack([fit.blocks[index].W[rows] for index, rows in zip(ours, kept, strict=True)])
+        Z = np.stack([regressors[index][rows] for index, rows in zip(ours, kept, strict=True)])
+        for place, index in enumerate(ours):
+            part = share[place]
+            one = replace(
+                fit.blocks[index],
+                place=common,
+                Y=np.tensordot(part, Y, 1),
+                W=np.tensordot(part, W, 1),
+                masked=fit.blocks[index].grid - len(common),
+            )
+            blocks.append(one)
+            projected.append(np.tensordot(part, Z, 1))
+    alike = replace(fit, blocks=tuple(blocks), weights=(1.0,) * len(blocks))
+    return with_regressors(alike, tuple(projected))
+
+
+def _whitening(residuals: FloatArray) -> FloatArray:
+    """Return the combinations, shape (rows, rows), of residuals (n, rows) that have variance 1 each."""
+    scale = np.sqrt(np.mean(residuals**2, axis=0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh((residuals / scale).T @ (residuals / scale) / max(len(residuals), 1))
+    values = np.maximum(values, SMALLEST_VARIANCE * values[-1])
+    return np.asarray((vectors / np.sqrt(values)).T / scale)
