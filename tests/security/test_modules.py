@@ -131,7 +131,7 @@ NAMED = {  # ways of old: a name bound in one place and called in another, what 
     "f-string": ("CHAIN = '", "CHAIN = f'{open}"),
     "call of a text": ("ABSENT = {}", "ABSENT = 'x'({})"),
     "power bomb": ("1.0 / p[", "9**9**9 / p["),
-    "range bomb": ("in range(20)", "in range(10**18)"),
+    "range bomb": ("in range(24)", "in range(10**18)"),
     "array bomb": (", 1, 3))", ", 100000, 100000))"),
     "repeated text": ("ABSENT = {}", "ABSENT = {'x' * 10**10: 'x'}"),
     "exponent": ('p["J_m"]', 'p["J_m"] ** 999999999'),

@@ -18,6 +18,7 @@ from modelgen.runtime.parameters.other_solutions import other_solutions, solutio
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import (
     Covariances,
+    FoundParameters,
     all_from_composites,
     hanging_on,
     physical_parameters,
@@ -86,8 +87,8 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     )
     base = np.full(len(model.base_parameters), np.nan)
     base[[model.base_parameters.index(name) for name in identified]] = values
-    physical, unanswered = _physical(solved, base, covariances)
-    others = other_solutions(model, base, covariances, physical)
+    found = _physical(solved, base, covariances)
+    others = other_solutions(model, base, covariances, found.parameters)
     described = EstimatedFit(
         method=solved.method.name,
         method_title=method.title,
@@ -107,6 +108,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         notes=solved.observation.notes
         + fit.notes
         + (() if method.consistent else drift_notes(parameters))
+        + found.notes
         + solution_notes(others),
     )
     return Estimate(
@@ -116,26 +118,24 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         covariances,
         EstimatedParameters(
             parameters,
-            physical,
+            found.parameters,
             base,
             solved.nuisance,
-            {**model.absent, **solved.refused, **unanswered},
+            {**model.absent, **solved.refused, **found.unanswered},
             others,
         ),
     )
 
 
-def _physical(
-    solved: Solved, base: FloatArray, covariances: Covariances
-) -> tuple[tuple[Parameter, ...], dict[str, str]]:
+def _physical(solved: Solved, base: FloatArray, covariances: Covariances) -> FoundParameters:
     """Return the physical parameters that follow, and for the others the reason why they do not."""
     model, fit = solved.job.model, solved.fit
-    physical, unanswered = physical_parameters(
+    every = physical_parameters(
         model, base, covariances, solved.refused, solved.nuisance, fit.physical(model.parameters)
     )
-    found = {entry.name: entry.value for entry in physical}
+    found = {entry.name: entry.value for entry in every.parameters}
     # what lies at its bound has its reason already
-    free = tuple(entry for entry in physical if entry.name not in solved.fixed)
+    free = tuple(entry for entry in every.parameters if entry.name not in solved.fixed)
     physical, doubtful = certain(free, nonlinear=bool(model.composites))
     known = [name for name in model.base_parameters if name in solved.identified]
     if (
@@ -148,7 +148,7 @@ def _physical(
         hanging = hanging_on(model, covariances, found, doubtful, known)
         doubtful |= dict.fromkeys((name for name in hanging if name not in solved.fixed), reason)
         physical = tuple(entry for entry in physical if entry.name not in doubtful)
-    return physical, unanswered | doubtful
+    return FoundParameters(physical, {**every.unanswered, **doubtful}, every.notes)
 
 
 def certain(physical: tuple[Parameter, ...], nonlinear: bool) -> tuple[tuple[Parameter, ...], dict[str, str]]:

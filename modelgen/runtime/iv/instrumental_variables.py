@@ -32,6 +32,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.nearest_parameters import nearest_parameters
 from modelgen.runtime.parameters.physical_parameters import Covariances, physical_parameters
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import matched_rows
@@ -182,18 +183,20 @@ def simulation_parameters(
     Where there are more composites than physical parameters, `covariance_of` weighs them.
     """
     base = fit.all_parameters(model.base_parameters)
-    try:
+    if not model.composites:
         found = dict(model.physical_from_base(base))
-    except np.linalg.LinAlgError as error:
-        raise diverged("no physical parameters belong to its estimate") from error
-    if model.composites:
+    else:
+        nearest = nearest_parameters(model, base)
+        if not nearest:
+            raise diverged("no physical parameters belong to its estimate")
+        found = {name: nearest[0][name] for name in model.identifiable}
         covariance = covariance_of(fit)
         nothing = np.zeros_like(covariance)
         zero = dict.fromkeys(fit.absent, "absent")
         with_gaps = base.copy()
         with_gaps[[model.base_parameters.index(name) for name in fit.absent]] = np.nan
         covariances = Covariances(covariance, covariance, nothing, covariance)
-        better, _ = physical_parameters(model, with_gaps, covariances, zero, {})
+        better = physical_parameters(model, with_gaps, covariances, zero, {}).parameters
         found |= {entry.name: entry.value for entry in better}
     return {name: found.get(name, 0.0) for name in model.parameters}
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.model.contract_check import module_problems
 from modelgen.runtime.model.module_file import execute_file, execute_text
 
@@ -179,7 +179,10 @@ class Model:
 
     def base_from_physical(self, parameters: Mapping[str, float]) -> FloatArray:
         """Return the base parameters, shape (columns,), from physical ones (name to value, SI)."""
-        return cast(FloatArray, self.module.base_from_physical(parameters))
+        try:
+            return cast(FloatArray, self.module.base_from_physical(parameters))
+        except ZeroDivisionError as error:
+            raise DataError.at("parameters", "make a denominator zero", "give values above zero") from error
 
     def base_jacobian(self, parameters: Mapping[str, float]) -> FloatArray:
         """Return d base / d parameters, shape (columns, parameters), at physical parameters (SI)."""
@@ -198,12 +201,16 @@ class Model:
     def physical_from_base(self, base: npt.ArrayLike) -> dict[str, float]:
         """Return the identifiable physical parameters (name to value, SI) from the base ones, shape (c,), SI.
 
-        NaN where composites are so far from those of any chain that the iteration breaks down.
+        Raises
+        ------
+        IdentifiabilityError
+            When none are found that give every base parameter to 1e-9 of its size.
         """
         try:
             return cast(dict[str, float], self.module.physical_from_base(np.asarray(base, dtype=float)))
-        except np.linalg.LinAlgError:
-            return dict.fromkeys(self.identifiable, np.nan)
+        except ValueError as error:  # LinAlgError among them
+            remedy = "take base parameters of a chain, or identify from records: that fits what is nearest"
+            raise IdentifiabilityError.at(f"model {self.chain}", str(error), remedy) from error
 
     def state_space(
         self, parameters: Mapping[str, float], directions: Mapping[str, int] | None = None

@@ -8,8 +8,9 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.composite_fit import fit_composites
 from modelgen.runtime.parameters.parameter import Parameter
-from modelgen.runtime.parameters.physical_parameters import Covariances, all_from_composites, fit_composites
+from modelgen.runtime.parameters.physical_parameters import Covariances, all_from_composites
 from modelgen.runtime.parameters.thresholds import AS_GOOD, DIFFERENT, SPREAD, STARTS
 
 SEED = 2002
@@ -39,12 +40,12 @@ def other_solutions(
     reported = {entry.name: entry.value for entry in physical}
     if list(reported) != list(model.parameters):
         return ()
-    limit = fit_composites(model, base, covariances.total, reported).misfit + AS_GOOD
+    limit = fit_composites(model, base, covariances.noise, reported).misfit + AS_GOOD
     rng = np.random.default_rng(SEED)
     found: list[Mapping[str, float]] = []
     for _ in range(STARTS):
         start, _ = model.fit_physical(base, _near(reported, rng))
-        solved = fit_composites(model, base, covariances.total, start)
+        solved = fit_composites(model, base, covariances.noise, start)
         values = {name: solved.values[name] for name in reported}
         new = all(_differ(values, other) for other in [reported, *found])
         if new and solved.misfit <= limit and _possible(model, values):

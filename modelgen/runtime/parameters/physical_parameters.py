@@ -1,7 +1,10 @@
 """From the base parameters that were identified to the physical ones, with their standard deviations.
 
 Where base parameters are composites (an elimination), there may be more of them than physical ones: these are
-then the weighted nonlinear least-squares fit to the composites. Covariances are carried on to first order.
+then the nonlinear least-squares fit to the composites, weighted by what noise makes of them. Drift moves all
+composites along one direction and says nothing of which to trust: it is carried on, as a covariance of the
+result, to first order as that of the noise is. What the fit misses is tested: composites that contradict each
+other by more than both explain widen the intervals.
 """
 
 from __future__ import annotations
@@ -15,20 +18,16 @@ import numpy.typing as npt
 from modelgen.array_types import FloatArray
 from modelgen.frozen_values import FrozenValues
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.composite_fit import PhysicalSolution, fit_composites, whitening
+from modelgen.runtime.parameters.nearest_parameters import nearest_parameters
 from modelgen.runtime.parameters.parameter import Parameter
-from modelgen.runtime.parameters.thresholds import (
-    CONVERGED,
-    HANGING_SHARE,
-    NULL_SHARE,
-    RANK_TOLERANCE,
-    RELATIVE_STEP,
-    SMALL_STEP,
-    SMALLEST_SPREAD,
-    STEPS,
-)
+from modelgen.runtime.parameters.thresholds import HANGING_SHARE, RANK_TOLERANCE, RELATIVE_STEP
 
-# Relative steps below this are taken as they are: whether the misfit falls is a matter of rounding by then.
 NO_CHAIN = "the composites are far from those of any chain, so that no physical parameters follow"
+CONTRADICTED = (
+    "the composites contradict each other by {factor:.2g} times what noise and drift explain: a model error, "
+    "or the bias that noise gives least squares; the intervals of the physical parameters are wider by that"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,16 +55,12 @@ class Covariances(FrozenValues):
 
 
 @dataclass(frozen=True, eq=False)
-class PhysicalSolution:
-    """Values of physical parameters, their gradients by the identified base ones, and which are determined.
+class FoundParameters:
+    """Physical parameters, for those that cannot be had the reason, and what is to be said of them."""
 
-    `misfit` is the weighted sum of squares that the composites leave, zero where they only just suffice.
-    """
-
-    values: Mapping[str, float]
-    gradients: Mapping[str, FloatArray]
-    determined: frozenset[str]
-    misfit: float
+    parameters: tuple[Parameter, ...]
+    unanswered: Mapping[str, str]
+    notes: tuple[str, ...] = ()
 
 
 def physical_parameters(
@@ -75,7 +70,7 @@ def physical_parameters(
     refused: Mapping[str, str],
     nuisance: Mapping[str, float],
     near: Mapping[str, float] | None = None,
-) -> tuple[tuple[Parameter, ...], dict[str, str]]:
+) -> FoundParameters:
     """Return the physical parameters and, for those that cannot be had, the reason.
 
     Parameters
@@ -94,26 +89,57 @@ def physical_parameters(
         those that belong to them. Else a start where the model's own formula, which works in logarithms,
         leads to none because one of them is below zero.
     """
-    if all_from_composites(model) and near is not None and np.isfinite(base).all():
-        # they and their covariance came from physical parameters: any weights lead back to the same
-        solved = fit_composites(model, base, np.diag(np.where(base == 0.0, 1.0, base**2)), near)
-    elif all_from_composites(model):
-        start = model.physical_from_base(_filled(model, base, nuisance))
-        if near is not None and not _is_start(start, near):
-            start = dict(near)
-        if not np.isfinite(list(start.values())).all():
-            return (), dict.fromkeys(model.identifiable, NO_CHAIN)
-        solved = fit_composites(model, base, covariances.total, start)
+    factor = 1.0
+    if not model.composites:
+        values, gradients = _direct(model, base)
     else:
-        solved = _direct(model, base)
+        solved, factor = _from_composites(model, base, covariances, nuisance, near)
+        if solved is None:
+            return FoundParameters((), dict.fromkeys(model.identifiable, NO_CHAIN))
+        values, gradients = solved.values, {name: solved.gradients[name] for name in solved.determined}
     found, unanswered = [], {}
     for name in model.identifiable:
-        if name in solved.determined:
-            spreads = covariances.standard_deviations(solved.gradients[name])
-            found.append(Parameter(name, model.units.get(name, ""), solved.values[name], *spreads))
+        if name in gradients:
+            total, noise, drift, printed = covariances.standard_deviations(gradients[name])
+            # what composites contradict each other by is no noise of theirs
+            drift = float(np.sqrt(drift**2 + (factor**2 - 1.0) * total**2))
+            spreads = (factor * total, noise, drift, printed)
+            found.append(Parameter(name, model.units.get(name, ""), values[name], *spreads))
         elif name not in refused:
             unanswered[name] = _why_open(refused)
-    return tuple(found), unanswered
+    notes = (CONTRADICTED.format(factor=factor),) if factor > 1.0 else ()
+    return FoundParameters(tuple(found), unanswered, notes)
+
+
+def _from_composites(
+    model: Model,
+    base: FloatArray,
+    covariances: Covariances,
+    nuisance: Mapping[str, float],
+    near: Mapping[str, float] | None,
+) -> tuple[PhysicalSolution | None, float]:
+    """Return the best fit to the composites, None without a start, and by how much they contradict it."""
+    if near is not None and np.isfinite(base).all() and all_from_composites(model):
+        # they and their covariance came from physical parameters: any weights lead back to the same
+        return fit_composites(model, base, np.diag(np.where(base == 0.0, 1.0, base**2)), near), 1.0
+    starts = nearest_parameters(model, _filled(model, base, nuisance))
+    if near is not None and not (starts and _is_start(starts[0], near)):
+        starts = (near,)
+    found = [fit_composites(model, base, covariances.noise, start) for start in starts]
+    if not found:
+        return None, 1.0
+    best = min(found, key=lambda one: (not _solid(model, one.values), one.misfit))
+    return best, best.contradiction(covariances.total)
+
+
+def _solid(model: Model, values: Mapping[str, float]) -> bool:
+    """Tell whether inertias and stiffnesses are above zero: other solutions are no chain's."""
+    roles = model.roles
+    return all(
+        value > 0.0
+        for name, value in values.items()
+        if name in roles and roles[name].role in ("inertia", "stiffness")
+    )
 
 
 def _why_open(refused: Collection[str]) -> str:
@@ -151,7 +177,7 @@ def hanging_on(
     size = np.array([abs(values[name]) or 1.0 for name in model.parameters])
     rows = [model.base_parameters.index(name) for name in known]
     # how noise couples them: drift moves all along one direction, coupled or not
-    weighted = _whitening(covariances.noise) @ model.base_jacobian(values)[rows] * size
+    weighted = whitening(covariances.noise) @ model.base_jacobian(values)[rows] * size
     inverse = np.linalg.pinv(weighted, rcond=RANK_TOLERANCE)
     C = inverse @ inverse.T
     lost = [index for index, name in enumerate(model.parameters) if name in doubtful]
@@ -169,18 +195,11 @@ def all_from_composites(model: Model) -> bool:
     return bool(model.composites) and len(model.identifiable) == len(model.parameters)
 
 
-def _direct(model: Model, base: FloatArray) -> PhysicalSolution:
-    """Take the model's own formula; what it makes of a base parameter not identified does not count."""
-    identified = np.flatnonzero(np.isfinite(base))
-    names = [model.base_parameters[index] for index in identified]
-    # without composites the formula passes a NaN on; otherwise only what is a base parameter itself is safe
-    safe = names if model.composites and len(names) < len(base) else model.identifiable
-    filled = np.where(np.isfinite(base), base, 0.0) if model.composites else base
-    values = model.physical_from_base(filled)
-    determined = [name for name in model.identifiable if name in safe and np.isfinite(values[name])]
-    return PhysicalSolution(
-        values, _differences(model, filled, identified, determined), frozenset(determined), 0.0
-    )
+def _direct(model: Model, base: FloatArray) -> tuple[Mapping[str, float], dict[str, FloatArray]]:
+    """Return what the model's own formula gives, and the gradients; it passes on what is not identified."""
+    values = model.physical_from_base(base)
+    determined = [name for name in model.identifiable if np.isfinite(values[name])]
+    return values, _differences(model, base, np.flatnonzero(np.isfinite(base)), determined)
 
 
 def _differences(
@@ -206,65 +225,3 @@ def _filled(model: Model, base: FloatArray, nuisance: Mapping[str, float]) -> Fl
     for index in np.flatnonzero(np.isnan(base)):
         filled[index] = nuisance.get(model.base_parameters[index], 0.0)
     return filled
-
-
-def fit_composites(
-    model: Model, base: FloatArray, covariance: FloatArray, start: Mapping[str, float]
-) -> PhysicalSolution:
-    """Fit all physical parameters to the identified base ones, weighted by their covariance, from a start.
-
-    `base` holds all base parameters of the model, shape (columns,), NaN for those that are not identified;
-    `covariance` is that of the others, shape (identified, identified). All in SI units.
-    """
-    identified = np.flatnonzero(np.isfinite(base))
-    p = np.array([start[name] for name in model.parameters])
-    size = np.where(p == 0.0, 1.0, np.abs(p))
-    whiten = _whitening(covariance)
-
-    def mismatch(p: FloatArray) -> FloatArray:
-        values = model.base_from_physical(dict(zip(model.parameters, p.tolist(), strict=True)))
-        return np.asarray(whiten @ (base - values)[identified])
-
-    def slope(p: FloatArray) -> FloatArray:
-        jacobian = model.base_jacobian(dict(zip(model.parameters, p.tolist(), strict=True)))
-        return np.asarray(whiten @ jacobian[identified] * size)
-
-    error = mismatch(p)
-    for _ in range(STEPS):
-        step = np.linalg.lstsq(slope(p), error, rcond=RANK_TOLERANCE)[0]
-        # half steps until the misfit falls: a composite may be far from linear
-        while np.abs(step).max() > SMALL_STEP and not _smaller(mismatch(p + step * size), error):
-            step = 0.5 * step
-        p = p + step * size
-        error = mismatch(p)
-        if np.abs(step).max() <= CONVERGED:
-            break
-    weighted = slope(p)
-    gradients = size[:, None] * (np.linalg.pinv(weighted, rcond=RANK_TOLERANCE) @ whiten)
-    determined = [name for name, known in zip(model.parameters, _known(weighted), strict=True) if known]
-    return PhysicalSolution(
-        dict(zip(model.parameters, p.tolist(), strict=True)),
-        dict(zip(model.parameters, gradients, strict=True)),
-        frozenset(determined),
-        float(error @ error),
-    )
-
-
-def _smaller(error: FloatArray, than: FloatArray) -> bool:
-    return bool(error @ error < than @ than)
-
-
-def _known(slope: FloatArray) -> list[bool]:
-    """Tell which parameters take no part in a direction that leaves all base parameters as they are."""
-    _, s, Vt = np.linalg.svd(slope, full_matrices=True)
-    rank = int(np.sum(s > RANK_TOLERANCE * s[0]))
-    return [bool(known) for known in np.all(np.abs(Vt[rank:]) < NULL_SHARE, axis=0)]
-
-
-def _whitening(covariance: FloatArray) -> FloatArray:
-    """Return V with V C V^T = 1, except where C is next to nothing: there V is kept from exploding."""
-    spread = np.sqrt(np.diag(covariance))
-    spread = np.where(spread > 0.0, spread, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(spread, spread))
-    floor = SMALLEST_SPREAD**2 * max(float(values[-1]), 1.0)
-    return np.asarray((vectors / np.sqrt(np.maximum(values, floor))).T / spread)

@@ -27,6 +27,17 @@ DIFFERENT = 1e-2
 # A solution fits as well if its misfit exceeds the best by no more (95 % of chi-square, one degree).
 AS_GOOD = 3.84
 
+# Starts of the search for the parameters nearest to composites that contradict each other: the spread of the
+# first, and of the others, in the logarithms of the parameters; so many of the optima start a weighted fit.
+NEAREST_STARTS, NEAREST = 12, 3
+NEAREST_SPREADS = (0.1, 3.0)
+# A misfit (sum of squared relative errors) below this is none; the same optimum agrees by this share.
+EXACT = 1e-20
+SAME_MISFIT = 1e-6
+
+# Composites that their own fit misses with less than this probability contradict each other beyond noise.
+CONTRADICTION = 1e-3
+
 # Central differences of smooth functions: the cube root of the rounding error.
 RELATIVE_STEP = 6e-6
 # Gauss-Newton steps, and the relative step at which they rest: they converge quadratically, or not at all.

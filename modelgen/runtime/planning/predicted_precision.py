@@ -122,11 +122,11 @@ def _physical(planned: Experiment, found: Information, estimates: Sequence[Estim
     given = np.isfinite(first.base)
     expected = found.values + found.bias
     spread = found.covariance[np.ix_(given, given)]
-    # weighted by the first; the deviations to be carried on are the predicted ones
-    covariances = Covariances(weight, spread, weight, spread)
+    # weighted by what estimates take for noise; the deviations to be carried on are the predicted ones
+    covariances = Covariances(spread, weight, spread, spread)
     nuisance = dict(zip(found.columns, expected.tolist(), strict=True))
     base = np.where(given, expected, np.nan)
-    solved = physical_parameters(model, base, covariances, first.not_identifiable, nuisance)[0]
+    solved = physical_parameters(model, base, covariances, first.not_identifiable, nuisance).parameters
     refused = {
         name: next((e.not_identifiable[name] for e in estimates if name in e.not_identifiable), "is refused")
         for name in model.parameters
@@ -151,7 +151,7 @@ def _alike(estimates: Sequence[Estimate]) -> list[Estimate]:
 def _average_weight(estimates: Sequence[Estimate]) -> FloatArray:
     """Return the covariance that composites are weighted with on average."""
     alike = _alike(estimates)
-    return np.asarray(np.mean([one.cov_params() for one in alike], axis=0))
+    return np.asarray(np.mean([one.cov_params("noise") for one in alike], axis=0))
 
 
 def _own_and_averaged(
@@ -159,8 +159,8 @@ def _own_and_averaged(
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return every parameter as estimated, by each one's own weights, and by the average ones instead.
 
-    An estimate is weighted by its own drift with the settings, which is correlated with its error. What that
-    changes follows from the same estimates with average weights: the two are nearly equal.
+    An estimate is weighted by its own noise, which is correlated with its error. What that changes follows
+    from the same estimates with average weights: the two are nearly equal.
     """
     alike = _alike(estimates)
     if len(alike) < 2:
@@ -170,8 +170,8 @@ def _own_and_averaged(
     pairs: dict[str, list[tuple[float, float]]] = {}
     for one in alike:
         found = one.parameters
-        solved, _ = physical_parameters(model, found.base, average, found.not_identifiable, found.nuisance)
-        for entry in solved:
+        solved = physical_parameters(model, found.base, average, found.not_identifiable, found.nuisance)
+        for entry in solved.parameters:
             if entry.name in one.physical:
                 pairs.setdefault(entry.name, []).append((one.physical[entry.name], entry.value))
     return {name: (np.array(values)[:, 0], np.array(values)[:, 1]) for name, values in pairs.items()}
@@ -201,4 +201,4 @@ def _percent(entry: Parameter, true: float, own: tuple[float, float]) -> tuple[f
     """Return standard deviation and bias in % of the true magnitude."""
     size = abs(true) or np.nan
     share, shift = own
-    return 100.0 * share * entry.noise_std / size, 100.0 * (entry.value + shift - true) / size
+    return 100.0 * share * entry.printed_std / size, 100.0 * (entry.value + shift - true) / size

@@ -1,0 +1,117 @@
+"""Physical parameters fitted to composites of them, and whether the composites agree with each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.thresholds import (
+    CONTRADICTION,
+    CONVERGED,
+    NULL_SHARE,
+    RANK_TOLERANCE,
+    SMALL_STEP,
+    SMALLEST_SPREAD,
+    STEPS,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicalSolution:
+    """Values of physical parameters, their gradients by the identified base ones, and which are determined.
+
+    `misfit` is the weighted sum of squares that the composites leave, zero where they only just suffice.
+    `left` maps errors of the composites to the weighted part of them that no parameter takes up, shape
+    (spare, identified), and `error` is what of that is there, shape (spare,).
+    """
+
+    values: Mapping[str, float]
+    gradients: Mapping[str, FloatArray]
+    determined: frozenset[str]
+    misfit: float
+    left: FloatArray
+    error: FloatArray
+
+    def contradiction(self, covariance: FloatArray) -> float:
+        """Return by which factor the composites contradict each other, in standard deviations; 1 where not.
+
+        `covariance` is that of the composites, shape (identified, identified). What is left of them is then a
+        chi square, and the factor, where that is too large, its root per degree of freedom (Birge 1932).
+        """
+        from scipy.stats import chi2
+
+        if not self.error.size:
+            return 1.0
+        whiten = whitening(self.left @ covariance @ self.left.T)
+        found, spare = float(np.sum((whiten @ self.error) ** 2)), self.error.size
+        return float(np.sqrt(found / spare)) if found > chi2.isf(CONTRADICTION, spare) else 1.0
+
+
+def fit_composites(
+    model: Model, base: FloatArray, covariance: FloatArray, start: Mapping[str, float]
+) -> PhysicalSolution:
+    """Fit all physical parameters to the identified base ones, weighted by their covariance, from a start.
+
+    `base` holds all base parameters of the model, shape (columns,), NaN for those that are not identified;
+    `covariance` is that of the others, shape (identified, identified). All in SI units.
+    """
+    identified = np.flatnonzero(np.isfinite(base))
+    p = np.array([start[name] for name in model.parameters])
+    size = np.where(p == 0.0, 1.0, np.abs(p))
+    whiten = whitening(covariance)
+
+    def mismatch(p: FloatArray) -> FloatArray:
+        values = model.base_from_physical(dict(zip(model.parameters, p.tolist(), strict=True)))
+        return np.asarray(whiten @ (base - values)[identified])
+
+    def slope(p: FloatArray) -> FloatArray:
+        jacobian = model.base_jacobian(dict(zip(model.parameters, p.tolist(), strict=True)))
+        return np.asarray(whiten @ jacobian[identified] * size)
+
+    error = mismatch(p)
+    for _ in range(STEPS):
+        step = np.linalg.lstsq(slope(p), error, rcond=RANK_TOLERANCE)[0]
+        # half steps until the misfit falls: a composite may be far from linear
+        while np.abs(step).max() > SMALL_STEP and not _smaller(mismatch(p + step * size), error):
+            step = 0.5 * step
+        p = p + step * size
+        error = mismatch(p)
+        if np.abs(step).max() <= CONVERGED:
+            break
+    weighted = slope(p)
+    gradients = size[:, None] * (np.linalg.pinv(weighted, rcond=RANK_TOLERANCE) @ whiten)
+    determined = [name for name, known in zip(model.parameters, _known(weighted), strict=True) if known]
+    U, s, _ = np.linalg.svd(weighted)
+    spare = U[:, int(np.sum(s > RANK_TOLERANCE * s[0])) :].T
+    return PhysicalSolution(
+        dict(zip(model.parameters, p.tolist(), strict=True)),
+        dict(zip(model.parameters, gradients, strict=True)),
+        frozenset(determined),
+        float(error @ error),
+        spare @ whiten,
+        spare @ error,
+    )
+
+
+def _smaller(error: FloatArray, than: FloatArray) -> bool:
+    return bool(error @ error < than @ than)
+
+
+def _known(slope: FloatArray) -> list[bool]:
+    """Tell which parameters take no part in a direction that leaves all base parameters as they are."""
+    _, s, Vt = np.linalg.svd(slope, full_matrices=True)
+    rank = int(np.sum(s > RANK_TOLERANCE * s[0]))
+    return [bool(known) for known in np.all(np.abs(Vt[rank:]) < NULL_SHARE, axis=0)]
+
+
+def whitening(covariance: FloatArray) -> FloatArray:
+    """Return V with V C V^T = 1, except where C is next to nothing: there V is kept from exploding."""
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    spread = np.where(spread > 0.0, spread, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(spread, spread))
+    floor = SMALLEST_SPREAD**2 * max(float(values[-1]), 1.0)
+    return np.asarray((vectors / np.sqrt(np.maximum(values, floor))).T / spread)
