@@ -169,9 +169,9 @@ def test_a_docstring_may_speak_of_any_name() -> None:
 
 
 def test_of_two_forms_of_a_function_the_nearer_one_is_told() -> None:
-    problem = first_deviation(SEEN.replace("for attempt in range(20):", "for attempt in range(21):"))
+    problem = first_deviation(SEEN.replace("for attempt in range(24):", "for attempt in range(25):"))
     assert problem is not None
-    assert "where modelgen writes 'for attempt in range(20):'" in problem.what
+    assert "where modelgen writes 'for attempt in range(24):'" in problem.what
     problem = first_deviation(MOTOR.replace('    return {\n        "J"', '    return {{\n        "J"'))
     assert problem is not None
     assert problem.what == "holds 'return {{' where modelgen writes 'return {'"

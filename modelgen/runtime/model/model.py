@@ -179,10 +179,7 @@ class Model:
 
     def base_from_physical(self, parameters: Mapping[str, float]) -> FloatArray:
         """Return the base parameters, shape (columns,), from physical ones (name to value, SI)."""
-        try:
-            return cast(FloatArray, self.module.base_from_physical(parameters))
-        except ZeroDivisionError as error:
-            raise DataError.at("parameters", "make a denominator zero", "give values above zero") from error
+        return cast(FloatArray, self.module.base_from_physical(parameters))
 
     def base_jacobian(self, parameters: Mapping[str, float]) -> FloatArray:
         """Return d base / d parameters, shape (columns, parameters), at physical parameters (SI)."""
@@ -201,16 +198,12 @@ class Model:
     def physical_from_base(self, base: npt.ArrayLike) -> dict[str, float]:
         """Return the identifiable physical parameters (name to value, SI) from the base ones, shape (c,), SI.
 
-        Raises
-        ------
-        IdentifiabilityError
-            When none are found that give every base parameter to 1e-9 of its size.
+        Raises IdentifiabilityError when none are found that give every base parameter to 1e-9 of its size.
         """
         try:
             return cast(dict[str, float], self.module.physical_from_base(np.asarray(base, dtype=float)))
         except ValueError as error:  # LinAlgError among them
-            remedy = "take base parameters of a chain, or identify from records: that fits what is nearest"
-            raise IdentifiabilityError.at(f"model {self.chain}", str(error), remedy) from error
+            raise IdentifiabilityError.at(self.chain, str(error), "identify from records") from error
 
     def state_space(
         self, parameters: Mapping[str, float], directions: Mapping[str, int] | None = None
