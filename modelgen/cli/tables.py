@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from modelgen.errors import listed
 from modelgen.progress import is_terminal
 
 if TYPE_CHECKING:
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 
 #: Coefficients with a larger denominator are shown as decimals.
 LARGEST_DENOMINATOR = 1000
+#: What exact algebra promises is an upper bound.
+WITHOUT_NOISE = "without noise of the sensors (modelgen design says what noise leaves)"
+#: Characters of a formula that a person still reads.
+TWO_LINES = 160
 PRIMES = ("", "'", "''")
 Justify = Literal["left", "right"]
 Description = dict[str, Any]
@@ -98,7 +103,8 @@ def _overview(sets: Sequence[Description]) -> list[Table | Text]:
         "lost: identifiable with a position sensor on every body, but not with this set",
         "modelgen show SPEC --sensors S shows one set in detail",
     ]
-    return [Text(""), table("Sensor sets", columns, lines), Text(""), *(Text(line) for line in legend)]
+    title = f"Sensor sets, {WITHOUT_NOISE}"
+    return [Text(""), table(title, columns, lines), Text(""), *(Text(line) for line in legend)]
 
 
 def demo_tables(found: Description) -> Group:
@@ -217,13 +223,24 @@ def _model_tables(described: Description) -> list[Table | Text]:
         [("column", "right"), ("base parameter", "left"), ("unit", "left")],
         [(str(i), b["name"], b["unit"]) for i, b in enumerate(described["base_parameters"])],
     )
-    answered = Text(f"\nidentifiable: {', '.join(described['identifiable']) or 'none'}")
+    answered = Text(f"\nidentifiable {WITHOUT_NOISE}: {', '.join(described['identifiable']) or 'none'}")
     absent = [Text(f"not identifiable: {name}: {why}") for name, why in described["absent"].items()]
     given = [signal for signal in described["signals"] if signal.startswith("sign_")]
     asked = f"directions that the records must bring, or identify --direction name: {', '.join(given)}"
-    formulas = [Text(f"{n} = {f}") for n, f in described["composites"].items() if n != f]
+    formulas = _formulas(described["composites"])
     head = Text(f"\nSensors {described['sensor_set']}: {sensors}\n", style="bold")
     return [head, rows, Text(""), base, *formulas, answered, *absent, *([Text(asked)] if given else [])]
+
+
+def _formulas(composites: Mapping[str, str]) -> list[Text]:
+    """Return the formulas of short symbols that fit on two lines, and where the others are."""
+    shown = {name: f"{name} = {formula}" for name, formula in composites.items() if name != formula}
+    long = [name for name, text in shown.items() if len(text) > TWO_LINES]
+    lines = [Text(text) for name, text in shown.items() if name not in long]
+    if long:
+        said = "have formulas" if len(long) > 1 else "has a formula"
+        lines.append(Text(f"{listed(long)} {said} of more than two lines, which --json holds"))
+    return lines
 
 
 def _equation_text(equation: Equation) -> str:

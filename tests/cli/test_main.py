@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from modelgen.cli.main import app
+from tests.render.test_physical_from_base import star_or_chain
 
 COMMANDS = (
     "demo",
@@ -157,6 +158,24 @@ def test_show_as_json() -> None:
     assert second["identifiable"] == ["J_m", "F_vm", "F_sm", "J_c", "F_vmc", "K"]
 
 
+@pytest.mark.parametrize("seed", [3, 8, 21, 34])
+def test_show_prints_no_formula_that_two_lines_do_not_hold(here: Path, seed: int) -> None:
+    Path("chain.toml").write_text(star_or_chain(seed), encoding="utf-8")
+    (described,) = run_json("show", "chain.toml", "--sensors", "set")["sensor_sets"]
+    printed = " ".join(run("show", "chain.toml", "--sensors", "set").stdout.split())
+    assert described["composites"]
+    for name, formula in described["composites"].items():
+        assert name == formula or (f"{name} = {formula}" in printed) == (len(f"{name} = {formula}") <= 160)
+    longest = max(len(formula) for formula in described["composites"].values())
+    assert ("more than two lines, which --json holds" in printed) == (longest > 160)
+
+
+def test_show_says_that_its_counts_hold_without_noise(here: Path) -> None:
+    for sensors in ("all", "qm_ac"):
+        printed = " ".join(run("show", "emps300", "--sensors", sensors).stdout.split())
+        assert "without noise of the sensors" in printed
+
+
 def test_show_names_composites_of_an_elimination(here: Path) -> None:
     run("new", "axis")
     text = Path("axis.toml").read_text(encoding="utf-8").partition("[sensors.")[0]
@@ -164,7 +183,11 @@ def test_show_names_composites_of_an_elimination(here: Path) -> None:
     Path("axis.toml").write_text(text + sensor, encoding="utf-8")
     printed = run("show", "axis.toml").stdout
     assert "J_m*J_c/K" in printed
-    assert "identifiable: J_m, F_vm, F_sm, J_c, F_vmc, K" in printed
+    said = " ".join(printed.split())
+    assert (
+        "identifiable without noise of the sensors (modelgen design says what noise leaves): J_m, F_vm,"
+        in said
+    )
     (described,) = run_json("show", "axis.toml")["sensor_sets"]
     assert {"name": "J_m*J_c/K", "unit": "(N m)/(rad/s^4)"} in described["base_parameters"]
 

@@ -89,6 +89,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     base[[model.base_parameters.index(name) for name in identified]] = values
     found = _physical(solved, base, covariances)
     others = other_solutions(model, base, covariances, found.parameters)
+    symbols = {name: formula for name, formula in model.composites.items() if name != formula}
     described = EstimatedFit(
         method=solved.method.name,
         method_title=method.title,
@@ -112,7 +113,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         + solution_notes(others),
     )
     return Estimate(
-        EstimatedModel(model.chain, model.sensor_set, model.title),
+        EstimatedModel(model.chain, model.sensor_set, model.title, symbols),
         tuple(record.name for record in solved.job.records),
         described,
         covariances,

@@ -164,6 +164,7 @@ class Estimate:
             "not_identifiable": self.not_identifiable,
             "other_solutions": self.parameters.other_solutions,
             "nuisance": self.parameters.nuisance,
+            "composites": self.model.composites,
             "base": self.base.tolist(),
             "noise_std": {entry.name: entry.noise_std for entry in identified},
             "drift_std": {entry.name: entry.drift_std for entry in identified},

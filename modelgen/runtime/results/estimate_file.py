@@ -62,7 +62,7 @@ KEYS: Mapping[str, tuple[Holds, str]] = {
     **dict.fromkeys(("records", "notes"), TEXTS),
     **dict.fromkeys(("params", "physical", "nuisance", "delays"), VALUES),
     **dict.fromkeys(DEVIATIONS, NUMBERS),
-    **dict.fromkeys(("units", "not_identifiable"), (_table_of(_is_text), "a table of texts")),
+    **dict.fromkeys(("units", "not_identifiable", "composites"), (_table_of(_is_text), "a table of texts")),
     "conf_int_95": (_table_of(_is_interval), "a table of pairs of numbers"),
     "other_solutions": (_list_of(_table_of(_is_real)), "a list of tables of numbers"),
     "base": (_list_of(_is_real), "a list of numbers"),

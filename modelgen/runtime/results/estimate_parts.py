@@ -14,11 +14,15 @@ from modelgen.runtime.parameters.pruning import Pruning
 
 @dataclass(frozen=True)
 class EstimatedModel:
-    """Which generated model was identified: names of its chain and sensor set, and the chain's title."""
+    """Which generated model was identified: names of its chain and sensor set, and the chain's title.
+
+    `composites` maps base parameters that go by a short symbol to their formula in the physical ones.
+    """
 
     chain: str
     sensor_set: str
     title: str
+    composites: Mapping[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return f"{self.chain}, sensors {self.sensor_set}"

@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from modelgen.errors import listed
 from modelgen.runtime.results.check_tables import CheckTable, check_tables
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ def summary_text(estimate: Estimate) -> str:
         _heading(estimate),
         _table(_parameter_rows(estimate)),
         textwrap.wrap(INTERVAL_KINDS[estimate.fit.covariance_kind], WIDTH, break_on_hyphens=False),
+        _composites(estimate),
         _physical(estimate),
         _quality(estimate),
         _refused(estimate),
@@ -59,12 +61,34 @@ def _parameter_rows(estimate: Estimate) -> list[list[str]]:
     periods = estimate.checks.periods
     named = (["noise", "drift", "eq. (11)"] if detailed else []) + (["periods"] if periods else [])
     rows = [header + named]
+    hidden = _told_otherwise(estimate)
     for index, entry in enumerate(estimate.parameters.identified):
+        if entry.name in hidden:
+            continue
         parts = [entry.noise_std, entry.drift_std, entry.printed_std] if detailed else []
         parts += [periods.std[index]] if periods else []
         interval = [_number(bound) for bound in intervals[entry.name]]
         rows.append([*_leading(entry), *interval, *(_number(part, 3) for part in parts)])
     return rows
+
+
+def _told_otherwise(estimate: Estimate) -> tuple[str, ...]:
+    """Return the composites by a short symbol that physical parameters are told in place of."""
+    symbols = [
+        entry.name for entry in estimate.parameters.identified if entry.name in estimate.model.composites
+    ]
+    return tuple(symbols) if estimate.parameters.physical else ()
+
+
+def _composites(estimate: Estimate) -> list[str]:
+    """Return what became of composites whose formulas are too long for a name."""
+    symbols = [name for name in estimate.model.composites if name in estimate.params]
+    if not symbols:
+        return []
+    told = _told_otherwise(estimate)
+    said = "the physical parameters below say what they hold" if told else "no physical parameter follows"
+    text = f"Composites of them: {listed(symbols)}; {said}; formulas and values are in the JSON (--output)."
+    return textwrap.wrap(text, WIDTH)
 
 
 def _leading(entry: Parameter) -> list[str]:

@@ -139,6 +139,21 @@ def test_everything_is_said() -> None:
     assert summary_text(made_up()) == GOLDEN
 
 
+def test_physical_parameters_stand_in_for_composites_of_long_formulas() -> None:
+    whole = made_up()
+    model = replace(whole.model, composites={"F_vm": "J_m*J_c/K + " * 40})
+    told = summary_text(replace(whole, model=model))
+    assert "J_m  " in told.split("Standard deviations")[0]
+    assert "F_vm" not in told.split("Standard deviations")[0]
+    assert "Composites of them: F_vm; the physical parameters below say what they hold" in told
+    assert "J_c/K" not in told
+    alone = replace(whole, model=model, parameters=replace(whole.parameters, physical=()))
+    told = summary_text(alone)
+    assert "F_vm" in told.split("Standard deviations")[0]
+    assert "F_vm; no physical parameter follows" in " ".join(told.split())
+    assert replace(whole, model=model).to_dict()["composites"] == model.composites
+
+
 def test_what_there_is_not_leaves_no_trace() -> None:
     whole = made_up()
     fit = replace(
