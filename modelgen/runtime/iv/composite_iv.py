@@ -18,8 +18,9 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
-from modelgen.runtime.iv.instrumental_variables import Setting, diverged, simulation_parameters
+from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.starting_values import physical_starts
 from modelgen.runtime.iv.thresholds import (
     COMPOSITE_MOVE,
@@ -151,7 +152,7 @@ def fit_physical_iv(
     observation = rows(tuple(setting.records))
     plain = fit_matched(observation)
     if plain.absent:
-        raise diverged(f"the records do not move what {', '.join(plain.absent)} needs")
+        raise diverged(f"the records do not move what {', '.join(plain.absent)} needs", plain, model)
     for done in range(1, COMPOSITE_ROUNDS + 1):
         if late and done > 1:
             observation = rows(tuple(advanced(record, now.delays) for record in setting.records))
@@ -160,7 +161,7 @@ def fit_physical_iv(
         x, spread = step.x, step.spread
         move = np.r_[x[:c] - now.p, x[c:]]
         if not np.all(np.isfinite(move)):
-            raise diverged("its estimate is not finite")
+            raise diverged("its estimate is not finite", plain, model)
         size = np.r_[np.abs(x[:c]), np.full(len(late), SMALLEST_STEP * sample / SMALL_CHANGE)]
         small = np.maximum(COMPOSITE_MOVE * spread, SMALL_CHANGE * size)
         hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(len(late), np.inf)]

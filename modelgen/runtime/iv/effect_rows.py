@@ -11,8 +11,9 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.companion_simulation import Simulated, possible, simulated_beside
+from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.effect import Changes, Effect
-from modelgen.runtime.iv.instrumental_variables import Setting, diverged, simulation_parameters
+from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.thresholds import TRIED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
@@ -38,7 +39,7 @@ def simulated_records(fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
             for index, record in enumerate(setting.records)
         )
     except DataError as error:
-        raise diverged(f"its simulation fails ({error.problems[0].what})") from error
+        raise diverged(f"its simulation fails ({error.problems[0].what})", fit, model) from error
 
 
 def effect_rows(

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.iv.divergence import diverged, refuse_runaway
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
-from modelgen.runtime.iv.instrumental_variables import Setting, diverged, instruments, weighed
+from modelgen.runtime.iv.instrumental_variables import Setting, instruments, weighed
 from modelgen.runtime.iv.thresholds import (
     EFFECT_CHANGE,
     EFFECT_MOVE,
@@ -92,7 +93,7 @@ def fit_with_effects(
         observation = rows(tuple(here.records))
         plain = fit_at(observation, now)
         if plain.columns != start.columns:
-            raise diverged("its columns change")
+            raise diverged("its columns change", now, setting.model)
         simulated = simulated_records(plain, here)
         Z = instruments(plain, here, {index: one.record for index, one in enumerate(simulated)})
         grown = effect_rows(plain, here, simulated, effects)
@@ -101,8 +102,9 @@ def fit_with_effects(
         left = np.where(edited, 0.0, sizes)
         larger = _with_columns(plain, Z, (*late, *grown), left, len(late))
         x, steps = larger.solution.x[:c], larger.solution.x[c:]
-        if not np.all(np.isfinite(larger.solution.x)):
-            raise diverged("its estimate is not finite")
+        if not np.all(np.isfinite(steps)):
+            raise diverged("its estimate is not finite", plain, setting.model)
+        refuse_runaway(plain.columns, x, plain, setting.model)
         spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))
         moves = np.r_[x - plain.solution.x, steps[: len(late)], steps[len(late) :] - left]
         size = np.r_[np.abs(x), np.full(len(late), SMALLEST_STEP * sample / EFFECT_CHANGE), np.abs(sizes)]
@@ -128,10 +130,11 @@ def fit_with_effects(
             if effect.samples(size, 1.0 / sample) > LARGEST_LAG
         ]
         if far:
-            raise diverged(f"{', '.join(far)} runs away")
+            raise diverged(f"{', '.join(far)} runs away", plain, setting.model)
         for channel, step in zip(delays, steps[: len(late)], strict=True):
             delays[channel] += length * float(np.clip(step, -sample, sample))
-    raise diverged(f"with {', '.join(effect.name for effect in effects)} it does not come to rest")
+    names = ", ".join(effect.name for effect in effects)
+    raise diverged(f"with {names} it does not come to rest", now, setting.model)
 
 
 def _corrected(

@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
+from modelgen.runtime.iv.divergence import diverged, refuse_runaway
 from modelgen.runtime.iv.thresholds import (
     EXACTNESS,
     FORESEEN,
@@ -78,7 +79,9 @@ def fit_iv(start: Fit, setting: Setting) -> Fit:
             return replace(following, notes=_iv_notes(len(moves) + near))
         fit, runs = following, None
     raise diverged(
-        f"after {ROUNDS} rounds an estimate still moves by {SMALL_MOVE * moves[-1]:.2g} standard deviations"
+        f"after {ROUNDS} rounds an estimate still moves by {SMALL_MOVE * moves[-1]:.2g} standard deviations",
+        fit,
+        setting.model,
     )
 
 
@@ -87,15 +90,8 @@ def iv_round(fit: Fit, setting: Setting, runs: Mapping[int, Record] | None = Non
     if runs is None:
         runs = simulated(fit, setting, simulation_parameters(setting.model, fit))
     following = solve_with(fit, instruments(fit, setting, runs))
-    if not np.all(np.isfinite(following.solution.x)):
-        raise diverged("its estimate is not finite")
+    refuse_runaway(following.columns, following.solution.x, fit, setting.model)
     return replace(following, simulated=runs)
-
-
-def diverged(what: str) -> IdentifiabilityError:
-    """Return the error of an iteration of instruments that failed."""
-    remedy = "use method wls, give better first values by another cutoff_hz, or check the model"
-    return IdentifiabilityError.at("method iv", f"does not converge: {what}", remedy)
 
 
 def simulated(fit: Fit, setting: Setting, values: Mapping[str, float]) -> Mapping[int, Record]:
@@ -114,7 +110,7 @@ def simulated(fit: Fit, setting: Setting, values: Mapping[str, float]) -> Mappin
             for index in dict.fromkeys(block.record for block in fit.blocks)
         }
     except DataError as error:
-        raise diverged(f"its simulation fails ({error.problems[0].what})") from error
+        raise diverged(f"its simulation fails ({error.problems[0].what})", fit, model) from error
 
 
 def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple[FloatArray, ...]:
@@ -142,7 +138,7 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
         found.append(Z.T)
     still = [name for name, size in zip(fit.columns, _norms(found), strict=True) if size == 0.0]
     if still:
-        raise diverged(f"its simulation does not move what {', '.join(still)} needs")
+        raise diverged(f"its simulation does not move what {', '.join(still)} needs", fit, model)
     return tuple(found)
 
 
@@ -188,7 +184,7 @@ def simulation_parameters(
     else:
         nearest = nearest_parameters(model, base)
         if not nearest:
-            raise diverged("no physical parameters belong to its estimate")
+            raise diverged("no physical parameters belong to its estimate", fit, model)
         found = {name: nearest[0][name] for name in model.identifiable}
         covariance = covariance_of(fit)
         nothing = np.zeros_like(covariance)

@@ -112,3 +112,6 @@ TRIED_SHARE = 1e-5
 # The chain is held by a feedback of this share of its lowest elastic frequency, or of the highest in the
 # record: any will do, as rows do not feel it.
 HOLDING_SHARE = 0.1
+
+# A row that leaves more than this share of its force is told where instruments fail.
+LEFT_OF_FORCE = 0.5

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import IdentifiabilityError
+from modelgen.errors import IdentifiabilityError, Problem
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -131,7 +131,10 @@ def fit_with_delays(
     start: Fit | None = None
     for _ in range(DELAY_ROUNDS):
         moved = tuple(advanced(record, delays) for record in records)
-        observation, fit = run(moved, start)
+        try:
+            observation, fit = run(moved, start)
+        except IdentifiabilityError as error:
+            raise IdentifiabilityError(*error.problems, *_late_so_far(delays, sample)) from error
         rates = [rates_of(fit, moved, channel) for channel in channels]
         larger = _with_rates(fit, rates)
         c = len(fit.columns)
@@ -157,6 +160,20 @@ def fit_with_delays(
         (channel, delays[channel], float(std)) for channel, std in zip(channels, spread[c:], strict=True)
     )
     return observation, replace(_without(fit, rates), delays=found)
+
+
+def _late_so_far(delays: Mapping[str, float], sample: float) -> list[Problem]:
+    """Return the delays of a sample and more at which rounds have failed, as problems of their own."""
+    return [
+        Problem(
+            channel,
+            f"would be {'late' if delay > 0.0 else 'early'} by {1e3 * abs(delay):.3g} ms there "
+            f"({abs(delay) / sample:.3g} samples)",
+            "record all channels by one clock, or give the delay if it is known",
+        )
+        for channel, delay in delays.items()
+        if abs(delay) >= sample
+    ]
 
 
 def delay_rates(

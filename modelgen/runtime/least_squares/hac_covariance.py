@@ -152,7 +152,8 @@ def joined_covariance(sums: Sequence[KernelSums], bandwidth: float, n: int) -> F
     result = np.zeros((len(power), len(power)))
     for one in sums:
         shares = np.sum(np.diag(one.total)[alive] / power[alive])
-        fourth = np.sum(one.fourth[alive] / power[alive] ** 2)
+        # one after the other: the square of a small power would be zero
+        fourth = np.sum(one.fourth[alive] / power[alive] / power[alive])
         instants = effective_instants(float(shares), float(fourth), n)
         result += one.total * fixed_b_factor(bandwidth, instants)
     return result
