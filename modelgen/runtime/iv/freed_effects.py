@@ -24,8 +24,8 @@ from modelgen.runtime.iv.thresholds import (
 )
 from modelgen.runtime.least_squares.delays import advanced, delay_rates
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.further_columns import with_columns, without_columns
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
 from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
 from modelgen.runtime.least_squares.wls import fit_at
 from modelgen.runtime.records.record import Record
@@ -165,27 +165,15 @@ def _with_columns(plain: Fit, Z: Sequence[FloatArray], grown: Grown, sizes: Floa
     residuals = tuple(
         residual - part[:, late:] @ sizes for residual, part in zip(plain.residuals, extra, strict=True)
     )
-    fit = weighed(replace(plain, residuals=residuals)).dense()
-    blocks = tuple(
-        replace(block.kept(), W=np.column_stack([block.W, part]))
-        for block, part in zip(fit.blocks, extra, strict=True)
-    )
-    names = tuple(f"effect {index}" for index in range(len(grown)))
-    stacked = tuple(np.column_stack([z, part]) for z, part in zip(Z, extra, strict=True))
-    return two_stage(replace(fit, columns=fit.columns + names, blocks=blocks), stacked)
+    return with_columns(weighed(replace(plain, residuals=residuals)), Z, extra)
 
 
 def _without(larger: Fit, plain: Fit, grown: Grown, sizes: FloatArray) -> Fit:
     """Return the fit to the columns alone: effects subtracted from Y, further columns projected out."""
-    c, effects = len(plain.columns), len(sizes)
-    stacked = np.concatenate([w * r for w, r in zip(larger.weights, larger.regressors, strict=True)])
-    scale = np.linalg.norm(stacked[:, c:], axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    share = np.linalg.lstsq(stacked[:, c:] / scale, stacked[:, :c], rcond=None)[0] / scale[:, None]
+    effects = len(sizes)
     added = [np.column_stack(parts)[:, len(grown) - effects :] @ sizes for parts in zip(*grown, strict=True)]
     blocks = tuple(
         replace(block.kept(), Y=block.Y - more)
         for block, more in zip(plain.dense().blocks, added, strict=True)
     )
-    projected = tuple(r[:, :c] - r[:, c:] @ share for r in larger.regressors)
-    return with_regressors(replace(plain, weights=larger.weights, blocks=blocks), projected)
+    return without_columns(larger, replace(plain, blocks=blocks))

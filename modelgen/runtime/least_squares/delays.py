@@ -17,8 +17,8 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, Problem
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.further_columns import with_columns, without_columns
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
 from modelgen.runtime.least_squares.thresholds import (
     DELAY_ROUNDS,
     LARGEST_DELAY,
@@ -136,7 +136,8 @@ def fit_with_delays(
         except IdentifiabilityError as error:
             raise IdentifiabilityError(*error.problems, *_late_so_far(delays, sample)) from error
         rates = [rates_of(fit, moved, channel) for channel in channels]
-        larger = _with_rates(fit, rates)
+        steps_of = [-np.column_stack(columns) for columns in zip(*rates, strict=True)]
+        larger = with_columns(fit, fit.regressors, steps_of)
         c = len(fit.columns)
         steps, x = larger.solution.x[c:], larger.solution.x[:c]
         if start is not None:
@@ -159,7 +160,7 @@ def fit_with_delays(
     found = tuple(
         (channel, delays[channel], float(std)) for channel, std in zip(channels, spread[c:], strict=True)
     )
-    return observation, replace(_without(fit, rates), delays=found)
+    return observation, replace(without_columns(larger, fit), delays=found)
 
 
 def _late_so_far(delays: Mapping[str, float], sample: float) -> list[Problem]:
@@ -202,25 +203,3 @@ def delay_rates(
                 shares[place[key]] += share
         rates.append(slopes[block.record][block.place] @ shares)
     return tuple(rates)
-
-
-def _with_rates(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:
-    """Return the fit with one more column a channel, whose coefficient is the step of its delay."""
-    fit = fit.dense()
-    extra = [-np.column_stack(columns) for columns in zip(*rates, strict=True)]
-    blocks = tuple(
-        replace(block.kept(), W=np.column_stack([block.W, more]))
-        for block, more in zip(fit.blocks, extra, strict=True)
-    )
-    names = tuple(f"delay {index}" for index in range(len(rates)))
-    Z = tuple(np.column_stack([r, more]) for r, more in zip(fit.regressors, extra, strict=True))
-    return two_stage(replace(fit, columns=fit.columns + names, blocks=blocks), Z)
-
-
-def _without(fit: Fit, rates: Sequence[tuple[FloatArray, ...]]) -> Fit:
-    """Return the fit with the delays' columns projected out of its regressors."""
-    c = len(fit.columns)
-    regressors = _with_rates(fit, rates).regressors
-    stacked = np.concatenate([w * r for w, r in zip(fit.weights, regressors, strict=True)])
-    share = np.linalg.lstsq(stacked[:, c:], stacked[:, :c], rcond=None)[0]
-    return with_regressors(fit, tuple(r[:, :c] - r[:, c:] @ share for r in regressors))
