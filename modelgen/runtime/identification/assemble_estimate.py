@@ -14,6 +14,7 @@ from modelgen.runtime.identification.thresholds import LARGEST_PERCENT, NOTED_DR
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
 from modelgen.runtime.least_squares.wls import refit
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.other_solutions import other_solutions, solution_notes
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import (
@@ -89,7 +90,6 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     base[[model.base_parameters.index(name) for name in identified]] = values
     found = _physical(solved, base, covariances)
     others = other_solutions(model, base, covariances, found.parameters)
-    symbols = {name: formula for name, formula in model.composites.items() if name != formula}
     described = EstimatedFit(
         method=solved.method.name,
         method_title=method.title,
@@ -113,7 +113,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         + solution_notes(others),
     )
     return Estimate(
-        EstimatedModel(model.chain, model.sensor_set, model.title, symbols),
+        _described(model),
         tuple(record.name for record in solved.job.records),
         described,
         covariances,
@@ -126,6 +126,11 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
             others,
         ),
     )
+
+
+def _described(model: Model) -> EstimatedModel:
+    symbols = {name: formula for name, formula in model.composites.items() if name != formula}
+    return EstimatedModel(model.chain, model.sensor_set, model.title, symbols)
 
 
 def _physical(solved: Solved, base: FloatArray, covariances: Covariances) -> FoundParameters:
