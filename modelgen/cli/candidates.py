@@ -1,4 +1,4 @@
-"""Candidate instruments in TOML, or as options -> instruments, and sensor sets made of them.
+"""Candidate instruments in TOML, or as options -> sensor sets made of them, and what cures one.
 
 [sensors.q_m]
 body = "m"                   # or deflection = ["m", "c"]
@@ -13,7 +13,7 @@ noise = 1e-4
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import comb
@@ -27,13 +27,18 @@ from modelgen.read_file import INSTRUMENTS, read_text
 
 if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
+    from modelgen.runtime.planning.sensor_set_ranking import Prediction
     from modelgen.runtime.simulation.instrument import Instrument
     from modelgen.spec.chain import ChainSpec, Sensor
+    from modelgen.spec.units import Measures
 
+# title, model, values, instruments -> what they promise
+Judge = Callable[[str, "Model", Mapping[str, float], Mapping[str, "Instrument"]], "Prediction"]
+SET = "set"
 #: Each takes a tenth of a second to some seconds.
 MOST_SETS = 1000
 LEVELS = ("noise", "resolution", "price")
-MEASURES = ("position", "velocity", "acceleration")
+MEASURES: tuple[Measures, ...] = ("position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True)
@@ -166,3 +171,68 @@ def _sensor_problems(place: str, key: str, table: Mapping[str, Any], chain: Chai
         return
     sensor = Sensor(key, body, _pair(table), measures)
     yield from check_one_sensor(place, sensor, {name: None for name in table if name not in LEVELS}, chain)
+
+
+def cures(
+    chain: ChainSpec,
+    model: Model,
+    values: Mapping[str, float],
+    instruments: Mapping[str, Instrument],
+    prediction: Prediction,
+    judge: Judge,
+) -> list[str]:
+    """Return a sentence for everything tried that leaves no parameter open, as computed; one if nothing does.
+
+    Tried are a position sensor on every body that has no sensor, and every link rigid that holds a body
+    without one or a stiffness that is left open. What still needs an elimination is no cure for noise.
+    """
+    from modelgen.spec.chain import Sensor
+    from modelgen.spec.lumped_chain import lumped
+
+    sensors = tuple(Sensor(s.key, s.body, s.deflection, MEASURES[s.order]) for s in model.sensors)
+    chain = replace(chain, sensor_sets={SET: sensors})
+    seen = {sensor.body for sensor in sensors}
+    unseen = [body for body in chain.bodies if body.name not in seen]
+    tried, found = [], []
+    reference = next((s for s in sensors if s.measures == "position" and s.key in instruments), None)
+    if unseen and reference is not None:
+        names = " and ".join(body.name for body in unseen)
+        tried.append(f"a position sensor on {names}")
+        keys = {f"position_{body.name}": body.name for body in unseen}
+        more = tuple(Sensor(key, body, None, "position") for key, body in keys.items())
+        every = {**instruments, **dict.fromkeys(keys, instruments[reference.key])}
+        said = f"{tried[-1]} as precise as {reference.key}"
+        found.append(_said(said, replace(chain, sensor_sets={SET: sensors + more}), values, every, judge))
+    for index, link in enumerate(chain.links):
+        if link.stiffness not in prediction.missing and not {body.name for body in unseen} & {*link.bodies}:
+            continue
+        one = lumped(chain, index, values)
+        if one is not None:
+            tried.append(f"{' and '.join(link.bodies)} as one body")
+            found.append(
+                _said(f"{tried[-1]} (link {link.stiffness} rigid)", one[0], one[1], instruments, judge)
+            )
+    sentences = [sentence for sentence in found if sentence]
+    if tried and not sentences:
+        return [f"none of what was tried cures it ({', '.join(tried)})"]
+    return sentences
+
+
+def _said(
+    what: str,
+    chain: ChainSpec,
+    values: Mapping[str, float],
+    instruments: Mapping[str, Instrument],
+    judge: Judge,
+) -> str | None:
+    try:
+        model = spec_model(chain, SET)
+        prediction = None if model.composites else judge(what, model, values, instruments)
+    except ModelgenError:
+        return None
+    if prediction is None or prediction.missing or not prediction.precisions:
+        return None
+    return (
+        f"{what} would cure it: {', '.join(model.parameters)} within {prediction.worst:.2g} % "
+        "(computed from that chain)"
+    )

@@ -67,6 +67,9 @@ def design_tables(described: Mapping[str, Any]) -> Group:
         shown = ["-" if error is None else f"{error:.3g}" for error in errors]
         rows.append((entry["sensor_set"], f"{entry['price']:g}", f"{entry['worst_percent']:.3g}", *shown))
         notes += [Text(f"{entry['sensor_set']}: {entry['reason']}")] if entry["reason"] else []
+        notes += [
+            Text(f"{entry['sensor_set']}: {cure}") for cure in described["cures"].get(entry["sensor_set"], ())
+        ]
     notes += [Text(f"{name}: {reason}") for name, reason in described["refused"].items()]
     title = f"Predicted relative errors ({described['method']}), most precise first"
     wanted = f"{described['wanted_percent']:g} %"

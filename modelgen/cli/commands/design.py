@@ -102,6 +102,7 @@ def design(
         "refused": refused,
         "wanted_percent": wanted_percent,
         "cheapest": getattr(cheapest(ranked, wanted_percent), "sensor_set", None),
+        "cures": _cures(chain, models, values, instruments, ranked, kinds, options),
     }
     if monte_carlo:
         described["monte_carlo"] = _confirm(ranked, models, values, instruments, kinds, options, monte_carlo)
@@ -112,10 +113,7 @@ def design(
         best = models[ranked[0].sensor_set]
         search = {"criterion": criterion, "rounds": rounds, "limits": amounts("--limit", limit or ())}
         described["excitation"] = _optimise(best, values, instruments, options, search, optimise, overwrite)
-    if as_json:
-        print_json(described)
-    else:
-        console().print(design_tables(described))
+    print_json(described) if as_json else console().print(design_tables(described))
 
 
 def _sets(
@@ -181,6 +179,31 @@ def _predictions(
         judge_set(title, model, values, instruments, kinds, **options)
         for title, model in counted(list(models.items()), "predicting")
     ]
+
+
+def _cures(
+    chain: ChainSpec,
+    models: Mapping[str, Model],
+    values: Mapping[str, float],
+    instruments: Mapping[str, Instrument],
+    ranked: Sequence[Prediction],
+    kinds: Sequence[str | Excitation],
+    options: Mapping[str, Any],
+) -> dict[str, list[str]]:
+    """Return what would cure each set that leaves parameters open."""
+    from modelgen.cli.candidates import cures
+    from modelgen.runtime.planning.sensor_set_ranking import judge_set
+
+    def judge(
+        title: str, model: Model, values: Mapping[str, float], instruments: Mapping[str, Instrument]
+    ) -> Prediction:
+        return judge_set(title, model, values, instruments, kinds, **options)
+
+    open_ones = [one for one in ranked if one.missing]
+    return {
+        one.sensor_set: cures(chain, models[one.sensor_set], values, instruments, one, judge)
+        for one in (counted(open_ones, "looking for cures") if open_ones else ())
+    }
 
 
 def _confirm(

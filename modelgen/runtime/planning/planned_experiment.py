@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
@@ -71,7 +72,10 @@ def experiment(
     name = method or DEFAULT_METHOD
     noisy = _records(model, simulations, instruments, 0)
     choice = choice or choose_filter(model, noisy)
-    fit = METHODS[name].run(Job(model, noisy, choice))[1]
+    try:
+        fit = METHODS[name].run(Job(model, noisy, choice))[1]
+    except DataError as error:  # the cut-off that this noise asks for takes more than the records have
+        raise IdentifiabilityError(*error.problems) from error
     weights = {(b.record, b.row): w for b, w in zip(fit.blocks, fit.weights, strict=True)}
     return Experiment(model, parameters, simulations, dict(instruments), name, choice, weights)
 

@@ -16,9 +16,11 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.diagnostics.thresholds import LOST_SHARE
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import CheckOptions, Filters
+from modelgen.runtime.identification.thresholds import LARGEST_PERCENT, WITHOUT_NUMBER_PERCENT
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import (
@@ -140,7 +142,31 @@ def _physical(planned: Experiment, found: Information, estimates: Sequence[Estim
         for entry in solved
         if entry.name not in refused
     )
-    return Predicted(found, precisions, refused)
+    drowned = _drowned(model, precisions)
+    return Predicted(
+        found, tuple(one for one in precisions if one.name not in drowned), {**refused, **drowned}
+    )
+
+
+def _drowned(model: Model, precisions: Sequence[Precision]) -> dict[str, str]:
+    """Return the parameters that noise leaves no number for, by the limits of an estimate, with the reason.
+
+    Beyond these the linear theory of the prediction ends, too.
+    """
+    largest = LARGEST_PERCENT if model.composites else WITHOUT_NUMBER_PERCENT
+    reasons = {}
+    for one in precisions:
+        if not one.std <= largest:
+            reasons[one.name] = (
+                f"not to be had at this noise: its predicted deviation is {one.std:.2g} % of its value, "
+                f"above {largest:g} %"
+            )
+        elif abs(one.bias) > 100.0 * LOST_SHARE:
+            reasons[one.name] = (
+                f"not to be had at this noise: its predicted bias by noise is {one.bias:.2g} % of its value, "
+                f"above {100.0 * LOST_SHARE:g} %; method iv has none"
+            )
+    return reasons
 
 
 def _alike(estimates: Sequence[Estimate]) -> list[Estimate]:
