@@ -32,7 +32,8 @@ class Job:
     fitted to composites; other fits are treated afterwards, see `robust_and_bounded`. `surveys` are those of
     an observation of the records with the same filter for directions, or nothing. `effects` are what the
     model lacks and is estimated as well, from `sizes` on. Rows of least squares that take more than
-    `memory_limit` bytes are made again whenever they are asked for.
+    `memory_limit` bytes are made again whenever they are asked for. Instruments start at the physical
+    parameters `begin`, if there are any and no `start`.
     """
 
     model: Model
@@ -50,6 +51,7 @@ class Job:
     effects: tuple[Effect, ...] = ()
     sizes: tuple[float, ...] = ()
     memory_limit: float | None = None
+    begin: Mapping[str, float] | None = None
 
     def observed(self, records: tuple[Record, ...], turns: bool = True) -> Observation:
         """Return the rows of records that these stand for, delays compensated, say."""

@@ -11,7 +11,7 @@ from modelgen.errors import DataError
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.total_least_squares import fit_total
-from modelgen.runtime.least_squares.wls import fit_at, fit_matched, fit_paper
+from modelgen.runtime.least_squares.wls import fit_at, fit_from, fit_matched, fit_paper
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.record import Record
@@ -49,7 +49,7 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
 
     if all_from_composites(job.model):
         rules = Rules(job.robust is not None, job.bounds is not None, job.at_zero)
-        return fit_composites_iv(setting, calm, job.late, job.start, rules)
+        return fit_composites_iv(setting, calm, job.late, job.start, rules, job.begin)
 
     waiting = [calm(job.records)]
     # where every sample feels a reversal, a late force and a late change of direction look alike
@@ -59,6 +59,8 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
     def run(records: tuple[Record, ...], start: Fit | None) -> tuple[Observation, Fit]:
         observation = waiting.pop() if waiting and records is job.records else calm(records)
         start = start or job.start
+        if start is None and job.begin is not None:
+            start = fit_from(observation, job.model.base_from_physical(job.begin))
         first = fit_matched(observation) if start is None else fit_at(observation, start)
         here = replace(setting, records=records)
         if not job.late:
@@ -165,9 +167,13 @@ class IV(Method):
     loop : Loop, optional
         The controller at work during the records. With a channel ``reference`` in the records the closed loop
         is simulated; otherwise the simulation follows the measured force.
+    start : str or mapping of str to float, optional
+        What the first simulation has: the name of a parameter set that the model carries, or physical
+        parameters by name (SI). By default what least squares finds, which noise may have bent.
     """
 
     loop: Loop | None = None
+    start: Mapping[str, float] | str | None = None
 
     name = "iv"
     title = "instrumental variables from a noise-free simulation"

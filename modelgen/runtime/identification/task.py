@@ -111,8 +111,18 @@ def prepared(
         robust=method.robust,
         bounds=method.bounds,
         memory_limit=None if limit_mb is None else MEGABYTE * limit_mb,
+        begin=_begin(model, method),
     )
     return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job, filters)
+
+
+def _begin(model: Model, method: Method) -> Mapping[str, float] | None:
+    if not isinstance(method, IV) or method.start is None:
+        return None
+    # least squares needs no instruments, and what they load
+    from modelgen.runtime.iv.starting_set import starting_set
+
+    return starting_set(model, method.start)
 
 
 def as_records(records: Record | Channels | Sequence[Record | Channels]) -> tuple[Record, ...]:

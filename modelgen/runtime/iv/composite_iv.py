@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -66,13 +67,18 @@ class Found:
 
 
 def fit_composites_iv(
-    setting: Setting, rows: Rows, late: tuple[str, ...], near: Fit | None = None, rules: Rules = PLAIN
+    setting: Setting,
+    rows: Rows,
+    late: tuple[str, ...],
+    near: Fit | None = None,
+    rules: Rules = PLAIN,
+    begin: Mapping[str, float] | None = None,
 ) -> tuple[Observation, Fit]:
     """Estimate physical parameters and delays together, from the first start that leads anywhere.
 
     Robust weights begin where the estimate without them is, and bounds are not looked at where it keeps to
     them by itself; where it leads nowhere, both are tried from the start. `near` is such a fit at other
-    settings; else as `fit_physical_iv`.
+    settings, `begin` a start that is tried before those of the records; else as `fit_physical_iv`.
     """
     model = setting.model
     if near is not None and not near.absent:
@@ -80,12 +86,13 @@ def fit_composites_iv(
         return found.observation, found.fit
     first = fit_matched(rows(tuple(setting.records)))
     plain = replace(rules, robust=False, bounded=False)
+    given = () if begin is None else (begin,)
     try:
-        found = _first_found(setting, rows, late, physical_starts(first, setting), plain)
+        found = _first_found(setting, rows, late, chain(given, physical_starts(first, setting)), plain)
     except IdentifiabilityError:
         if rules == plain:
             raise
-        found = _first_found(setting, rows, late, physical_starts(first, setting), rules)
+        found = _first_found(setting, rows, late, chain(given, physical_starts(first, setting)), rules)
         return found.observation, found.fit
     if rules.robust:
         there = dict(zip(model.parameters, found.p.tolist(), strict=True))

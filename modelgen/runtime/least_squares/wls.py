@@ -103,6 +103,13 @@ def fit_at(observation: Observation, start: Fit) -> Fit:
     return Fit(columns, absent, start.solution, blocks, weights, residuals, simulated=start.simulated)
 
 
+def fit_from(observation: Observation, x: FloatArray) -> Fit:
+    """Return `fit_matched` with another solution, of all columns of the observation, shape (columns,)."""
+    fit = fit_matched(observation)
+    own = np.asarray(x)[[observation.columns.index(name) for name in fit.columns]]
+    return replace(fit, solution=replace(fit.solution, x=own), residuals=residuals_of(fit.blocks, own))
+
+
 def fit_paper(observation: Observation) -> Fit:
     """Fit as the paper does: ordinary least squares, then one weight per block from its residual.
 
