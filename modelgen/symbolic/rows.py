@@ -119,15 +119,27 @@ def _named_apart(chosen: Iterable[tuple[Candidate, int]]) -> list[tuple[Candidat
 def _eliminations(
     motion: MotionEquations, sensing: Sensing, seen: Sensing, composites: Composites, where: str
 ) -> Iterator[tuple[Candidate, int]]:
-    """Yield the rows that eliminate what `seen`, a part of the sensors, does not see."""
+    """Yield the rows that eliminate what `seen`, a part of the sensors, does not see.
+
+    A row is left out that holds friction of another size each way of a body whose own motion no sensor gives.
+    """
     coordinates = choose_coordinates([equation.body for equation in motion.equations], seen)
     limit = LengthLimit(motion, coordinates, where)
     candidates = eliminated_rows(motion, coordinates, limit)
+    usable, directed = False, dict[str, None]()
     for row in UniqueRows(motion, coordinates, sensing).choose(candidates, limit):
         candidate = composites.candidate(row)
         times = differentiations(candidate.terms, sensing)
-        assert times is not None, "an eliminated row holds measured coordinates only"
+        if times is None:
+            signals = [term.signal for term in candidate.terms]
+            directed |= dict.fromkeys(s.name for s in signals if s.kind in DIRECTIONS and s.order)
+            continue
+        usable = True
         yield candidate, times
+    if directed and not usable:
+        bodies = ", ".join(directed)
+        what = f"friction that differs by direction needs the motion of {bodies} itself: no sensor gives it"
+        raise ModelError.at(where, what, f"add a sensor on {bodies}, or make its friction symmetric")
 
 
 def _recovered(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+import re
 from collections.abc import Mapping
 
 import pytest
@@ -11,6 +13,8 @@ from modelgen.spec.load import catalog_path, load_spec, parse_spec
 from modelgen.symbolic.base_parameters import BaseModel
 from modelgen.symbolic.equations.row import Row
 from modelgen.symbolic.pipeline import build
+from tests.broken_sentences import hole
+from tests.symbolic.random_chains import random_spec
 
 EMPS300 = """
 [chain]
@@ -268,3 +272,22 @@ def test_messages_for_sets_that_cannot_be_built() -> None:
         )
     with pytest.raises(SpecError, match="no such sensor set; choose one of qm_qc, qm_ac"):
         build(load_spec(catalog_path("emps300")), "nothing")
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_friction_by_direction_is_read_or_refused_in_words(seed: int) -> None:
+    rng = random.Random(seed)
+    text = re.sub(
+        r'coulomb = "(\w+)"', r'coulomb = "\1"\nfriction = "asymmetric"', random_spec(rng, most_bodies=5)
+    )
+    # what is read between two bodies says nothing of the motion of either
+    bodies = re.findall(r'bodies = \["(b\d)", "(b\d)"\]', text)
+    if seed % 2 and bodies:
+        one, other = rng.choice(bodies)
+        text = text.partition("[sensors.set]")[0] + (
+            f'[sensors.set]\nrel = {{ deflection = ["{one}", "{other}"], measures = "position" }}'
+        )
+    try:
+        build(parse_spec(text, "chain.toml"), "set")
+    except ModelError as error:
+        assert hole(str(error)) is None

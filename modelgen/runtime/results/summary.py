@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 from modelgen.errors import listed
@@ -100,8 +101,11 @@ def _physical(estimate: Estimate) -> list[str]:
     """Return the table of physical parameters, unless it would repeat the base parameters."""
     if all(entry.name in estimate.params for entry in estimate.parameters.physical):
         return []
-    rows = [["physical", "unit", "value", "std. dev.", "%"]]
-    return _table(rows + [_leading(entry) for entry in estimate.parameters.physical])
+    rows = [["physical", "unit", "value", "std. dev.", "%", "95 % from", "to"]]
+    for entry in estimate.parameters.physical:
+        reach = NormalDist().inv_cdf(0.975) * entry.std
+        rows.append([*_leading(entry), _number(entry.value - reach), _number(entry.value + reach)])
+    return _table(rows)
 
 
 def _quality(estimate: Estimate) -> list[str]:

@@ -29,9 +29,9 @@ F_vm       N m s/rad  -2.00000e-05  4.000e-06   20.0  -2.78399e-05  -1.21601e-05
 Standard deviations add in squares: noise, allowing for coloured residuals of changing size
 (Newey-West), and drift with cut-off and weights. Eq. (11) is for white residuals only.
 
-physical  unit          value  std. dev.      %
------------------------------------------------
-J_total   kg m^2  1.10000e-05  2.000e-08  0.182
+physical  unit          value  std. dev.      %    95 % from           to
+-------------------------------------------------------------------------
+J_total   kg m^2  1.10000e-05  2.000e-08  0.182  1.09608e-05  1.10392e-05
 
 Samples r = 1200, condition number 12.5000 with columns of unit length, inf as they are
 Error norm 1.1456, relative error 3.1200 %, sigma 0.9000 over r - c
