@@ -13,6 +13,7 @@ from modelgen.runtime.identification.thresholds import (
     COPIES_OF_CHANNELS,
     COPIES_OF_ROWS,
     COPIES_OF_ROWS_IV,
+    FEWEST_LEFT,
     MEGABYTE,
 )
 from modelgen.runtime.rows.observation import kept_bytes
@@ -42,12 +43,15 @@ def beyond_limit(job: Job, method: Method) -> Problem | None:
     )
     ways = [
         *_decimations(job, method, limit),
-        "no robust weights and no delays to estimate"
+        "leave out robust weights and delays to estimate"
         if isinstance(method, WLS)
-        else "method wls, which makes its rows again",
-        f"records of {int(samples * limit / needed)} samples in all",
+        else "use method wls, which makes its rows again",
     ]
-    return Problem("memory_limit_mb", what, f"give {', or '.join(ways)}")
+    left = int(samples * limit / needed)
+    if left >= FEWEST_LEFT:
+        ways.append(f"cut the records to {left} samples in all")
+    ways.append(f"raise it to {ceil(needed / MEGABYTE)}")
+    return Problem("memory_limit_mb", what, ", or ".join(ways))
 
 
 def _remade(job: Job, method: Method) -> bool:
@@ -71,4 +75,4 @@ def _decimations(job: Job, method: Method, limit: float) -> list[str]:
     used, cutoff_hz = max(job.choice.decimation), job.choice.cutoff_hz
     most = min(decimation_for(record.fs, cutoff_hz) for record in job.records)
     fitting = (factor for factor in range(used + 1, most + 1) if _needed(job, method, factor / used) <= limit)
-    return [f"decimation={factor}" for factor in fitting][:1]
+    return [f"give decimation={factor}" for factor in fitting][:1]

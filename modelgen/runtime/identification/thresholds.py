@@ -72,3 +72,5 @@ MEGABYTE = 1e6
 # (instruments, projections, moved columns); with instruments of the channels of the longest record, too.
 COPIES_OF_ROWS = 8.0
 COPIES_OF_ROWS_IV, COPIES_OF_CHANNELS = 5.0, 5.0
+# To cut records is no remedy where fewer samples would be left.
+FEWEST_LEFT = 5000

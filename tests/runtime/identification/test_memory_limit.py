@@ -131,19 +131,22 @@ def test_other_methods_say_what_they_need_and_what_fits(
     with pytest.raises(DataError, match="memory_limit_mb: is 2, and method") as told:
         identify(model, records, **values_of(memory_limit_mb=2.0, decimation=decimation, **options))
     (problem,) = told.value.problems
-    for way in problem.remedy.removeprefix("give ").split(", or "):
+    for way in problem.remedy.split(", or "):
         fits = {**options, "memory_limit_mb": 2.0, "decimation": decimation}
         given = records
-        if way.startswith("decimation="):
-            fits["decimation"] = int(way.removeprefix("decimation="))
-        elif way.startswith("records of "):
-            share = int(way.split()[2]) / sum(record.n for record in records)
+        if way.startswith("give decimation="):
+            fits["decimation"] = int(way.removeprefix("give decimation="))
+        elif way.startswith("cut the records to "):
+            share = int(way.split()[4]) / sum(record.n for record in records)
             given = [record.part(0, int(share * record.n), record.name) for record in records]
-        elif way.startswith("method wls"):
+        elif way.startswith("use method wls"):
             fits["method"] = "wls"
+        elif way.startswith("raise it to "):
+            fits["memory_limit_mb"] = float(way.removeprefix("raise it to "))
         else:
+            assert way == "leave out robust weights and delays to estimate"
             fits = {"method": "wls", "memory_limit_mb": 2.0, "decimation": decimation}
-        assert "memory_limit_mb: is" not in str(outcome(model, given, **fits))
+        assert isinstance(outcome(model, given, **fits), Estimate)
 
 
 def test_the_residual_was_not_kept() -> None:
