@@ -70,6 +70,9 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
     while True:
         found, unseen = _scores(job, now, effects, slope)
         sums = _sums(unseen) if sums is None else sums
+        if fit.carried is not None:
+            drift, advice = _held(job, now.fit, found)
+            break
         shown = [one for one in found if one.matters and one.effect.possible(one.size)]
         if not shown:
             break
@@ -78,7 +81,7 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
             drift = drift + np.outer(best.move, best.move)
             break
         freed = None
-        if fit.carried is None and len(effects) < given + MOST_EFFECTS:
+        if len(effects) < given + MOST_EFFECTS:
             best, freed = _best_freed(job, fit, effects, shown)
         others = _as_good(best, shown)
         if freed is None:
@@ -95,6 +98,21 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
     weighed, told = other_weights(job, now.fit)
     fit = replace(now.fit, notes=now.fit.notes + sums)
     return Explained(now.observation, fit, effects, now.sizes, drift + weighed, (*advice, *told))
+
+
+def _held(job: Job, fit: Fit, found: Sequence[Score]) -> tuple[FloatArray, list[Advice]]:
+    """Return what effects move that cannot be estimated, as a mean square, and what is said of them.
+
+    Effects that are nearly sums of the columns are left out: a step that large tells nothing where nothing is
+    solved again. Where the model lacks more than noise adds, what explains most counts, certain or not.
+    """
+    apart = [one for one in found if one.own > LITTLE_OWN and one.effect.possible(one.size)]
+    shown = [one for one in apart if one.matters]
+    held = shown[:1]
+    if apart and exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE):
+        held = [*{id(one): one for one in (*held, apart[0])}.values()]
+    drift = sum((np.outer(one.move, one.move) for one in held), np.zeros((len(fit.columns),) * 2))
+    return drift, [_left(one, _as_good(one, shown)) for one in shown[:1]]
 
 
 def _of_the_same(score: Score, effects: Sequence[Effect]) -> bool:

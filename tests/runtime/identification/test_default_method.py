@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime import measured_records
 from tests.runtime.two_mass_records import (
     FS,
     GEARED,
@@ -139,3 +141,18 @@ def test_both_of_its_kinds_have_its_options() -> None:
     given = {"delays": {"Gamma_m": 1e-3}, "held": ("Gamma_m",), "robust": "huber", "residual_dof": "r-1"}
     assert default.instrumental == IV(**given)
     assert default.least_squares == replace(default.least_squares, **given)
+
+
+@pytest.mark.parametrize(
+    ("axis", "published"),
+    [(1, {"J": 1.248, "F_v": 8.107, "F_s": 6.967}), (4, {"J": 0.0318, "F_v": 1.107, "F_s": 2.484})],
+)
+def test_axes_of_a_robot_hold_the_published_values(
+    axis: int, published: dict[str, float], shared_data: Path
+) -> None:
+    model, record = measured_records.robot_axis(shared_data, axis)
+    estimate = identify(model, record)
+    for name, value in published.items():
+        assert abs(estimate.params[name] - value) < 2.0 * estimate.bse[name], name
+        assert estimate.bse[name] < 0.3 * value
+    assert not {"clipped", "stuck"} & {kind for kind, _, _ in told(estimate)}

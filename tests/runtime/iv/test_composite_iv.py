@@ -177,7 +177,7 @@ def test_a_row_without_a_force_is_not_biased_by_noise() -> None:
     assert abs(quiet.physical["Kt"] / truth["Kt"] - 1.0) < 0.005
 
 
-def test_the_bench_from_its_motor_alone_is_the_bench_from_both_encoders(shared_data: Path) -> None:
+def bench_from_its_motor(shared_data: Path) -> tuple[Model, Record]:
     from scipy.io import loadmat
 
     text = files("modelgen").joinpath("catalog", "two_mass_bench.toml").read_text(encoding="utf-8")
@@ -190,10 +190,24 @@ def test_the_bench_from_its_motor_alone_is_the_bench_from_both_encoders(shared_d
     data = loadmat(shared_data / "two_mass_bench" / "MultisineTypeA.mat")
     part = slice(2500, 25000)
     signals = {"q_m": data["theta_mx"].ravel()[part], "i": data["iq_adx"].ravel()[part]}
-    found = identify(model, Record(signals, 2500.0, "bench"), **values_of("iv", drift_check=False))
+    return model, Record(signals, 2500.0, "bench")
+
+
+def test_the_bench_from_its_motor_alone_is_the_bench_from_both_encoders(shared_data: Path) -> None:
+    model, record = bench_from_its_motor(shared_data)
+    found = identify(model, record, **values_of("iv", drift_check=False))
     # the estimate from both encoders, on the same periods
     for name, value in {"Jm": 4.81e-3, "Jc": 4.79e-3, "K": 550.8}.items():
         assert found.physical[name] == pytest.approx(value, rel=0.05)
+
+
+@pytest.mark.slow
+def test_by_default_its_intervals_hold_both_encoders_estimate_as_well(shared_data: Path) -> None:
+    found = identify(*bench_from_its_motor(shared_data))
+    spread = {entry.name: entry.std for entry in found.parameters.physical}
+    for name, value in {"Jm": 4.84e-3, "Jc": 4.81e-3, "K": 553.4}.items():
+        assert found.physical[name] == pytest.approx(value, rel=0.05)
+        assert abs(found.physical[name] - value) < 2.0 * spread[name]
 
 
 def test_model_error_reaches_the_physical_parameters() -> None:
