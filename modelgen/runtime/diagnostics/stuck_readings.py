@@ -22,6 +22,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     FULL_SPEED,
     LEAP_AFTER_STUCK,
     MOST,
+    MOST_PARTS,
     MOSTLY,
     NEARBY,
     NEARLY,
@@ -80,12 +81,18 @@ def _resolution(samples: FloatArray) -> float:
     """
     shown = excerpt(samples)
     least = ROUNDING * float(np.ptp(samples))  # values that were scaled or shifted differ by that as well
-    readings, counts = np.unique(shown, return_counts=True)
-    apart = np.diff(readings)
-    parts = np.array_split(np.arange(len(apart)), max(len(apart) // NEIGHBOURS, 1))
+    ordered = np.sort(shown)
+    apart = np.diff(ordered)
+    first = np.flatnonzero(apart)
+    apart = apart[first]
     # where no reading repeats, rounding does not show
-    repeated = [part for part in parts if np.any(counts[part] > 1)]
-    found = [_common_step(apart[part][apart[part] > least]) for part in repeated]
+    again = np.flatnonzero(np.diff(first, prepend=-1) > 1)
+    if not again.size:
+        return 0.0
+    parts = np.unique(again // NEIGHBOURS)
+    some = parts[:: -(-len(parts) // MOST_PARTS)]
+    near = [apart[part * NEIGHBOURS : (part + 1) * NEIGHBOURS] for part in some.tolist()]
+    found = [_common_step(part[part > least]) for part in near]
     if any(found):
         return float(np.quantile(found, MOST, method="lower"))
     # readings that are many steps apart have only steps in time as small as one

@@ -92,8 +92,9 @@ DIRECTION_FACTOR = 2.0
 EXCERPTS, EXCERPT = 16, 1 << 12
 # Readings are rounded to a step where most of their differences are nearly integer multiples of the least.
 ROUNDING, NEARLY, MOST = 1e-12, 0.1, 0.8
-# The step is looked for among so many neighbouring readings, and made exact by differences of so many steps.
-NEIGHBOURS, REACHES = 32, (4.0, 30.0, 200.0)
+# The step is looked for among so many neighbouring readings, in so many places, and made exact by differences
+# of so many steps.
+NEIGHBOURS, MOST_PARTS, REACHES = 32, 64, (4.0, 30.0, 200.0)
 # Chance that a run of equal readings as long as one that counts comes about in a record by itself.
 CHANCE = 1e-6
 SHORTEST_RUN = 8
