@@ -176,6 +176,11 @@ def trial(kind: Kind, method: str | None, seed: int) -> Trial:
     return Trial({p.name: (p.value, p.std) for p in estimate.parameters.physical}, said)
 
 
+def within(found: tuple[float, float], true: float) -> bool:
+    """Tell whether the 95 % interval of a value and its standard deviation holds the truth."""
+    return abs(found[0] - true) <= 1.96 * found[1]
+
+
 def told(kind: Kind, trials: Sequence[Trial]) -> tuple[str, bool, bool]:
     """Return a line on each parameter, whether all are covered and none too wide, whether one is narrow."""
     parts, fine, narrow = [], True, False
@@ -202,12 +207,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--records", type=int, default=20)
     parser.add_argument("--only", help="kinds whose name contains this")
+    parser.add_argument(
+        "--skip", type=int, default=0, help="so many of the kinds at the beginning are left out"
+    )
     parser.add_argument("--method", help="another one than the default")
     parser.add_argument("--workers", type=int, help="processes, by default one a core")
     parser.add_argument("--say", action="store_true", help="print what was said on the first record")
     options = parser.parse_args()
-    chosen = [kind for kind in kinds() if not options.only or options.only in kind.name]
-    held = narrow_ones = 0
+    chosen = [kind for kind in kinds() if not options.only or options.only in kind.name][options.skip :]
+    held = narrow_ones = intervals = covered = 0
     with ProcessPoolExecutor(options.workers) as pool:
         jobs = [
             [pool.submit(trial_of, kind.name, options.method, seed) for seed in range(options.records)]
@@ -217,6 +225,13 @@ def main() -> None:
             trials = [job.result() for job in running]
             line, fine, narrow = told(kind, trials)
             named = [t for t in trials if any(word in t.said for word in kind.named)]
+            inside = [
+                within(t.found[key], true)
+                for key, true in kind.truth.items()
+                for t in trials
+                if key in t.found
+            ]
+            intervals, covered = intervals + len(inside), covered + sum(inside)
             by_name = bool(kind.named) and len(named) >= COVERED * len(trials)
             holds = fine or by_name
             held += holds
@@ -227,6 +242,7 @@ def main() -> None:
                 for said in dict.fromkeys(t.failure or t.said for t in trials[:1]):
                     print(f"      {said}")
     print(f"{held} of {len(chosen)} kinds hold, {narrow_ones} of them by the named cause only")
+    print(f"{100.0 * covered / intervals:.1f} % of {intervals} intervals hold the truth")
 
 
 def trial_of(name: str, method: str | None, seed: int) -> Trial:
