@@ -19,7 +19,6 @@ from modelgen.runtime.identification.explain_residual import (
     estimated,
     explained,
     found_by,
-    misfit,
     other_weights,
 )
 from modelgen.runtime.identification.explain_stretches import explained_by_stretches
@@ -154,7 +153,7 @@ def _instrumental(task: Task, method: IV) -> Begun:
         if found is None:
             raise plain
         return found
-    better = found is not None and misfit(found.found.fit) < misfit(plain.found.fit) - AS_GOOD
+    better = found is not None and found.found.fit.misfit < plain.found.fit.misfit - AS_GOOD
     return found if found is not None and better else plain
 
 
@@ -197,7 +196,7 @@ def _with_starts(task: Task, method: IV) -> Begun | None:
             freed = fit_with_effects(setting, job.calm, start, effects, known)
         except (IdentifiabilityError, DataError):
             continue
-        found.append((misfit(freed.fit), effects, start, freed))
+        found.append((freed.fit.misfit, effects, start, freed))
     if not found:
         return None
     _, effects, start, freed = min(found, key=lambda entry: entry[0])
@@ -224,7 +223,7 @@ def _starts(task: Task) -> Iterator[tuple[tuple[Effect, ...], Fit, tuple[float, 
                 fit = fit_matched(job.calm(records))
             except IdentifiabilityError:
                 continue
-            fits.append((misfit(fit), late * sample, fit))
+            fits.append((fit.misfit, late * sample, fit))
         if fits:
             _, size, fit = min(fits, key=lambda entry: entry[0])
             yield (effect,), replace(fit, delays=tuple((key, 0.0, 0.0) for key in job.late)), (size,)

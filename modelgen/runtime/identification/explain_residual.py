@@ -254,23 +254,11 @@ def _best_freed(
     """
     tried = [one for one in shown if one.explained >= TRIED_TOO * shown[0].explained][:MOST_TRIED]
     found = [(one, _freed(job, fit, (*effects, one.effect))) for one in tried]
-    left = [(misfit(freed.fit), one, freed) for one, freed in found if freed is not None]
+    left = [(freed.fit.misfit, one, freed) for one, freed in found if freed is not None]
     if not left:
         return shown[0], None
     _, one, freed = min(left, key=lambda entry: entry[0])
     return one, freed
-
-
-def misfit(fit: Fit) -> float:
-    """Return minus the logarithm of the likelihood, each block with a noise of its own.
-
-    Residuals count as shares of what their rows balance: parameters that shrink a row explain nothing.
-    """
-    tiny = float(np.finfo(float).tiny)
-    return sum(
-        len(residual) * float(np.log(max(share, tiny)))
-        for residual, share in zip(fit.residuals, fit.left_shares, strict=True)
-    )
 
 
 def _freed(job: Job, fit: Fit, effects: tuple[Effect, ...]) -> Freed | None:

@@ -120,6 +120,18 @@ class Fit:
         )
 
     @property
+    def misfit(self) -> float:
+        """Minus the logarithm of the likelihood, each block with a noise of its own.
+
+        Residuals count as shares of what their rows balance: parameters that shrink a row explain nothing.
+        """
+        tiny = float(np.finfo(float).tiny)
+        return sum(
+            block.count * float(np.log(max(share, tiny)))
+            for block, share in zip(self.blocks, self.left_shares, strict=True)
+        )
+
+    @property
     def weighted_residual(self) -> FloatArray:
         """Weighted residual of all blocks, shape (r,)."""
         return np.concatenate([w * e for w, e in zip(self.weights, self.residuals, strict=True)])
