@@ -103,8 +103,8 @@ class RemadeRow:
     def between(self, start: int, stop: int) -> Stretch:
         """Return the samples used among those points of the grid."""
         stop = min(stop, self.record.grid)
-        start = min(start, stop - 1)
-        parts = [self._part(number, start, stop) for number in self.record.chunks.numbers(start, stop)]
+        numbers = self.record.chunks.numbers(min(start, self.record.grid - 1), stop)
+        parts = [self._part(number, start, stop) for number in numbers]
         if len(parts) == 1:
             return parts[0]
         rows = slice(parts[0].rows.start, parts[-1].rows.stop)
