@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from numbers import Real
 
 import numpy as np
 
@@ -39,6 +41,7 @@ from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.diagnostics.unit_errors import unlike_nominal
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, decimation_for
 from modelgen.runtime.filter_choice.signal_to_noise import signal_to_noise
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import WLS
 from modelgen.runtime.identification.refusals import dependent_columns
 from modelgen.runtime.identification.solution import Solution
@@ -50,9 +53,10 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.parameters.bounds import BoundCost, bound_advice
 from modelgen.runtime.parameters.dependence import dependences
+from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.results.checks import Checks, Periods
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.observation import observe
+from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
 
 
@@ -99,13 +103,39 @@ def _held_out(task: Task, solution: Solution) -> HeldOut | None:
     rows = None if job.rows_for_tag is None else {t: r for t, r in job.rows_for_tag.items() if t in tags}
     choice = replace(job.choice, decimation=decimation)
     apart = replace(job, records=held, choice=choice, late=(), rows_for_tag=rows)
+    if job.effects:
+        apart = _with_zeros_of_their_own(apart, isinstance(task.checks.hold_out, Real))
     try:
         observation, own = method.run(apart)
+        if job.effects and {*fit.columns} <= {*own.columns}:
+            # what was estimated beside the parameters is off the rows there
+            observation = Observation(own.columns, own.blocks)
         return held_out(fit, solution.refused, observation, solution.treatment(own))
     except IdentifiabilityError:  # they cannot answer for themselves, but can be looked at
         watch = observe if method.matched else observe_paper
-        observation = watch(job.model, held, choice, job.drop)
+        observation = watch(job.model, apart.records, choice, job.drop)
         return held_out(fit, solution.refused, apart.only_rows_for_tag(observation), None)
+
+
+def _with_zeros_of_their_own(apart: Job, tails: bool) -> Job:
+    """Return the job on held-out records: effects as they are, but zeros of sensors those of its records.
+
+    Where these are the `tails` of the records fitted, in their order, zeros are the same and are set right.
+    """
+    from modelgen.runtime.iv.model_errors import zero_effect
+
+    sizes = (*apart.sizes, *[0.0] * (len(apart.effects) - len(apart.sizes)))
+    pairs = list(zip(apart.effects, sizes, strict=True))
+    kept = [(one, size) for one, size in pairs if one.record is None]
+    own = [(one.channel, one.record, size) for one, size in pairs if one.record is not None]
+    records, count = list(apart.records), len(apart.records)
+    if tails:
+        for channel, index, size in own:
+            records[index] = records[index].edited({channel: Edit(channel, partial(np.add, -size))})
+    keys = () if tails else dict.fromkeys(channel for channel, _, _ in own)
+    zeros = [zero_effect(key, index, count) for key in keys for index in range(count)]
+    effects, known = (*(one for one, _ in kept), *zeros), tuple(size for _, size in kept)
+    return replace(apart, records=tuple(records), effects=effects, sizes=known, start=None)
 
 
 def _bias(task: Task, fit: Fit) -> FloatArray | None:

@@ -1,15 +1,22 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import butter, cheby1, sosfiltfilt
 
+from generated import emps300_qm_qc
 from modelgen.errors import DataError
 from modelgen.runtime.diagnostics.hold_out import held_apart
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
+from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.rigid_motion import FS, RIGID, SETTINGS, rigid_record, swings
+
+QC = model_from_module(emps300_qm_qc)
 
 
 def records(change: float = 0.0) -> list[Record]:
@@ -128,6 +135,30 @@ def test_every_method_keeps_to_the_given_decimation(method: str, decimation: int
     (row,), (fitted,) = held.rows, estimate.fit.rows
     assert row.samples == pytest.approx(fitted.used, abs=fitted.masked)
     assert row.samples == pytest.approx(25000 / decimation, rel=0.2)
+
+
+def two_encoders(zeros: tuple[float, ...]) -> list[Record]:
+    """Records of an axis whose second encoder has these zeros."""
+    parameters = QC.parameter_sets["light"]
+    noise = {"q_m": 1e-5, "q_c": 1e-5, "Gamma_m": 1e-4}
+    found = []
+    for index, zero in enumerate(zeros):
+        kind = ("chirp", "trapezoid")[index % 2]
+        record = simulate(QC, parameters, kind, noise=noise, seed=index).record
+        signals = {**record.signals, "q_c": record.signals["q_c"] + zero}
+        found.append(replace(record, signals=signals, name=f"run {index}"))
+    return found
+
+
+@pytest.mark.parametrize("hold_out", ["run 2", 0.3])
+def test_zeros_of_encoders_are_those_of_the_held_out_records(hold_out: str | float) -> None:
+    estimate = identify(QC, two_encoders((0.0, 0.02, -0.01)), **values_of(hold_out=hold_out))
+    assert any("zero of its own" in one.sentence for one in estimate.checks.advice)
+    held = estimate.checks.held_out
+    assert held is not None
+    assert held.rows
+    assert max(row.relative_error for row in held.rows) < 0.01
+    assert not any(one.significant for one in held.moves)
 
 
 def test_nothing_is_held_out_unless_it_is_asked_for() -> None:
