@@ -181,7 +181,7 @@ def cures(
     prediction: Prediction,
     judge: Judge,
 ) -> list[str]:
-    """Return a sentence for everything tried that leaves no parameter open, as computed; one if nothing does.
+    """Return a sentence for what leaves fewer parameters open, as computed; one where nothing tried does.
 
     Tried are a position sensor on every body that has no sensor, and every link rigid that holds a body
     without one or a stiffness that is left open. What still needs an elimination is no cure for noise.
@@ -193,7 +193,7 @@ def cures(
     chain = replace(chain, sensor_sets={SET: sensors})
     seen = {sensor.body for sensor in sensors}
     unseen = [body for body in chain.bodies if body.name not in seen]
-    tried, found = [], []
+    tried, found, count = [], [], len(prediction.missing)
     reference = next((s for s in sensors if s.measures == "position" and s.key in instruments), None)
     if unseen and reference is not None:
         names = " and ".join(body.name for body in unseen)
@@ -202,7 +202,9 @@ def cures(
         more = tuple(Sensor(key, body, None, "position") for key, body in keys.items())
         every = {**instruments, **dict.fromkeys(keys, instruments[reference.key])}
         said = f"{tried[-1]} as precise as {reference.key}"
-        found.append(_said(said, replace(chain, sensor_sets={SET: sensors + more}), values, every, judge))
+        found.append(
+            _said(said, replace(chain, sensor_sets={SET: sensors + more}), values, every, judge, count)
+        )
     for index, link in enumerate(chain.links):
         if link.stiffness not in prediction.missing and not {body.name for body in unseen} & {*link.bodies}:
             continue
@@ -210,7 +212,7 @@ def cures(
         if one is not None:
             tried.append(f"{' and '.join(link.bodies)} as one body")
             found.append(
-                _said(f"{tried[-1]} (link {link.stiffness} rigid)", one[0], one[1], instruments, judge)
+                _said(f"{tried[-1]} (link {link.stiffness} rigid)", one[0], one[1], instruments, judge, count)
             )
     sentences = [sentence for sentence in found if sentence]
     if tried and not sentences:
@@ -224,14 +226,17 @@ def _said(
     values: Mapping[str, float],
     instruments: Mapping[str, Instrument],
     judge: Judge,
+    still_open: int,
 ) -> str | None:
     try:
         model = spec_model(chain, SET)
         prediction = None if model.composites else judge(what, model, values, instruments)
     except ModelgenError:
         return None
-    if prediction is None or prediction.missing or not prediction.precisions:
+    if prediction is None or not prediction.precisions or len(prediction.missing) >= still_open:
         return None
+    if prediction.missing:
+        return f"{what} would leave only {', '.join(prediction.missing)} open (computed from that chain)"
     return (
         f"{what} would cure it: {', '.join(model.parameters)} within {prediction.worst:.2g} % "
         "(computed from that chain)"

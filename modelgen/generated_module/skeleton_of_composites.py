@@ -16,9 +16,10 @@ NONLINEAR = '''\
               x = first + spans[0] @ rng.normal(0.0, spread, spans[0].shape[1])
               try:
                   for span in spans:
-                      x, miss = newton(target, x, span)
+                      near, miss = newton(target, x, span)
                       if miss > 1e-9:
-                          x, miss = newton(target, descent(target, x, span), span)
+                          near, miss = newton(target, descent(target, x, span), span)
+                      x = near
               except (ArithmeticError, np.linalg.LinAlgError):
                   continue
               if miss < smallest:
