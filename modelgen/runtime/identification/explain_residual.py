@@ -20,6 +20,7 @@ from modelgen.runtime.identification.explained import Explained
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
     AS_GOOD,
+    DISAGREEMENT,
     INEXACT,
     LEFT_SHARE,
     LITTLE_LEFT,
@@ -158,7 +159,10 @@ def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:
     exceeding = exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE)
     if not exceeding:
         return np.zeros((c, c)), ()
-    move = across_rows(fit).solution.x - fit.solution.x
+    across = across_rows(fit)
+    # what these weights hardly determine does not disagree
+    known = np.diag(hac_covariance(across)) < DISAGREEMENT**2 * np.diag(hac_covariance(fit))
+    move = np.where(known, across.solution.x - fit.solution.x, 0.0)
     drift = np.outer(move, move)
     left = [(block, share) for block, share in exceeding if share > LEFT_SHARE]
     if not left:

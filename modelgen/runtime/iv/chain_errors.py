@@ -14,6 +14,7 @@ from modelgen.runtime.iv.thresholds import STRIBECK_QUANTILE
 from modelgen.runtime.model.model import Friction, Model
 
 ROLE_OF = {"constant force": "offset", "Coulomb friction": "coulomb", "viscous friction": "viscous"}
+KIND_OF = {"constant force": "constant", "Coulomb friction": "force", "viscous friction": "force"}
 EITHER_SIGN = ("constant force", "friction by direction")
 
 
@@ -55,8 +56,9 @@ def _body_effects(body: str, named: Collection[str]) -> Iterator[Effect]:
         if ROLE_OF.get(name) in named:
             continue
         negative = f"{words} acts on {body}" if name in EITHER_SIGN else ""
-        yield Effect(f"{name} on {body}", "force", f"{words} acts on {body}", negative, "add it to the spec",
-                     _friction(body, form))  # fmt: skip
+        kind, said = KIND_OF.get(name, "form"), f"{words} acts on {body}"
+        changes = _friction(body, form)
+        yield Effect(f"{name} on {body}", kind, said, negative, "add it to the spec", changes)
     yield Effect(f"further mass on {body}", "mass", f"a further mass on a spring hangs on {body}",
                  "", "add the body to the spec, or excite less of the high frequencies",
                  _further_mass(body))  # fmt: skip
@@ -79,11 +81,11 @@ def _late_direction(friction: Friction) -> Effect:
 
 def _link_effects(stiffness: str, bodies: tuple[str, ...]) -> Iterator[Effect]:
     pair = " and ".join(bodies)
-    yield Effect(f"stiffening of {stiffness}", "force", f"{stiffness} between {pair} stiffens",
+    yield Effect(f"stiffening of {stiffness}", "form", f"{stiffness} between {pair} stiffens",
                  f"{stiffness} between {pair} softens",
                  "compare amplitudes; give the link a stiffness3",
                  _spring(stiffness, lambda d: d**3))  # fmt: skip
-    yield Effect(f"backlash of {stiffness}", "force", f"there is backlash between {pair}",
+    yield Effect(f"backlash of {stiffness}", "form", f"there is backlash between {pair}",
                  f"{stiffness} between {pair} softens", "compare amplitudes, or preload the link",
                  _spring(stiffness, lambda d: -np.sign(d)))  # fmt: skip
 

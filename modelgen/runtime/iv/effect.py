@@ -26,7 +26,8 @@ class Effect:
     name : str
         "delay of q_c", unique.
     kind : str
-        "delay", "direction", "lag", "clock", "gain", "zero", "force" or "mass": how its size is said.
+        "delay", "direction", "lag", "clock", "gain", "zero", "constant", "force", "form" (of friction or of a
+        link: one of many) or "mass": how its size is said, and how exactly it is known.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
     remedy : str
