@@ -38,7 +38,7 @@ def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
     Parameters
     ----------
     W : array, shape (r, c)
-        More rows than columns, no zero column.
+        More rows than columns.
     Y : array, shape (r,)
 
     Notes
@@ -57,6 +57,7 @@ def polished(triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]
     """
     c = triangle.shape[1] - 1
     scale = np.linalg.norm(triangle[:, :c], axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)  # what is zero everywhere is undetermined
     scaled = triangle[:c, :c] / scale
     U, s, Vt = np.linalg.svd(scaled)
     kept = s > RANK_TOLERANCE * s[0]
