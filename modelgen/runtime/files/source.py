@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -63,11 +63,21 @@ class Source:
         """The names, for fast look-up."""
         return frozenset(self.names)
 
-    @cached_property
+    @property
     def clock(self) -> str | None:
         """The first column whose name is one of times."""
-        known = (name for name in self.names if is_time_name(name))
-        return next(iter(self.clocks.values()), next(known, None))
+        return self.clock_beside(())
+
+    def clock_beside(self, channels: Collection[str]) -> str | None:
+        """Return the first column whose name is one of times and that is none of these channels.
+
+        "T" may be a torque: it is a column of times where there is no other one, and no sampling frequency.
+        """
+        named = [name for name in self.names if is_time_name(name) and name not in channels]
+        sure = [name for name in named if name != "T"]
+        if not sure and self.fs is None:
+            sure = named
+        return next(iter(self.clocks.values()), next(iter(sure), None))
 
 
 def is_time_name(name: str) -> bool:

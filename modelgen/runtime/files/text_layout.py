@@ -141,7 +141,7 @@ def sniff(head: Head) -> Layout | None:
 
 def clocks_by_place(names: Sequence[str]) -> dict[str, str]:
     """Return every channel's column of times where there are several: the one that stands before it."""
-    times = [name for name in names if name and is_time_name(name)]
+    times = [name for name in names if name and is_time_name(name) and name != "T"]  # which may be a torque
     if len(times) < 2:
         return {}
     clocks = {}

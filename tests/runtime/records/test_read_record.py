@@ -12,6 +12,8 @@ from modelgen.errors import DataError
 from modelgen.runtime.files.formats import open_source
 from modelgen.runtime.records.mapping_options import parse_mapping, parse_scales
 from modelgen.runtime.records.read_record import read_record
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.write_record import write_record
 
 TABLE = "t,q_m,Gamma_m\n0.0,1.5,-2\n0.1,2.5,-3\n0.2,3.5e0,-4\n"
 
@@ -295,3 +297,43 @@ def test_two_mass_bench(shared_data: Path) -> None:
     assert np.corrcoef(record.signals["q_m"], record.signals["q_c"])[0, 1] > 0.0
     with pytest.raises(DataError, match=r"column time: says 0\.0025 Hz, but 5000 Hz is stated"):
         read_record(path, mapping, fs=5000.0)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+@pytest.mark.parametrize("needed", [None, ("q", "T"), ("T",)])
+def test_a_torque_named_T_is_no_column_of_times(
+    tmp_path: Path, suffix: str, needed: tuple[str, ...] | None
+) -> None:
+    rng = np.random.default_rng(0)
+    record = Record({"q": rng.normal(size=50), "T": rng.normal(size=50)}, 500.0, "run")
+    path = tmp_path / f"run{suffix}"
+    write_record(path, record)
+    found = read_record(path, needed=needed)
+    assert found.fs == 500.0
+    for key in needed or ("q", "T"):
+        assert np.array_equal(found.signals[key], record.signals[key])
+
+
+def test_a_column_T_holds_times_where_nothing_else_does(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    lines = ["T,q", *(f"{0.002 * k:.3f},{k * k}" for k in range(50))]
+    path.write_text("\n".join(lines) + "\n")
+    found = read_record(path)
+    assert found.fs == 500.0
+    assert list(found.signals) == ["q"]
+
+
+@pytest.mark.parametrize("order", ["T,t,q,v", "t,q,T,v", "t,T,q,v", "t,q,v,T"])
+def test_wherever_it_stands_a_torque_named_T_is_no_second_column_of_times(tmp_path: Path, order: str) -> None:
+    path = tmp_path / "run.csv"
+    columns = {
+        "T": [f"{-k * k}" for k in range(50)],
+        "t": [f"{0.002 * k:.3f}" for k in range(50)],
+        "q": [f"{k * k}" for k in range(50)],
+        "v": [f"{2 * k}" for k in range(50)],
+    }
+    lines = zip(*(columns[name] for name in order.split(",")), strict=True)
+    path.write_text("\n".join([order, *(",".join(line) for line in lines)]) + "\n")
+    found = read_record(path)
+    assert found.fs == 500.0
+    assert set(found.signals) == {"T", "q", "v"}
