@@ -206,16 +206,15 @@ def _scores(
     slope: FloatArray | None,
     kinds: Sequence[str] = (),
 ) -> tuple[tuple[Score, ...], tuple[Effect, ...]]:
-    """Return the scores of effects that are not estimated, and those that hardly differ from the columns.
-
-    Of these `kinds` only, where there are any.
-    """
+    """Return the scores of effects not estimated, of `kinds` if any, and those that are nearly columns."""
     try:
         simulated = simulated_records(now.fit, now.setting)
     except IdentifiabilityError:
         return (), ()
     known = {effect.name for effect in estimated}
     every = effects_of(job.model, simulated[0].plant.bodies, len(job.records))
+    if not any(block.turning for block in now.fit.blocks):
+        every = tuple(one for one in every if one.kind != DIRECTION)
     tested = [one for one in every if one.name not in known and (not kinds or one.kind in kinds)]
     others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
                                  for channel, _, _ in now.fit.delays)  # fmt: skip
