@@ -63,7 +63,7 @@ class Source:
         """The names, for fast look-up."""
         return frozenset(self.names)
 
-    @property
+    @cached_property
     def clock(self) -> str | None:
         """The first column whose name is one of times."""
         return self.clock_beside(())

@@ -118,7 +118,7 @@ def read(
         times_of = {time or source.clock, *source.clocks.values()}
         needed = tuple(mapping or (column for column in source.names if column not in times_of))
     picks, problems = pick_columns(source, needed, mapping or {}, scales or {})
-    clock = time or source.clock_beside([pick.column for pick in picks])
+    clock = time or source.clock_beside({pick.column for pick in picks})
     if time is not None and time not in source.known:
         problems.append(missing_name(f"{path}: times", "column", time, source.names))
     if problems:
