@@ -191,7 +191,7 @@ def told(kind: Kind, trials: Sequence[Trial]) -> tuple[str, bool, bool]:
             continue
         values, spreads = np.array(pairs).T
         error = values - true
-        covered = float(np.mean(np.abs(error) <= 1.96 * spreads))
+        covered = float(np.mean([within(pair, true) for pair in pairs]))
         rms = float(np.sqrt(np.mean(error**2)))
         ratio = float(np.sqrt(np.mean(spreads**2))) / rms if rms > 0.0 else np.inf
         good = covered >= COVERED and (ratio <= TOO_WIDE or len(pairs) < 5)

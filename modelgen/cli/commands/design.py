@@ -107,13 +107,13 @@ def design(
     if monte_carlo:
         described["monte_carlo"] = _confirm(ranked, models, values, instruments, kinds, options, monte_carlo)
     if optimise is not None:
-        if ranked[0].missing:
-            what = f"leaves {', '.join(ranked[0].missing)} open"
-            raise IdentifiabilityError.at(f"--optimise: {ranked[0].sensor_set}", what, "add a sensor")
-        best = models[ranked[0].sensor_set]
+        best = _complete(ranked[0], models)
         search = {"criterion": criterion, "rounds": rounds, "limits": amounts("--limit", limit or ())}
         described["excitation"] = _optimise(best, values, instruments, options, search, optimise, overwrite)
-    print_json(described) if as_json else console().print(design_tables(described))
+    if as_json:
+        print_json(described)
+    else:
+        console().print(design_tables(described))
 
 
 def _sets(
@@ -225,6 +225,14 @@ def _confirm(
             planned = experiment(models[prediction.sensor_set], values, instruments, kinds, **options)
             found[prediction.sensor_set] = monte_carlo(planned, draws)
     return describe_monte_carlo(found, list(found), draws)
+
+
+def _complete(best: Prediction, models: Mapping[str, Model]) -> Model:
+    """Return the model of the best set, which must leave nothing open."""
+    if best.missing:
+        what = f"leaves {', '.join(best.missing)} open"
+        raise IdentifiabilityError.at(f"--optimise: {best.sensor_set}", what, "add a sensor")
+    return models[best.sensor_set]
 
 
 def _optimise(

@@ -87,10 +87,7 @@ def _one_more(fit: Fit, extra: Sequence[Column | None]) -> tuple[float, float] |
     if power <= RANK_TOLERANCE * whole:
         return None
     value /= power
-    records: dict[int, list[int]] = {}
-    for index, block in enumerate(fit.blocks):
-        records.setdefault(block.record, []).append(index)
-    series = [partial(_influence, fit, extra, of, share, (value, power)) for of in records.values()]
+    series = [partial(_influence, fit, extra, of, share, (value, power)) for of in fit.by_record.values()]
     r = fit.count
     variance = float(long_run_covariance(series)[0, 0]) * r / (r - len(fit.columns) - 1)
     return value, float(np.sqrt(max(variance, 0.0)))

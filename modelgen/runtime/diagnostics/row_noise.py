@@ -88,17 +88,17 @@ def drowned_friction(
     reasons : mapping of str to str
         Base columns that are friction in vibration alone, with the reason to doubt them.
     """
-    lacking = exceeding_noise(model, records, choice, fit, LARGEST_NOISE)
+    exceeding = exceeding_noise(model, records, choice, fit, LARGEST_NOISE)
+    lacking = {(block.record, block.row) for block, _ in exceeding}
     found = {}
     for name, reason in reasons.items():
         if name not in fit.columns:
             continue
         index = fit.columns.index(name)
-        places = {(block.record, block.row) for block, _ in lacking if block.column_norm(index) > 0.0}
         rows = [
             (abs(float(fit.solution.x[index])) * block.column_norm(index), left)
             for block, left in zip(fit.blocks, fit.residual_norms, strict=True)
-            if (block.record, block.row) in places
+            if (block.record, block.row) in lacking and block.column_norm(index) > 0.0
         ]
         force = sqrt(sum(size**2 for size, _ in rows))
         rest = sqrt(sum(left**2 for _, left in rows))

@@ -46,7 +46,7 @@ from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import fit_matched
-from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
+from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.rows.observation import Observation
 
@@ -269,12 +269,7 @@ def _stand_in(
     if all(name in refused for name in fit.columns):
         raise all_refused(refused) from None
     bias = noise_bias(task.model, task.records, task.choice, fit)
-    roles = {name: task.model.roles[name].role for name in fit.columns if name in task.model.roles}
-    impossible = [
-        name
-        for name, value in zip(fit.columns, fit.solution.x, strict=True)
-        if value < 0.0 and name not in refused and roles.get(name) in POSITIVE_ROLES
-    ]
+    impossible = negative_columns(task.model, fit).keys() - refused.keys()
     biased = np.any(np.abs(bias) > STANDS_IN * np.abs(fit.solution.x))
     if biased or impossible or max(fit.left_shares) > LEFT_SHARE:
         remedy = "record another motion, or sense more"

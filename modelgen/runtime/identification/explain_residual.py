@@ -109,9 +109,8 @@ def _held(job: Job, fit: Fit, found: Sequence[Score]) -> tuple[FloatArray, list[
     """
     apart = [one for one in found if one.own > LITTLE_OWN and one.effect.possible(one.size)]
     shown = [one for one in apart if one.matters]
-    held = shown[:1]
-    if apart and exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE):
-        held = [*{id(one): one for one in (*held, apart[0])}.values()]
+    loud = bool(exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE))
+    held = dict.fromkeys([*shown[:1], *(apart[:1] if loud else ())])
     drift = sum((np.outer(one.move, one.move) for one in held), np.zeros((len(fit.columns),) * 2))
     return drift, [_left(one, _as_good(one, shown)) for one in shown[:1]]
 

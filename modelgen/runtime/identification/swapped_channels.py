@@ -22,7 +22,7 @@ from modelgen.runtime.identification.refusals import unanswered
 from modelgen.runtime.identification.thresholds import BETTER, TRIES, UNEXPLAINED
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
+from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
@@ -119,13 +119,8 @@ def _changed(job: Job, change: _Change) -> Job:
 
 
 def _sense(job: Job, fit: Fit) -> _Sense:
-    roles = job.model.roles
     refused = unanswered(job.model, job.records, job.choice, fit)
-    impossible = [
-        name
-        for name, value in zip(fit.columns, fit.solution.x.tolist(), strict=True)
-        if value < 0.0 and name not in refused and name in roles and roles[name].role in POSITIVE_ROLES
-    ]
+    impossible = negative_columns(job.model, fit).keys() - refused.keys()
     left = [0.0]
     for index in range(len(fit.blocks)):
         share = fit.unexplained(index)

@@ -68,15 +68,13 @@ def _late_direction(friction: Friction) -> Effect:
     """Return that the direction of a body changes too late: it is that of a low-passed velocity."""
     body, name = friction.body, friction.coulomb_plus or ""
 
-    def changes(simulated: Simulated) -> Changes:
-        push = np.array([float(one == body) for one in simulated.plant.bodies])
+    def force(simulated: Simulated) -> FloatArray:
         level = simulated.plant.parameters[name]
-        jumps = np.gradient(np.sign(simulated.motion[f"v_{body}"]), simulated.record.dt)
-        return pushed(simulated, push, -level * jumps)
+        return -level * np.gradient(np.sign(simulated.motion[f"v_{body}"]), simulated.record.dt)
 
     return Effect(f"direction of {body}", DIRECTION, f"the direction of {body} changes late",
                   f"the direction of {body} changes early",
-                  "record a motion that reverses less often", changes)  # fmt: skip
+                  "record a motion that reverses less often", _on_body(body, force))  # fmt: skip
 
 
 def _link_effects(stiffness: str, bodies: tuple[str, ...]) -> Iterator[Effect]:
@@ -95,23 +93,27 @@ def _stribeck(v: FloatArray) -> FloatArray:
     return np.asarray(np.sign(v) * np.exp(-np.abs(v) / slow))
 
 
-def _friction(body: str, form: Callable[[FloatArray], FloatArray]) -> Callable[[Simulated], Changes]:
+def _on_body(body: str, force: Callable[[Simulated], FloatArray]) -> Callable[[Simulated], Changes]:
+    """Return what a force on a body, in N m or N, shape (n,), changes in the channels."""
+
     def changes(simulated: Simulated) -> Changes:
         push = np.array([float(name == body) for name in simulated.plant.bodies])
-        return pushed(simulated, push, -form(simulated.motion[f"v_{body}"]))
+        return pushed(simulated, push, force(simulated))
 
     return changes
+
+
+def _friction(body: str, form: Callable[[FloatArray], FloatArray]) -> Callable[[Simulated], Changes]:
+    return _on_body(body, lambda simulated: -form(simulated.motion[f"v_{body}"]))
 
 
 def _further_mass(body: str) -> Callable[[Simulated], Changes]:
-    def changes(simulated: Simulated) -> Changes:
-        push = np.array([float(name == body) for name in simulated.plant.bodies])
-        jerk_rate = curvature(simulated.motion[f"a_{body}"], simulated.record.dt)
-        place = simulated.plant.bodies.index(body)
+    def force(simulated: Simulated) -> FloatArray:
+        inertia = simulated.plant.inertia[simulated.plant.bodies.index(body)]
         # J_x s^2 / (1 + s^2 / w^2): J_x s^2 is the body's, the next term - J_x s^4 / w^2 pulls
-        return pushed(simulated, push, simulated.plant.inertia[place] * jerk_rate)
+        return np.asarray(inertia * curvature(simulated.motion[f"a_{body}"], simulated.record.dt))
 
-    return changes
+    return _on_body(body, force)
 
 
 def _spring(stiffness: str, form: Callable[[FloatArray], FloatArray]) -> Callable[[Simulated], Changes]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from modelgen.magnitudes import is_usable
 from modelgen.runtime.iv.thresholds import LEFT_OF_FORCE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
+from modelgen.runtime.parameters.bounds import negative_columns
 
 CHANNELS = "check that every channel is what the model means (sign, unit, zero, one clock for all)"
 # What a record lacks where a parameter comes out negative, by its role.
@@ -39,12 +39,13 @@ def diverged(what: str, fit: Fit | None = None, model: Model | None = None) -> I
         For the roles of its columns.
     """
     seen = _unbalanced(fit) if fit is not None else ""
-    roles = _negative(fit, model) if fit is not None and model is not None else {}
-    signs = ", ".join(f"{name} = {value:.3g}" for name, (_, value) in roles.items())
+    negative = negative_columns(model, fit) if fit is not None and model is not None else {}
+    signs = ", ".join(f"{name} = {value:.3g}" for name, value in negative.items())
     told = "; ".join(
         part for part in (what, seen, f"{signs}: no such thing is negative" if signs else "") if part
     )
-    lacking = [LACKING[role] for role in dict.fromkeys(role for role, _ in roles.values())] or [OTHERWISE]
+    roles = dict.fromkeys(model.roles[name].role for name in negative) if model is not None else ()
+    lacking = [LACKING[role] for role in roles] or [OTHERWISE]
     remedy = f"{CHANNELS}; if so, {', '.join(lacking)}"
     return IdentifiabilityError.at("method iv", f"does not converge: {told}", remedy)
 
@@ -81,12 +82,3 @@ def _unbalanced(fit: Fit) -> str:
     block = fit.blocks[worst]
     share = f"{100.0 * forced[worst]:.3g} % of its force"
     return f"row {block.row_name} leaves {share} in {block.record_name} before that"
-
-
-def _negative(fit: Fit, model: Model) -> Mapping[str, tuple[str, float]]:
-    """Return role and value of the columns of a fit that are negative although nature has no such thing."""
-    return {
-        name: (model.roles[name].role, value)
-        for name, value in zip(fit.columns, fit.solution.x.tolist(), strict=True)
-        if value < 0.0 and name in model.roles and model.roles[name].role in POSITIVE_ROLES
-    }

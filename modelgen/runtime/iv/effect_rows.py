@@ -46,11 +46,8 @@ def effect_rows(
     fit: Fit, setting: Setting, simulated: Sequence[Simulated], effects: Sequence[Effect]
 ) -> tuple[tuple[FloatArray, ...], ...]:
     """Return d(Y - W X) / d size of each effect: one array a block of the fit, shape (n,)."""
-    blocks: dict[int, list[int]] = {}
-    for index, block in enumerate(fit.blocks):
-        blocks.setdefault(block.record, []).append(index)
     found = [[np.zeros(len(block.place)) for block in fit.blocks] for _ in effects]
-    for record, indices in blocks.items():
+    for record, indices in fit.by_record.items():
         one = simulated[record]
         calm = _mismatch(fit, setting, one.record, record)
         for effect, rows in zip(effects, found, strict=True):

@@ -190,6 +190,14 @@ class Fit:
         return self.residual_norms[index] / size if size > 0.0 else None
 
     @property
+    def by_record(self) -> dict[int, list[int]]:
+        """Which blocks are of each record."""
+        found: dict[int, list[int]] = {}
+        for index, block in enumerate(self.blocks):
+            found.setdefault(block.record, []).append(index)
+        return found
+
+    @property
     def count(self) -> int:
         """Samples used in all blocks."""
         return sum(block.count for block in self.blocks)

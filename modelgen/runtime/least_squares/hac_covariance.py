@@ -213,10 +213,7 @@ def influence_parts(fit: Fit) -> list[Series]:
     """Return the same as one function a record, which yields it in parts, again whenever called."""
     if fit.carried is not None:
         return [partial(_whole, psi) for psi in fit.carried.series]
-    records: dict[int, list[int]] = {}
-    for index, block in enumerate(fit.blocks):
-        records.setdefault(block.record, []).append(index)
-    return [partial(_parts, fit, tuple(indices)) for indices in records.values()]
+    return [partial(_parts, fit, tuple(indices)) for indices in fit.by_record.values()]
 
 
 def _whole(psi: FloatArray) -> Iterator[FloatArray]:

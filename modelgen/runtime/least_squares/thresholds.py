@@ -59,5 +59,5 @@ COARSE_BETTER = 0.9
 # Samples of a record and row that are looked at.
 LOOKED_AT = 20_000
 
-# Combinations of rows that cancel in more than this share of their variance weigh as if they did not.
-SMALLEST_VARIANCE = 1e-4
+# Combinations of rows that cancel to less than this share of their deviation weigh as if they did not.
+SMALLEST_DEVIATION = 1e-2

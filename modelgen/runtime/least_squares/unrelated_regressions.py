@@ -14,7 +14,8 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.projected_least_squares import with_regressors
-from modelgen.runtime.least_squares.thresholds import SMALLEST_VARIANCE
+from modelgen.runtime.least_squares.thresholds import SMALLEST_DEVIATION
+from modelgen.runtime.numerics.decorrelation import whitening
 from modelgen.runtime.rows.row_block import RowBlock
 
 
@@ -26,12 +27,11 @@ def across_rows(fit: Fit) -> Fit:
     fit, regressors = fit.dense(), fit.regressors
     blocks: list[RowBlock] = []
     projected: list[FloatArray] = []
-    for record in dict.fromkeys(block.record for block in fit.blocks):
-        ours = [index for index, block in enumerate(fit.blocks) if block.record == record]
+    for ours in fit.by_record.values():
         common = reduce(np.intersect1d, (fit.blocks[index].place for index in ours))
         kept = [np.searchsorted(fit.blocks[index].place, common) for index in ours]
-        residuals = [fit.residuals[index][rows] for index, rows in zip(ours, kept, strict=True)]
-        share = _whitening(np.column_stack(residuals))
+        left = np.stack([fit.residuals[index][rows] for index, rows in zip(ours, kept, strict=True)])
+        share = whitening(left @ left.T / max(len(common), 1), SMALLEST_DEVIATION)
         Y = np.stack([fit.blocks[index].Y[rows] for index, rows in zip(ours, kept, strict=True)])
         W = np.stack([fit.blocks[index].W[rows] for index, rows in zip(ours, kept, strict=True)])
         Z = np.stack([regressors[index][rows] for index, rows in zip(ours, kept, strict=True)])
@@ -48,12 +48,3 @@ def across_rows(fit: Fit) -> Fit:
             projected.append(np.tensordot(part, Z, 1))
     alike = replace(fit, blocks=tuple(blocks), weights=(1.0,) * len(blocks))
     return with_regressors(alike, tuple(projected))
-
-
-def _whitening(residuals: FloatArray) -> FloatArray:
-    """Return the combinations, shape (rows, rows), of residuals (n, rows) that have variance 1 each."""
-    scale = np.sqrt(np.mean(residuals**2, axis=0))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    values, vectors = np.linalg.eigh((residuals / scale).T @ (residuals / scale) / max(len(residuals), 1))
-    values = np.maximum(values, SMALLEST_VARIANCE * values[-1])
-    return np.asarray((vectors / np.sqrt(values)).T / scale)

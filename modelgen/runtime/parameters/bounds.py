@@ -38,6 +38,13 @@ class BoundCost:
     deviations: float
 
 
+def negative_columns(model: Model, fit: Fit) -> dict[str, float]:
+    """Return the columns of a fit that are negative although nature has no such thing, with their values."""
+    bounded = bounded_names(model)
+    values = zip(fit.columns, fit.solution.x.tolist(), strict=True)
+    return {name: value for name, value in values if value < 0.0 and name in bounded}
+
+
 def bounded_below_or_above(model: Model) -> tuple[FloatArray, FloatArray]:
     """Return the bounds of the base parameters, shape (columns,) each, that follow from physical signs.
 

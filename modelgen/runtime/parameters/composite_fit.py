@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.decorrelation import whitening
 from modelgen.runtime.parameters.thresholds import (
     CONTRADICTION,
     CONVERGED,
@@ -46,7 +47,7 @@ class PhysicalSolution:
 
         if not self.error.size:
             return 1.0
-        whiten = whitening(self.left @ covariance @ self.left.T)
+        whiten = whitening(self.left @ covariance @ self.left.T, SMALLEST_SPREAD)
         found, spare = float(np.sum((whiten @ self.error) ** 2)), self.error.size
         return float(np.sqrt(found / spare)) if found > chi2.isf(CONTRADICTION, spare) else 1.0
 
@@ -62,7 +63,7 @@ def fit_composites(
     identified = np.flatnonzero(np.isfinite(base))
     p = np.array([start[name] for name in model.parameters])
     size = np.where(p == 0.0, 1.0, np.abs(p))
-    whiten = whitening(covariance)
+    whiten = whitening(covariance, SMALLEST_SPREAD)
 
     def mismatch(p: FloatArray) -> FloatArray:
         values = model.base_from_physical(dict(zip(model.parameters, p.tolist(), strict=True)))
@@ -106,12 +107,3 @@ def _known(slope: FloatArray) -> list[bool]:
     _, s, Vt = np.linalg.svd(slope, full_matrices=True)
     rank = int(np.sum(s > RANK_TOLERANCE * s[0]))
     return [bool(known) for known in np.all(np.abs(Vt[rank:]) < NULL_SHARE, axis=0)]
-
-
-def whitening(covariance: FloatArray) -> FloatArray:
-    """Return V with V C V^T = 1, except where C is next to nothing: there V is kept from exploding."""
-    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    spread = np.where(spread > 0.0, spread, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(spread, spread))
-    floor = SMALLEST_SPREAD**2 * max(float(values[-1]), 1.0)
-    return np.asarray((vectors / np.sqrt(np.maximum(values, floor))).T / spread)

@@ -36,7 +36,7 @@ def nearest_parameters(model: Model, base: FloatArray) -> tuple[Mapping[str, flo
         if not np.isfinite([misfit, *values.values()]).all():
             continue
         least = min((one[0] for one in found), default=np.inf)
-        if not any(_alike(values, other) for _, other in found):
+        if not any(alike(values, other) for _, other in found):
             found.append((misfit, values))
         if misfit < EXACT or abs(misfit - least) < SAME_MISFIT * least:
             break
@@ -44,5 +44,6 @@ def nearest_parameters(model: Model, base: FloatArray) -> tuple[Mapping[str, flo
     return tuple(values for _, values in nearest)
 
 
-def _alike(values: Mapping[str, float], other: Mapping[str, float]) -> bool:
+def alike(values: Mapping[str, float], other: Mapping[str, float]) -> bool:
+    """Tell whether two sets of parameters are the same solution."""
     return all(abs(value - other[name]) <= DIFFERENT * abs(other[name]) for name, value in values.items())

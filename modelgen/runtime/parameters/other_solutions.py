@@ -9,9 +9,10 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.composite_fit import fit_composites
+from modelgen.runtime.parameters.nearest_parameters import alike
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import Covariances, all_from_composites
-from modelgen.runtime.parameters.thresholds import AS_GOOD, DIFFERENT, SPREAD, STARTS
+from modelgen.runtime.parameters.thresholds import AS_GOOD, SPREAD, STARTS
 
 SEED = 2002
 
@@ -47,7 +48,7 @@ def other_solutions(
         start, _ = model.fit_physical(base, _near(reported, rng))
         solved = fit_composites(model, base, covariances.noise, start)
         values = {name: solved.values[name] for name in reported}
-        new = all(_differ(values, other) for other in [reported, *found])
+        new = not any(alike(values, other) for other in [reported, *found])
         if new and solved.misfit <= limit and _possible(model, values):
             found.append(values)
     return tuple(found)
@@ -69,7 +70,3 @@ def _near(values: Mapping[str, float], rng: np.random.Generator) -> FloatArray:
 
 def _possible(model: Model, values: Mapping[str, float]) -> bool:
     return all(value > 0.0 or model.roles[name].role == "offset" for name, value in values.items())
-
-
-def _differ(values: Mapping[str, float], other: Mapping[str, float]) -> bool:
-    return any(abs(value - other[name]) > DIFFERENT * abs(other[name]) for name, value in values.items())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,11 @@ class Parameter:
     noise_std: float
     drift_std: float
     printed_std: float
+
+    def interval(self, alpha: float = 0.05) -> tuple[float, float]:
+        """Return the interval that holds the truth with probability 1 - alpha (normal distribution)."""
+        reach = NormalDist().inv_cdf(1.0 - 0.5 * alpha) * self.std
+        return self.value - reach, self.value + reach
 
     @property
     def relative_std(self) -> float:

@@ -18,10 +18,16 @@ import numpy.typing as npt
 from modelgen.array_types import FloatArray
 from modelgen.frozen_values import FrozenValues
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.parameters.composite_fit import PhysicalSolution, fit_composites, whitening
+from modelgen.runtime.numerics.decorrelation import whitening
+from modelgen.runtime.parameters.composite_fit import PhysicalSolution, fit_composites
 from modelgen.runtime.parameters.nearest_parameters import nearest_parameters
 from modelgen.runtime.parameters.parameter import Parameter
-from modelgen.runtime.parameters.thresholds import HANGING_SHARE, RANK_TOLERANCE, RELATIVE_STEP
+from modelgen.runtime.parameters.thresholds import (
+    HANGING_SHARE,
+    RANK_TOLERANCE,
+    RELATIVE_STEP,
+    SMALLEST_SPREAD,
+)
 
 NO_CHAIN = "the composites are far from those of any chain, so that no physical parameters follow"
 CONTRADICTED = (
@@ -177,7 +183,7 @@ def hanging_on(
     size = np.array([abs(values[name]) or 1.0 for name in model.parameters])
     rows = [model.base_parameters.index(name) for name in known]
     # how noise couples them: drift moves all along one direction, coupled or not
-    weighted = whitening(covariances.noise) @ model.base_jacobian(values)[rows] * size
+    weighted = whitening(covariances.noise, SMALLEST_SPREAD) @ model.base_jacobian(values)[rows] * size
     inverse = np.linalg.pinv(weighted, rcond=RANK_TOLERANCE)
     C = inverse @ inverse.T
     lost = [index for index, name in enumerate(model.parameters) if name in doubtful]

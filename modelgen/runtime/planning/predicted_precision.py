@@ -110,7 +110,7 @@ def estimate_once(planned: Experiment, seed: int) -> Estimate:
         planned.records(seed),
         METHODS[planned.method](delays="none"),
         Filters(choice.cutoff_hz, choice.filter_order, choice.decimation[0], choice.direction_cutoff_hz),
-        # the drift widens intervals, but moves values only where composites are weighted with it
+        # drift moves no value, but decides which parameters follow from composites
         CheckOptions(drift_check=all_from_composites(model)),
     )
 

@@ -7,7 +7,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from statistics import NormalDist
 from types import MappingProxyType
 from typing import Any
 
@@ -130,13 +129,7 @@ class Estimate:
 
     def conf_int(self, alpha: float = 0.05) -> Mapping[str, tuple[float, float]]:
         """Return intervals that hold each of `params` with probability 1 - alpha (normal distribution)."""
-        z = NormalDist().inv_cdf(1.0 - 0.5 * alpha)
-        return MappingProxyType(
-            {
-                entry.name: (entry.value - z * entry.std, entry.value + z * entry.std)
-                for entry in self.parameters.identified
-            }
-        )
+        return MappingProxyType({entry.name: entry.interval(alpha) for entry in self.parameters.identified})
 
     def summary(self) -> str:
         """Return the whole estimate as plain text."""

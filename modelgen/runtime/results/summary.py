@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
-from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 from modelgen.errors import listed
@@ -103,8 +102,7 @@ def _physical(estimate: Estimate) -> list[str]:
         return []
     rows = [["physical", "unit", "value", "std. dev.", "%", "95 % from", "to"]]
     for entry in estimate.parameters.physical:
-        reach = NormalDist().inv_cdf(0.975) * entry.std
-        rows.append([*_leading(entry), _number(entry.value - reach), _number(entry.value + reach)])
+        rows.append([*_leading(entry), *(_number(bound) for bound in entry.interval())])
     return _table(rows)
 
 

@@ -1,0 +1,19 @@
+"""Combinations of correlated numbers that are uncorrelated, with variance 1 each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+
+
+def whitening(covariance: FloatArray, smallest: float) -> FloatArray:
+    """Return V with V C V^T = 1, shape (n, n), except where C is next to nothing: there V stays bounded.
+
+    Standard deviations in a direction count as at least `smallest` times the largest, after scaling to one.
+    """
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    spread = np.where(spread > 0.0, spread, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(spread, spread))
+    floor = smallest**2 * max(float(values[-1]), 1.0)
+    return np.asarray((vectors / np.sqrt(np.maximum(values, floor))).T / spread)
