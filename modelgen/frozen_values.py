@@ -16,7 +16,7 @@ class FrozenValues:
     def __post_init__(self) -> None:
         for name, value in self._values().items():
             if isinstance(value, np.ndarray):
-                value = np.array(value, dtype=float)
+                value = np.array(value, dtype=complex if np.iscomplexobj(value) else float)
                 value.flags.writeable = False
                 object.__setattr__(self, name, value)
             elif isinstance(value, Mapping):

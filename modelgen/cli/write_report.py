@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modelgen.cli.arguments import compared_sensor_sets, load_chain
-from modelgen.errors import DataError, ModelgenError
+from modelgen.errors import ModelgenError
+from modelgen.optional_library import optional_library
 from modelgen.report.page import report_page
 from modelgen.spec.chain import ChainSpec
 from modelgen.spec.load import catalog_path, load_spec
@@ -55,11 +56,8 @@ def write_figure(
     from modelgen.cli.figure import draw_forces
 
     panels = force_panels(model, [reading.record for reading in readings], estimate)
-    try:
-        draw_forces(panels, path, columns=min(len(panels), 2), overwrite=overwrite)
-    except ImportError as error:
-        remedy = "get it with: pip install 'modelgen[plot]'"
-        raise DataError.at(str(path), "needs matplotlib, which is not installed", remedy) from error
+    optional_library("matplotlib", "plot", str(path))
+    draw_forces(panels, path, columns=min(len(panels), 2), overwrite=overwrite)
 
 
 def force_panels(model: Model, records: Sequence[Record], estimate: Estimate) -> list[Panel]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.curves.buckets import buckets
 
 LEVELS = 65534
 GAP = -32768  # a sample that is missing
@@ -40,26 +41,12 @@ def encoded_series(name: str, kind: str, values: FloatArray, most: int) -> dict[
     scale = (highest - lowest) / LEVELS or 1.0
     offset = 0.5 * (lowest + highest)
     step = max(1, -(-values.size // most))
-    low, high = (values, None) if step == 1 else _buckets(values, step)
+    low, high = (values, None) if step == 1 else buckets(values, step)
     series: dict[str, Any] = {"name": name, "kind": kind, "step": step, "scale": scale, "offset": offset}
     series["low"] = _levels(low, offset, scale)
     if high is not None:
         series["high"] = _levels(high, offset, scale)
     return series
-
-
-def _buckets(values: FloatArray, step: int) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and highest value of every bucket; NaN where it holds nothing else."""
-    count = -(-values.size // step)
-    padded = np.full(count * step, np.nan)
-    padded[: values.size] = values
-    table = padded.reshape(count, step)
-    missing = np.isnan(table)
-    low = np.where(missing, np.inf, table).min(axis=1)
-    high = np.where(missing, -np.inf, table).max(axis=1)
-    empty = missing.all(axis=1)
-    low[empty], high[empty] = np.nan, np.nan
-    return low, high
 
 
 def _levels(values: FloatArray, offset: float, scale: float) -> str:

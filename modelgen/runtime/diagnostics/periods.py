@@ -8,7 +8,7 @@ dynamics that the model lacks, does not show in it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,21 +16,13 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.thresholds import (
-    CONFIDENCE,
-    FEWEST_PERIODS,
-    FOUND_CORRELATION,
-    LEAST_CORRELATION,
-    MOST_CLUSTERS,
-    SAME_CORRELATION,
-)
-from modelgen.runtime.filters.power_spectrum import quick_length
+from modelgen.runtime.diagnostics.thresholds import CONFIDENCE, MOST_CLUSTERS
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import influence_parts
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.channels import READ_SAMPLES, in_stretches
+from modelgen.runtime.records.period import found_period, lag_correlation
 from modelgen.runtime.records.record import Record, missing_name
-from modelgen.runtime.records.thresholds import WHOLE
+from modelgen.runtime.records.thresholds import FEWEST_PERIODS, LEAST_CORRELATION
 
 NONE = "none"
 
@@ -69,7 +61,7 @@ def periods_of(
         return {}
     forces = [actuator.key for actuator in model.actuators if actuator.key in model.channels]
     if declared is None:
-        found = {record.name: _found_period(record, forces) for record in records}
+        found = {record.name: found_period(record, forces) for record in records}
         return {name: period for name, period in found.items() if period is not None}
     names = [record.name for record in records]
     given = declared if isinstance(declared, Mapping) else dict.fromkeys(names, float(declared))
@@ -147,81 +139,6 @@ def period_advice(found: PeriodSpread, noise: FloatArray, columns: Sequence[str]
     )
 
 
-def _found_period(record: Record, forces: Sequence[str]) -> float | None:
-    """Return the period in s with which every force that changes repeats itself; None without one."""
-    for key in forces:
-        if record.facts.extent(key).span == 0.0:
-            continue
-        lag = _first_lag(record, key)
-        if lag is not None and all(_correlation(record, other, lag) >= FOUND_CORRELATION for other in forces):
-            return lag / record.fs
-    return None
-
-
-def _first_lag(record: Record, key: str) -> int | None:
-    """Return the smallest lag, in samples, after which a force repeats itself; None where it does not.
-
-    In a long record it is found on means of neighbouring samples, and then sharpened on the samples.
-    """
-    every, mean = -(-record.n // WHOLE), record.facts.extent(key).mean
-    lag = _first_peak(np.concatenate(list(_means(record, key, every))) - mean)
-    if lag is None or every == 1:
-        return lag
-    low = every * (lag - 1)
-    m = min(WHOLE, record.n - low - 2 * every)
-    before, after = record.read(key, 0, m) - mean, record.read(key, low, low + m + 2 * every) - mean
-    size = quick_length(len(after) + m)
-    products = np.fft.irfft(np.conj(np.fft.rfft(before, size)) * np.fft.rfft(after, size), size)
-    return low + int(np.argmax(products[: 2 * every + 1]))
-
-
-def _means(record: Record, key: str, every: int) -> Iterator[FloatArray]:
-    """Yield the means of so many neighbouring samples each, stretch by stretch."""
-    left = np.zeros(0)
-    for part in in_stretches(record, key):
-        samples = np.concatenate([left, part])
-        whole = len(samples) // every * every
-        left = samples[whole:]
-        yield samples[:whole].reshape(-1, every).mean(axis=1)
-
-
-def _first_peak(samples: FloatArray) -> int | None:
-    """Return the smallest lag, in samples, at which a series is as good as itself again."""
-    n = len(samples)
-    most = n // FEWEST_PERIODS
-    if most < 3:
-        return None
-    size = quick_length(2 * n)
-    spectrum = np.fft.rfft(samples, size)
-    products = np.fft.irfft(np.abs(spectrum) ** 2, size)[: most + 1]
-    energy = np.cumsum(np.concatenate([[0.0], samples**2]))
-    lags = np.arange(most + 1)
-    both = np.sqrt((energy[n] - energy[lags]) * energy[n - lags])
-    correlation = products / np.maximum(both, np.finfo(float).tiny)
-    below = np.flatnonzero(correlation < LEAST_CORRELATION)
-    if not below.size or below[0] >= most:
-        return None
-    rest = correlation[below[0] :]
-    highest = float(rest[:-1].max())
-    if highest < FOUND_CORRELATION:
-        return None
-    peaks = np.flatnonzero((rest[1:-1] >= rest[:-2]) & (rest[1:-1] >= rest[2:])) + 1
-    good = peaks[rest[peaks] >= highest - SAME_CORRELATION]
-    return int(below[0] + good[0]) if good.size else None
-
-
-def _correlation(record: Record, key: str, lag: int) -> float:
-    """Return how a channel correlates with itself `lag` samples later; 1 where it never changes."""
-    mean = record.facts.extent(key).mean
-    sums = np.zeros(3)
-    for start in range(0, record.n - lag, READ_SAMPLES):
-        stop = min(start + READ_SAMPLES, record.n - lag)
-        before, after = (record.read(key, start + by, stop + by) - mean for by in (0, lag))
-        sums += before @ after, before @ before, after @ after
-    size = float(np.sqrt(sums[1]) * np.sqrt(sums[2]))
-    return float(sums[0]) / size if size > 0.0 else 1.0
-
-
 def _period_problems(record: Record, forces: Sequence[str], period_s: float) -> list[Problem]:
     """Return what is wrong with a declared period."""
     where = f"{record.name}: period_s"
@@ -230,11 +147,11 @@ def _period_problems(record: Record, forces: Sequence[str], period_s: float) -> 
     if record.duration_s < FEWEST_PERIODS * period_s * (1.0 - 1e-9):
         what = f"is {period_s:g} s, and {record.duration_s:g} s hold fewer than {FEWEST_PERIODS} periods"
         return [Problem(where, what, "record more periods, or do not declare one")]
-    correlations = {key: _correlation(record, key, round(period_s * record.fs)) for key in forces}
+    correlations = {key: lag_correlation(record, key, round(period_s * record.fs)) for key in forces}
     worst = min(correlations, key=lambda key: correlations[key], default=None)
     if worst is None or correlations[worst] >= LEAST_CORRELATION:
         return []
-    own = _found_period(record, forces)
+    own = found_period(record, forces)
     remedy = f"it repeats every {own:g} s" if own else "give the excitation's own period, or none"
     what = f"is {period_s:g} s, but {worst} does not repeat then (correlation {correlations[worst]:.2f})"
     return [Problem(where, what, remedy)]

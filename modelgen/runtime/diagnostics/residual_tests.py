@@ -16,7 +16,6 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.residual_whiteness import coloured, whiteness
 from modelgen.runtime.diagnostics.thresholds import (
     CONFIDENCE,
-    FEWEST_PERIODS,
     INPUT_LAGS,
     LEAST_EXPLAINED,
     LEAST_REPEATED,
@@ -28,6 +27,7 @@ from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.least_squares.fit import Fit, FittedStretch
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.thresholds import FEWEST_PERIODS
 from modelgen.runtime.rows.row_block import STRETCH
 
 

@@ -44,15 +44,8 @@ FRICTION_OVER_REST = 3.0
 # Derivatives with less signal than this above their noise bias least squares visibly.
 LEAST_SNR_DB = 20.0
 
-# So many whole periods at least, for a spread; more than so many are taken together.
-FEWEST_PERIODS = 4
+# Of more whole periods than so many, several are taken together.
 MOST_CLUSTERS = 50
-# A period is found where a force correlates like this with itself one period later, and a declared one is
-# taken.
-FOUND_CORRELATION = 0.98
-LEAST_CORRELATION = 0.7
-# Peaks this much below the highest are as good: multiples of a period differ by chance.
-SAME_CORRELATION = 2e-3
 # The spread counts as larger than the noise beyond the bound that chance passes in 1 % of all records.
 CONFIDENCE = 0.99
 

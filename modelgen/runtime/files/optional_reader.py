@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from modelgen.errors import DataError
+from modelgen.optional_library import missing_library, optional_library
+
+EXTRA = "io"
 
 
 def reader_library(name: str, path: Path) -> Any:
@@ -18,21 +20,13 @@ def reader_library(name: str, path: Path) -> Any:
     DataError
         When it is not installed; `path` is the file that needs it.
     """
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise _missing(name, path) from error
+    return optional_library(name, EXTRA, str(path))
 
 
 def require_library(name: str, path: Path) -> None:
     """Raise the same DataError without importing the library: another process will."""
     if find_spec(name) is None:
-        raise _missing(name, path)
-
-
-def _missing(name: str, path: Path) -> DataError:
-    what = f"needs {name.partition('.')[0]}, which is not installed"
-    return DataError.at(str(path), what, "get it with: pip install 'modelgen[io]'")
+        raise missing_library(name, EXTRA, str(path))
 
 
 def unreadable(path: Path, kind: str, error: Exception) -> DataError:

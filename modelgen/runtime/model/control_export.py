@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from modelgen.errors import DataError
+from modelgen.optional_library import optional_library
 from modelgen.runtime.model.model import Model
 
 
@@ -33,11 +34,7 @@ def control_system(
     DataError
         When a parameter is missing or control is not installed.
     """
-    try:
-        import control
-    except ImportError as error:
-        remedy = "get it with: pip install 'modelgen[control]'"
-        raise DataError.at("control", "python-control is not installed", remedy) from error
+    control = optional_library("control", "control", "control_system")
     import numpy as np
 
     idle = {name for name, role in model.roles.items() if role.role in ("coulomb", "offset")}

@@ -17,9 +17,10 @@ from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.formats import open_source
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import unit_from_text
+from modelgen.runtime.records.channel_checks import magnitude_problem
 from modelgen.runtime.records.faults import Finding, clock_faults, same_clock, time_faults, zero_faults
 from modelgen.runtime.records.picked_columns import Pick, pick_columns, taken_for
-from modelgen.runtime.records.record import Record, magnitude_problem, missing_name
+from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.repair import Track, check_mends, join_clocks, mend_offsets, mend_times
 from modelgen.runtime.records.sampling_frequency import sampling_frequency
 

@@ -6,16 +6,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem, listed, nearest, shortened
-from modelgen.magnitudes import FAINTEST, FREQUENCY_REMEDY, LARGEST, is_frequency, shown_number
+from modelgen.lazy_accessor import LazyAccessor
+from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
+from modelgen.runtime.records.channel_checks import checked_channel, length_problems
 from modelgen.runtime.records.channels import Channels, ChannelSignals, Edit, EditedChannels
 from modelgen.runtime.records.record_facts import RecordFacts
+
+if TYPE_CHECKING:
+    from modelgen.runtime.records.frequency_response import FrequencyResponse
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +66,11 @@ class Record:
             problems.append(Problem(where, "has no channels", "give signals as a mapping of key to samples"))
         else:
             for key, values in self.signals.items():
-                array, found = _channel(f"{where}: channel {key}", key, values)
+                array, found = checked_channel(f"{where}: channel {key}", key, values)
                 problems += found
                 if array is not None:
                     channels[key] = array
-        problems += _length_problems(where, channels)
+        problems += length_problems(where, channels)
         if problems:
             raise DataError(*problems)
         object.__setattr__(self, "signals", MappingProxyType(channels))
@@ -133,7 +137,7 @@ class Record:
         new = Record(made, self.fs, self.name, self.tag)
         joined = {**self.signals, **new.signals}
         if new.n != self.n:
-            raise DataError(*_length_problems(self.name, joined))
+            raise DataError(*length_problems(self.name, joined))
         # the other channels are checked, and nobody can change them
         return Record._of(MappingProxyType(joined), self.fs, self.name, self.tag, self.n)
 
@@ -158,6 +162,43 @@ class Record:
     def facts(self) -> RecordFacts:
         """Spectra and extents of the channels, each computed when first asked for."""
         return RecordFacts(self)
+
+    # record.plot() draws the channels, record.plot.spectra() their spectra
+    plot = LazyAccessor("modelgen.runtime.plots.record_plots", "RecordPlots")
+
+    def frequency_response(
+        self,
+        output: str,
+        input: str,
+        resolution_hz: float | None = None,
+        period_s: float | str | None = None,
+    ) -> FrequencyResponse:
+        """Return the measured frequency response of one channel over another, with its coherence.
+
+        Parameters
+        ----------
+        output, input : str
+            Channels; the input is usually a force.
+        resolution_hz : float, optional
+            Distance of the frequencies in Hz: segments of 1 / resolution_hz, half overlapping, under Hann's
+            window. By default eight segments.
+        period_s : float or "none", optional
+            Period in s of a periodic excitation, of which whole periods are then taken, without a window.
+            By default a period is looked for; "none" looks for none.
+
+        Raises
+        ------
+        DataError
+            When a channel is absent, the input rests, or the record is too short.
+        """
+        from modelgen.runtime.records.frequency_response import frequency_response
+
+        absent = [
+            missing_name(self.name, "channel", k, self.keys) for k in (output, input) if k not in self.keys
+        ]
+        if absent:
+            raise DataError(*absent)
+        return frequency_response(self, output, input, resolution_hz, period_s)
 
     def select(self, keys: Iterable[str]) -> Record:
         """Return the record with these channels only, in this order.
@@ -218,69 +259,3 @@ def _fs_problems(where: str, fs: Any) -> list[Problem]:
     if is_frequency(fs):
         return []
     return [Problem(f"{where}: fs", f"is {shown_number(fs)}", FREQUENCY_REMEDY)]
-
-
-def _channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list[Problem]]:
-    """Return a read-only float64 copy of one channel, or what is wrong with it."""
-    if not isinstance(key, str) or not key:
-        return None, [Problem(where, f"key is {key!r}", "name the channel with a non-empty string")]
-    try:
-        given = np.asanyarray(values)
-    except ValueError:
-        return None, [Problem(where, "is no rectangular array", "give one number per sample")]
-    if given.dtype.kind not in "iuf":
-        remedy = "give real numbers (integers or floats)"
-        return None, [Problem(where, f"has data type {given.dtype}", remedy)]
-    if given.ndim != 1:
-        remedy = "give one dimension; a single row or column can be flattened with numpy.ravel"
-        return None, [Problem(where, f"has shape {given.shape}", remedy)]
-    # the mask of a masked array would be lost in the copy: a masked sample is a missing one
-    missing = (
-        np.ma.getmaskarray(given) if isinstance(given, np.ma.MaskedArray) else np.zeros(given.shape, bool)
-    )
-    with np.errstate(over="ignore"):  # a long double beyond a double becomes infinite, which is refused
-        array = np.array(given, dtype=np.float64, order="C", copy=True, subok=False)
-    bad = np.flatnonzero(missing | ~np.isfinite(array))
-    if bad.size:
-        first = int(bad[0])
-        value = "masked" if missing[first] else array[first]
-        what = f"is {value} ({bad.size} of {array.size} samples are not finite)"
-        remedy = "cut the record there, or interpolate the missing samples"
-        return array, [Problem(f"{where}, sample {first}", what, remedy)]
-    problem = magnitude_problem(where, array)
-    if problem is not None:
-        return array, [problem]
-    array.flags.writeable = False
-    return array, []
-
-
-def magnitude_problem(where: str, samples: npt.NDArray[Any]) -> Problem | None:
-    """Return what is wrong where finite samples, shape (n,), are beyond the limits, or all too small."""
-    size = np.abs(samples, dtype=np.longdouble if samples.dtype.itemsize > 8 else np.float64)
-    peak = float(np.fmax.reduce(size, initial=0.0))
-    if peak == 0.0 or FAINTEST <= peak <= LARGEST:
-        return None
-    beyond = (size > LARGEST) & np.isfinite(size)
-    remedy = "check the file, the unit and the factor"
-    if beyond.any():
-        first = int(np.argmax(beyond))
-        what = f"is {samples[first]:g} ({np.count_nonzero(beyond)} samples are beyond {LARGEST:g})"
-        return Problem(f"{where}, sample {first}", what, remedy)
-    if peak >= FAINTEST:
-        return None
-    first = int(np.argmax(size == peak))
-    what = f"is {samples[first]:g}, the largest of all: none reaches {FAINTEST:g}"
-    return Problem(f"{where}, sample {first}", what, remedy)
-
-
-def _length_problems(where: str, channels: Mapping[str, FloatArray]) -> list[Problem]:
-    lengths = {key: array.size for key, array in channels.items()}
-    if not lengths:
-        return []
-    if len(dict.fromkeys(lengths.values())) > 1:
-        found = listed(f"{key} {length}" for key, length in lengths.items())
-        return [Problem(where, f"channels differ in length: {found}", "cut all channels to the same samples")]
-    shortest = min(lengths.values())
-    if shortest < 2:
-        return [Problem(where, f"has {shortest} sample(s)", "give at least two samples")]
-    return []

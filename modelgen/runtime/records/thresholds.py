@@ -26,3 +26,26 @@ SHARED = 64
 
 UNIFORM = 1e-3  # of the step: how far a step may be from the others
 AGREEMENT = 1e-3  # relative: how far a stated frequency may be from the one of the times
+
+# So many whole periods at least, for a spread.
+FEWEST_PERIODS = 4
+# A period is found where a force correlates like this with itself one period later, and a declared one is
+# taken.
+FOUND_CORRELATION = 0.98
+LEAST_CORRELATION = 0.7
+# Peaks this much below the highest are as good: multiples of a period differ by chance.
+SAME_CORRELATION = 2e-3
+
+# Segments of a measured frequency response, half overlapping: of independent noises 95 % of the coherence
+# lies below 0.36.
+SEGMENTS = 8
+LEAST_COHERENCE = 0.36
+SHORTEST_SEGMENT = 16
+# Lines below this one hold the segment's own trend.
+LOWEST_LINE = 2
+# Half overlapping segments under a Hann window are correlated like this in power: (1/6)^2.
+OVERLAP_CORRELATION = 1.0 / 36.0
+# A line of a periodic input is excited where its mean over the periods exceeds its standard deviation so many
+# times, and this share of the largest line.
+EXCITED_STD = 4.0
+EXCITED_SHARE = 1e-6

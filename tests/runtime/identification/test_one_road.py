@@ -113,7 +113,7 @@ def in_files(record: Record, folder: Path) -> NpyChannels:
 def in_small_chunks(monkeypatch: pytest.MonkeyPatch, samples: int, threads: int) -> None:
     monkeypatch.setattr("modelgen.runtime.rows.chunk.CHUNK_SAMPLES", samples)
     monkeypatch.setattr("modelgen.runtime.rows.chunk.HALOS", 0)
-    for module in ("records.channels", "diagnostics.periods"):
+    for module in ("records.channels", "records.period"):
         monkeypatch.setattr(f"modelgen.runtime.{module}.READ_SAMPLES", 4 * samples)
     monkeypatch.setattr("modelgen.runtime.rows.record_rows.usable_threads", lambda: threads)
 

@@ -1,0 +1,87 @@
+"""Frequency responses: magnitude, phase and coherence over the frequency in Hz."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from modelgen.array_types import BoolArray, ComplexArray, FloatArray
+from modelgen.runtime.plots.axes import colours, drawn, panels
+from modelgen.runtime.records.thresholds import LEAST_COHERENCE
+
+if TYPE_CHECKING:
+    from modelgen.runtime.records.frequency_response import FrequencyResponse
+
+HEIGHTS = (1.3, 1.0, 0.7)
+Z_95 = 1.959963984540054
+
+
+class ResponsePlot:
+    """Draws a measured frequency response; returns its axes."""
+
+    def __init__(self, response: FrequencyResponse) -> None:
+        self._response = response
+
+    def __call__(self, axes: Any = None, unit: str = "SI units") -> Any:
+        """Draw magnitude, phase in degrees and coherence, with 95 % of what noise makes shaded.
+
+        Parameters
+        ----------
+        axes : sequence of three Axes, optional
+            By default those of a new figure.
+        unit : str
+            Of the response.
+
+        Returns
+        -------
+        array of Axes
+
+        Raises
+        ------
+        DataError
+            When there are other than three axes, or matplotlib is not installed.
+        """
+        found = self._response
+        axes = panels(axes, 3, HEIGHTS)
+        draw_measured(axes, found)
+        label_axes(axes, f"{found.output} over {found.input}, {found.record}", unit)
+        return drawn(axes)
+
+
+def draw_measured(axes: list[Any], found: FrequencyResponse) -> None:
+    """Draw a measured response into three axes; its phase where that is no mere chance."""
+    colour, f = colours(axes[0]).measured, found.frequency_hz
+    size, reach = np.abs(found.response), Z_95 * found.std
+    mark = "o" if f.size < 60 else None
+    style = {"color": colour, "linewidth": 1.6, "marker": mark, "markersize": 3.0}
+    axes[0].loglog(f, size, label="measured", **style)
+    low = np.maximum(size - reach, size / 100.0)
+    axes[0].fill_between(f, low, size + reach, color=colour, alpha=0.25, linewidth=0.0)
+    phase = wrapped_phase(found.response, found.coherence >= LEAST_COHERENCE)
+    axes[1].semilogx(f, phase, **style)
+    axes[2].semilogx(f, found.coherence, **{**style, "color": colours(axes[2]).residual, "linewidth": 1.0})
+
+
+def label_axes(axes: list[Any], title: str, unit: str) -> None:
+    """Write what is shown, with units, along three axes of a frequency response."""
+    axes[0].set_title(title, loc="left")
+    axes[0].set_ylabel(f"magnitude in {unit}")
+    axes[1].set_ylabel("phase in deg")
+    axes[1].set_ylim(-280.0, 100.0)
+    axes[1].set_yticks([-270, -180, -90, 0, 90])
+    axes[2].set_ylabel("coherence")
+    axes[2].set_ylim(0.0, 1.05)
+    axes[2].set_xlabel("frequency in Hz")
+    for axis in axes:
+        axis.margins(x=0.0)
+        axis.grid(alpha=0.25)
+
+
+def wrapped_phase(H: ComplexArray, shown: BoolArray | None = None) -> FloatArray:
+    """Return the phase in degrees, -270 to 90, with gaps where it wraps or is not to be shown."""
+    phase = np.mod(np.degrees(np.angle(H)) + 270.0, 360.0) - 270.0
+    phase[1:][np.abs(np.diff(phase)) > 180.0] = np.nan
+    if shown is not None:
+        phase[~shown] = np.nan
+    return np.asarray(phase)

@@ -1,0 +1,80 @@
+"""Samples as they are given -> checked arrays, or what is wrong with them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import Problem, listed
+from modelgen.magnitudes import FAINTEST, LARGEST
+
+
+def checked_channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list[Problem]]:
+    """Return a read-only float64 copy of one channel, or what is wrong with it."""
+    if not isinstance(key, str) or not key:
+        return None, [Problem(where, f"key is {key!r}", "name the channel with a non-empty string")]
+    try:
+        given = np.asanyarray(values)
+    except ValueError:
+        return None, [Problem(where, "is no rectangular array", "give one number per sample")]
+    if given.dtype.kind not in "iuf":
+        remedy = "give real numbers (integers or floats)"
+        return None, [Problem(where, f"has data type {given.dtype}", remedy)]
+    if given.ndim != 1:
+        remedy = "give one dimension; a single row or column can be flattened with numpy.ravel"
+        return None, [Problem(where, f"has shape {given.shape}", remedy)]
+    # the mask of a masked array would be lost in the copy: a masked sample is a missing one
+    missing = (
+        np.ma.getmaskarray(given) if isinstance(given, np.ma.MaskedArray) else np.zeros(given.shape, bool)
+    )
+    with np.errstate(over="ignore"):  # a long double beyond a double becomes infinite, which is refused
+        array = np.array(given, dtype=np.float64, order="C", copy=True, subok=False)
+    bad = np.flatnonzero(missing | ~np.isfinite(array))
+    if bad.size:
+        first = int(bad[0])
+        value = "masked" if missing[first] else array[first]
+        what = f"is {value} ({bad.size} of {array.size} samples are not finite)"
+        remedy = "cut the record there, or interpolate the missing samples"
+        return array, [Problem(f"{where}, sample {first}", what, remedy)]
+    problem = magnitude_problem(where, array)
+    if problem is not None:
+        return array, [problem]
+    array.flags.writeable = False
+    return array, []
+
+
+def magnitude_problem(where: str, samples: npt.NDArray[Any]) -> Problem | None:
+    """Return what is wrong where finite samples, shape (n,), are beyond the limits, or all too small."""
+    size = np.abs(samples, dtype=np.longdouble if samples.dtype.itemsize > 8 else np.float64)
+    peak = float(np.fmax.reduce(size, initial=0.0))
+    if peak == 0.0 or FAINTEST <= peak <= LARGEST:
+        return None
+    beyond = (size > LARGEST) & np.isfinite(size)
+    remedy = "check the file, the unit and the factor"
+    if beyond.any():
+        first = int(np.argmax(beyond))
+        what = f"is {samples[first]:g} ({np.count_nonzero(beyond)} samples are beyond {LARGEST:g})"
+        return Problem(f"{where}, sample {first}", what, remedy)
+    if peak >= FAINTEST:
+        return None
+    first = int(np.argmax(size == peak))
+    what = f"is {samples[first]:g}, the largest of all: none reaches {FAINTEST:g}"
+    return Problem(f"{where}, sample {first}", what, remedy)
+
+
+def length_problems(where: str, channels: Mapping[str, FloatArray]) -> list[Problem]:
+    """Return what is wrong with the lengths of channels, shape (n,) each: they differ, or are too short."""
+    lengths = {key: array.size for key, array in channels.items()}
+    if not lengths:
+        return []
+    if len(dict.fromkeys(lengths.values())) > 1:
+        found = listed(f"{key} {length}" for key, length in lengths.items())
+        return [Problem(where, f"channels differ in length: {found}", "cut all channels to the same samples")]
+    shortest = min(lengths.values())
+    if shortest < 2:
+        return [Problem(where, f"has {shortest} sample(s)", "give at least two samples")]
+    return []

@@ -1,0 +1,99 @@
+"""The period of a record, found by its correlation with itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.filters.power_spectrum import quick_length
+from modelgen.runtime.records.channels import READ_SAMPLES, in_stretches
+from modelgen.runtime.records.thresholds import (
+    FEWEST_PERIODS,
+    FOUND_CORRELATION,
+    LEAST_CORRELATION,
+    SAME_CORRELATION,
+    WHOLE,
+)
+
+if TYPE_CHECKING:
+    from modelgen.runtime.records.record import Record
+
+
+def found_period(record: Record, forces: Sequence[str]) -> float | None:
+    """Return the period in s with which every force that changes repeats itself; None without one."""
+    for key in forces:
+        if record.facts.extent(key).span == 0.0:
+            continue
+        lag = _first_lag(record, key)
+        if lag is not None and all(
+            lag_correlation(record, other, lag) >= FOUND_CORRELATION for other in forces
+        ):
+            return lag / record.fs
+    return None
+
+
+def _first_lag(record: Record, key: str) -> int | None:
+    """Return the smallest lag, in samples, after which a force repeats itself; None where it does not.
+
+    In a long record it is found on means of neighbouring samples, and then sharpened on the samples.
+    """
+    every, mean = -(-record.n // WHOLE), record.facts.extent(key).mean
+    lag = _first_peak(np.concatenate(list(_means(record, key, every))) - mean)
+    if lag is None or every == 1:
+        return lag
+    low = every * (lag - 1)
+    m = min(WHOLE, record.n - low - 2 * every)
+    before, after = record.read(key, 0, m) - mean, record.read(key, low, low + m + 2 * every) - mean
+    size = quick_length(len(after) + m)
+    products = np.fft.irfft(np.conj(np.fft.rfft(before, size)) * np.fft.rfft(after, size), size)
+    return low + int(np.argmax(products[: 2 * every + 1]))
+
+
+def _means(record: Record, key: str, every: int) -> Iterator[FloatArray]:
+    """Yield the means of so many neighbouring samples each, stretch by stretch."""
+    left = np.zeros(0)
+    for part in in_stretches(record, key):
+        samples = np.concatenate([left, part])
+        whole = len(samples) // every * every
+        left = samples[whole:]
+        yield samples[:whole].reshape(-1, every).mean(axis=1)
+
+
+def _first_peak(samples: FloatArray) -> int | None:
+    """Return the smallest lag, in samples, at which a series is as good as itself again."""
+    n = len(samples)
+    most = n // FEWEST_PERIODS
+    if most < 3:
+        return None
+    size = quick_length(2 * n)
+    spectrum = np.fft.rfft(samples, size)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, size)[: most + 1]
+    energy = np.cumsum(np.concatenate([[0.0], samples**2]))
+    lags = np.arange(most + 1)
+    both = np.sqrt((energy[n] - energy[lags]) * energy[n - lags])
+    correlation = products / np.maximum(both, np.finfo(float).tiny)
+    below = np.flatnonzero(correlation < LEAST_CORRELATION)
+    if not below.size or below[0] >= most:
+        return None
+    rest = correlation[below[0] :]
+    highest = float(rest[:-1].max())
+    if highest < FOUND_CORRELATION:
+        return None
+    peaks = np.flatnonzero((rest[1:-1] >= rest[:-2]) & (rest[1:-1] >= rest[2:])) + 1
+    good = peaks[rest[peaks] >= highest - SAME_CORRELATION]
+    return int(below[0] + good[0]) if good.size else None
+
+
+def lag_correlation(record: Record, key: str, lag: int) -> float:
+    """Return how a channel correlates with itself `lag` samples later; 1 where it never changes."""
+    mean = record.facts.extent(key).mean
+    sums = np.zeros(3)
+    for start in range(0, record.n - lag, READ_SAMPLES):
+        stop = min(start + READ_SAMPLES, record.n - lag)
+        before, after = (record.read(key, start + by, stop + by) - mean for by in (0, lag))
+        sums += before @ after, before @ before, after @ after
+    size = float(np.sqrt(sums[1]) * np.sqrt(sums[2]))
+    return float(sums[0]) / size if size > 0.0 else 1.0
