@@ -7,20 +7,28 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from os import PathLike
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.atomic_write import write_whole
+from modelgen.documents import json_document
 from modelgen.errors import DataError
+from modelgen.read_file import ESTIMATE, read_text
 from modelgen.runtime.parameters.physical_parameters import Covariances
 from modelgen.runtime.results.checks import Checks
-from modelgen.runtime.results.estimate_parts import EstimatedFit, EstimatedModel, EstimatedParameters
+from modelgen.runtime.results.estimate_parts import (
+    FORMAT_VERSION,
+    EstimatedFit,
+    EstimatedModel,
+    EstimatedParameters,
+)
 from modelgen.runtime.results.formats import data_frame, html_table, latex_table, markdown_table
 from modelgen.runtime.results.summary import summary_text
-
-FORMAT_VERSION = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +96,12 @@ class Estimate:
         Raises
         ------
         DataError
-            Where a limit of memory did not let it stay.
+            Where a limit of memory did not let it stay, and of an estimate from a file.
         """
         if self.fit.resid is None:
-            remedy = "identify without the limit, or with a larger decimation"
-            raise DataError.at("resid", "was not kept: its rows exceed memory_limit_mb", remedy)
+            what = "was not kept: its rows exceed memory_limit_mb, or the estimate is from a file"
+            remedy = "identify again, without the limit or with a larger decimation"
+            raise DataError.at("resid", what, remedy)
         return self.fit.resid
 
     @property
@@ -146,6 +155,7 @@ class Estimate:
             "sensor_set": self.model.sensor_set,
             "title": self.model.title,
             "method": self.fit.method,
+            "method_title": self.fit.method_title,
             "records": self.records,
             "params": self.params,
             "bse": self.bse,
@@ -154,6 +164,9 @@ class Estimate:
             "units": {entry.name: entry.unit for entry in identified + physical},
             "physical": self.physical,
             "physical_bse": {entry.name: entry.std for entry in physical},
+            "physical_noise_std": {entry.name: entry.noise_std for entry in physical},
+            "physical_drift_std": {entry.name: entry.drift_std for entry in physical},
+            "physical_printed_std": {entry.name: entry.printed_std for entry in physical},
             "not_identifiable": self.not_identifiable,
             "other_solutions": self.parameters.other_solutions,
             "nuisance": self.parameters.nuisance,
@@ -163,6 +176,8 @@ class Estimate:
             "drift_std": {entry.name: entry.drift_std for entry in identified},
             "printed_std": {entry.name: entry.printed_std for entry in identified},
             "cov_params": self.covariances.total.tolist(),
+            "noise_covariance": self.covariances.noise.tolist(),
+            "drift_covariance": self.covariances.drift.tolist(),
             "printed_covariance": self.covariances.printed.tolist(),
             "covariance_kind": self.fit.covariance_kind,
             "nobs": self.nobs,
@@ -185,6 +200,34 @@ class Estimate:
     def to_json(self) -> str:
         """Return `to_dict` as JSON, the same for the same estimate."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any], where: str = "estimate") -> Self:
+        """Return the estimate that `to_dict` gave a document of; `resid` is not in it.
+
+        Raises
+        ------
+        DataError
+            With one problem per mistake, each naming `where` and the key: one that is missing or unknown, of
+            another type or size, or that contradicts another one, as a number changed by hand does.
+        """
+        from modelgen.runtime.results.saved_estimate import estimate_parts
+
+        return cls(**estimate_parts(document, where))
+
+    @classmethod
+    def from_json(cls, text: str, where: str = "estimate") -> Self:
+        """Return the estimate that `to_json` gave a text of; raises as `from_dict` does."""
+        return cls.from_dict(json_document(text, where, ESTIMATE.remedy), where)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Self:
+        """Return the estimate in a file of `modelgen identify -o` or `save`; raises as `from_dict`."""
+        return cls.from_json(read_text(path, ESTIMATE), str(path))
+
+    def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
+        """Write `to_json` to a file, whole or not at all; an existing one is replaced only if asked to."""
+        write_whole(Path(path), self.to_json().encode(), overwrite=overwrite)
 
     def to_latex(self) -> str:
         """Return the parameters as a LaTeX tabular (package booktabs)."""

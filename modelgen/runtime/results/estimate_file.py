@@ -7,10 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from modelgen.documents import json_document
-from modelgen.errors import DataError, Problem
+from modelgen.errors import DataError, Problem, listed
 from modelgen.magnitudes import is_usable
 from modelgen.read_file import ESTIMATE, read_text
-from modelgen.runtime.results.estimate import FORMAT_VERSION
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.parameters.pruning import Pruning
+from modelgen.runtime.results.checks import Checks
+from modelgen.runtime.results.estimate_parts import FORMAT_VERSION, RowDiagnostics
+from modelgen.typed_values import typed
 
 Holds = Callable[[Any], bool]
 
@@ -52,31 +56,40 @@ TEXT, TEXTS = (_is_text, "a text"), (_list_of(_is_text), "a list of texts")
 NUMBER, NUMBERS = (_is_real, "a finite number or null"), (_table_of(_is_real), "a table of numbers")
 VALUES = (_table_of(_is_value), "a table of numbers between 1e-30 and 1e30, zeros or nulls")
 MATRIX = (_is_square, "a square matrix of finite numbers, a list a row")
-TABLE = (_table_of(lambda _: True), "a table")
-TABLES = (_list_of(TABLE[0]), "a list of tables")
-DEVIATIONS = ("bse", "relative_std", "physical_bse", "noise_std", "drift_std", "printed_std", "delay_std")
+# what is a dataclass in an estimate, checked field by field
+PARTS: Mapping[str, Any] = {
+    "rows": tuple[RowDiagnostics, ...],
+    "pruning": Pruning,
+    "filtering": FilterChoice,
+    "checks": Checks,
+}
+DEVIATIONS = ("bse", "relative_std", "noise_std", "drift_std", "printed_std")
+OF_PHYSICAL = ("physical_bse", "physical_noise_std", "physical_drift_std", "physical_printed_std")
+MATRICES = ("cov_params", "noise_covariance", "drift_covariance", "printed_covariance")
 KEYS: Mapping[str, tuple[Holds, str]] = {
     "format": (lambda value: value == "modelgen estimate", 'the text "modelgen estimate"'),
     "version": (lambda value: value == FORMAT_VERSION and _is_count(value), f"the number {FORMAT_VERSION}"),
-    **dict.fromkeys(("chain", "sensor_set", "title", "method", "covariance_kind", "residual_dof"), TEXT),
+    **dict.fromkeys(("chain", "sensor_set", "title", "method", "method_title"), TEXT),
+    **dict.fromkeys(("covariance_kind", "residual_dof"), TEXT),
     **dict.fromkeys(("records", "notes"), TEXTS),
     **dict.fromkeys(("params", "physical", "nuisance", "delays"), VALUES),
-    **dict.fromkeys(DEVIATIONS, NUMBERS),
+    **dict.fromkeys((*DEVIATIONS, *OF_PHYSICAL, "delay_std"), NUMBERS),
     **dict.fromkeys(("units", "not_identifiable", "composites"), (_table_of(_is_text), "a table of texts")),
     "conf_int_95": (_table_of(_is_interval), "a table of pairs of numbers"),
     "other_solutions": (_list_of(_table_of(_is_real)), "a list of tables of numbers"),
     "base": (_list_of(_is_real), "a list of numbers"),
-    **dict.fromkeys(("cov_params", "printed_covariance"), MATRIX),
+    **dict.fromkeys(MATRICES, MATRIX),
     "nobs": (_is_count, "a number of rows"),
     **dict.fromkeys(("condition_number", "condition_number_raw", "relative_error"), NUMBER),
     **dict.fromkeys(("error_norm", "sigma"), NUMBER),
-    "rows": TABLES,
-    **dict.fromkeys(("pruning", "filtering", "checks"), TABLE),
 }
 NEEDED = ("format", "chain", "physical", "records")
-# keys whose tables or matrices have an entry for each of `params`
-PER_PARAMETER = ("bse", "relative_std", "conf_int_95", "noise_std", "drift_std", "printed_std", "cov_params",
-                 "printed_covariance")  # fmt: skip
+# keys whose tables have an entry for each name of another one
+TABLES_OF: Mapping[str, tuple[str, ...]] = {
+    "params": (*DEVIATIONS, "conf_int_95"),
+    "physical": OF_PHYSICAL,
+    "delays": ("delay_std",),
+}
 
 
 def load_estimate(path: Path) -> Mapping[str, Any]:
@@ -92,30 +105,35 @@ def load_estimate(path: Path) -> Mapping[str, Any]:
 
 def checked_estimate(saved: Any, where: str) -> Mapping[str, Any]:
     """Return a document as it is if it is that of an estimate; raises as `load_estimate` does."""
-    if not isinstance(saved, dict):
+    if not isinstance(saved, dict) or not all(isinstance(key, str) for key in saved):
         raise DataError.at(where, "is no saved estimate", ESTIMATE.remedy)
     problems = [
         Problem(f"{where}: {key}", "is missing", ESTIMATE.remedy) for key in NEEDED if key not in saved
     ]
     for key, value in saved.items():
-        if key not in KEYS:
+        if key in PARTS:
+            typed(PARTS[key], value, f"{where}: {key}", ESTIMATE.remedy, problems)
+        elif key not in KEYS:
             problems.append(Problem(f"{where}: {key}", "is no key of an estimate", ESTIMATE.remedy))
         elif not KEYS[key][0](value):
             problems.append(Problem(f"{where}: {key}", f"is not {KEYS[key][1]}", ESTIMATE.remedy))
-    if problems:
-        raise DataError(*problems)
-    problems = _length_problems(where, saved)
+    problems = problems or _entry_problems(where, saved)
     if problems:
         raise DataError(*problems)
     return saved
 
 
-def _length_problems(where: str, saved: Mapping[str, Any]) -> list[Problem]:
-    if "params" not in saved:
-        return []
-    count = len(saved["params"])
-    return [
-        Problem(f"{where}: {key}", f"has {len(saved[key])} entries, params has {count}", ESTIMATE.remedy)
-        for key in PER_PARAMETER
-        if key in saved and len(saved[key]) != count
-    ]
+def _entry_problems(where: str, saved: Mapping[str, Any]) -> list[Problem]:
+    """Return which tables have not the names, and which matrices not the size, of what they belong to."""
+    problems = []
+    for table, keys in TABLES_OF.items():
+        for key in keys:
+            if table in saved and key in saved and saved[key].keys() != saved[table].keys():
+                apart = listed(sorted(saved[key].keys() ^ saved[table].keys()))
+                what = f"and {table} have not the same names ({apart})"
+                problems.append(Problem(f"{where}: {key}", what, ESTIMATE.remedy))
+    for key in MATRICES:
+        if "params" in saved and key in saved and len(saved[key]) != len(saved["params"]):
+            what = f"has {len(saved[key])} rows, params has {len(saved['params'])} entries"
+            problems.append(Problem(f"{where}: {key}", what, ESTIMATE.remedy))
+    return problems

@@ -11,6 +11,8 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.pruning import Pruning
 
+FORMAT_VERSION = 1  # of saved estimates
+
 
 @dataclass(frozen=True)
 class EstimatedModel:
@@ -61,7 +63,7 @@ class EstimatedFit(FrozenValues):
     rows : tuple of RowDiagnostics
     resid : array, shape (nobs,), or None
         Weighted residual, rows stacked; in the unit of the row where there is only one block. None where a
-        limit of memory did not let the rows stay.
+        limit of memory did not let the rows stay, and in an estimate from a file.
     condition_number, condition_number_raw : float
         Of the weighted observation matrix, with and without scaling its columns to unit length.
     relative_error, error_norm : float

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import TypedDict, Unpack
+from typing import Any, Protocol, TypedDict, Unpack
 
 import numpy as np
 
@@ -260,14 +260,22 @@ def _tracking(plant: Plant, record: Record, simulated: Mapping[str, FloatArray])
     return None
 
 
-def parameters_of(estimate: Mapping[str, object], model: Model) -> dict[str, float]:
-    """Return the physical parameters of a saved estimate (`Estimate.to_dict`) for this model.
+class Documented(Protocol):
+    """What gives a document of itself, as an `Estimate` does."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document."""
+
+
+def parameters_of(estimate: Mapping[str, object] | Documented, model: Model) -> dict[str, float]:
+    """Return the physical parameters of an estimate, or of its document (`to_dict`), for this model.
 
     Raises
     ------
     DataError
         When the estimate is no such mapping, or of another chain.
     """
+    estimate = estimate if isinstance(estimate, Mapping) else estimate.to_dict()
     physical = estimate.get("physical")
     if estimate.get("format") != "modelgen estimate" or not isinstance(physical, Mapping):
         remedy = "give a file that modelgen identify -o wrote"
