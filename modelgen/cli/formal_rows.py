@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from modelgen.errors import ModelError
 from modelgen.symbolic.compare import FormalRegressor, FormalSignal
 
 if TYPE_CHECKING:
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 LARGEST_PRODUCT = 10**13
 ROUNDING = 1e-15
 DIGITS = 16
-SOLVED = 1e-9
+SOLVED, LARGEST_SOLVED = 1e-9, 10**7  # likewise of a number of nine digits
 ONE = FormalSignal("one", "1", 0)
 Sum = dict[FormalSignal, Fraction]
 
@@ -30,6 +29,7 @@ def formal_regressor(model: Model, title: str) -> FormalRegressor:
     rows = []
     for left, right in zip(model.measurement_columns, model.regressor_columns, strict=True):
         row: dict[tuple[str, FormalSignal], Fraction] = {}
+        sizes: dict[tuple[str, FormalSignal], Fraction] = {}
         entries = [("", Fraction(1), left)]
         for column, terms in right.items():
             entries += [(name, -share, terms) for name, share in columns[column].items()]
@@ -37,24 +37,24 @@ def formal_regressor(model: Model, title: str) -> FormalRegressor:
             for coefficient, key in terms:
                 for signal, amount in translate.signal(key).items():
                     place = (parameter, signal)
-                    row[place] = row.get(place, Fraction(0)) + share * exact(coefficient) * amount
-        rows.append({place: value for place, value in row.items() if value})
-    return FormalRegressor(title, tuple(info.name for info in model.rows), tuple(rows))
+                    part = share * exact(coefficient) * amount
+                    row[place] = row.get(place, Fraction(0)) + part
+                    sizes[place] = sizes.get(place, Fraction(0)) + abs(part)
+        # what cancels but for rounding is zero
+        rows.append({place: value for place, value in row.items() if abs(value) > SOLVED * sizes[place]})
+    rounded = not all(is_small(value) for row in rows for value in row.values())
+    return FormalRegressor(title, tuple(info.name for info in model.rows), tuple(rows), rounded)
 
 
 def exact(value: float) -> Fraction:
-    """Return the small fraction that a coefficient was made from.
-
-    Raises
-    ------
-    ModelError
-        When there is none.
-    """
+    """Return the small fraction that a coefficient was made from, or the coefficient where there is none."""
     found = simplest(value, ROUNDING)
-    if abs(found.numerator) * found.denominator > LARGEST_PRODUCT:
-        remedy = "compare specs with ratios of small whole numbers"
-        raise ModelError.at("regressor", f"has the coefficient {value!r}, no small fraction", remedy)
-    return found
+    return found if is_small(found) else Fraction(value)
+
+
+def is_small(value: Fraction) -> bool:
+    """Return whether a fraction is one that a double tells from its neighbours."""
+    return abs(value.numerator) * value.denominator <= LARGEST_PRODUCT
 
 
 def simplest(value: float, tolerance: float) -> Fraction:
@@ -81,6 +81,15 @@ def _column_parameters(model: Model) -> list[dict[str, Fraction]]:
         shares = {p: exact(float(c)) for p, c in pairs if linear and c}
         columns.append(shares or {name: Fraction(1)})
     return columns
+
+
+def _solved(value: float) -> Fraction:
+    found = simplest(value, SOLVED)
+    return found if abs(found.numerator) * found.denominator <= LARGEST_SOLVED else exact(value)
+
+
+def _text(share: Fraction) -> str:
+    return str(share) if is_small(share) else f"{float(share):.10g}"
 
 
 class _Translation:
@@ -114,7 +123,9 @@ class _Translation:
         for coefficient, key in pairs:
             for signal, share in self.signal(key).items():
                 inner[signal] = inner.get(signal, Fraction(0)) + exact(coefficient) * share
-        text = " + ".join(f"{share} d{s.order} {s.kind}_{s.name}" for s, share in sorted(inner.items()))
+        text = " + ".join(
+            f"{_text(share)} d{s.order} {s.kind}_{s.name}" for s, share in sorted(inner.items())
+        )
         times = "" if feature.times is None else f" times {sorted(self.signal(feature.times).items())}"
         return {FormalSignal(feature.function, text + times, 0): Fraction(1)}
 
@@ -122,15 +133,18 @@ class _Translation:
         """Return the coordinates that a sensor reads; the direct model holds the ratio of a deflection."""
         if sensor.body is not None:
             return {sensor.body: Fraction(1)}
-        from modelgen.runtime.simulation.plant import body_order
+        from modelgen.runtime.simulation.plant import body_order, felt_accelerations
 
-        bodies = body_order(self._model)
-        ones = dict.fromkeys((*self._model.parameters, *self._model.known), 1.0)
-        space = self._model.state_space(ones, {friction.body: 1 for friction in self._model.friction})
-        row = space.C[[s.key for s in self._model.sensors].index(sensor.key)]
-        n, order = len(bodies), sensor.order
-        found = row[order * n : (order + 1) * n] if order < 2 else np.linalg.lstsq(space.A[n:].T, row)[0]
-        # what the equations of motion were solved for has lost a few digits
-        size = float(np.abs(found).max())
-        pairs = zip(bodies, found.tolist(), strict=True)
-        return {body: simplest(c, SOLVED) for body, c in pairs if abs(c) > SOLVED * size}
+        bodies, place = body_order(self._model), [s.key for s in self._model.sensors].index(sensor.key)
+        if sensor.order == 2:
+            # what the equations of motion were solved for has lost a few digits
+            felt = felt_accelerations(self._model)[place]
+            found = [
+                _solved(c) if abs(c) > SOLVED * np.abs(felt).max() else Fraction(0) for c in felt.tolist()
+            ]
+        else:
+            ones = dict.fromkeys((*self._model.parameters, *self._model.known), 1.0)
+            space = self._model.state_space(ones, {friction.body: 1 for friction in self._model.friction})
+            first = sensor.order * len(bodies)
+            found = [exact(c) for c in space.C[place, first : first + len(bodies)].tolist()]
+        return {body: share for body, share in zip(bodies, found, strict=True) if share}

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Mapping
 from fractions import Fraction
 from importlib.resources import files
 from pathlib import Path, PurePath
@@ -19,6 +20,7 @@ from modelgen.documents import Document, toml_document
 from modelgen.errors import Problem, SpecError
 from modelgen.read_file import SPEC, read_text
 from modelgen.spec.chain import GROUND, LINK_ROLES, Body, ChainSpec, Friction, Link, Parameter, Sensor
+from modelgen.spec.number_expression import PI
 from modelgen.spec.references import check_references
 from modelgen.spec.tables import check_tables
 from modelgen.spec.units import Motion
@@ -99,7 +101,7 @@ def _draft(document: Document, source: str, sha256: str) -> ChainSpec:
         title=chain.get("title") or chain.get("name"),
         motion=motion,
         bodies=tuple(_draft_body(table or {}, motion) for table in document.get("bodies") or ()),
-        links=tuple(_draft_link(table or {}) for table in document.get("links") or ()),
+        links=_draft_links(document, motion),
         known=_draft_values(document.get("known")),
         parameter_sets={name: _draft_values(values) for name, values in sets.items()},
         sensor_sets={
@@ -118,13 +120,26 @@ def _draft_body(table: Document, motion: Motion) -> Body:
     return Body(**names, friction=friction, motion=table.get("motion") or motion)
 
 
-def _draft_link(table: Document) -> Link:
+def _draft_links(document: Document, motion: Motion) -> tuple[Link, ...]:
+    bodies = [table or {} for table in document.get("bodies") or ()]
+    motions = {str(table.get("name")): table.get("motion") or motion for table in bodies}
+    return tuple(_draft_link(table or {}, motions) for table in document.get("links") or ())
+
+
+def _draft_link(table: Document, motions: Mapping[str, Motion]) -> Link:
     bodies: Any = tuple(table.get("bodies") or ())
-    ratio = Fraction(str(table.get("ratio") or 1))  # the decimal that was written, not its nearest binary
+    ratio = _exact(table.get("ratio") or 1)
+    if table.get("lead"):  # m of travel a turn: what turns by 2 pi rad moves the other end by one lead
+        per_radian = _exact(table["lead"]) / (2 * PI)
+        ratio = per_radian if bodies and motions.get(bodies[0]) == "translation" else 1 / per_radian
     if bodies and bodies[0] == GROUND and ratio == 1:
         bodies = bodies[::-1]
     names: Document = {role: table.get(role) for role in LINK_ROLES}
     return Link(bodies, **names, ratio=ratio)
+
+
+def _exact(value: float | Fraction) -> Fraction:
+    return Fraction(str(value))  # the decimal that was written, not its nearest binary
 
 
 def _draft_sensor(key: str, table: Document) -> Sensor:

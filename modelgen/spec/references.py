@@ -70,9 +70,16 @@ def _check_links(
             right = f'write ["{link.bodies[1]}", "ground"] and the ratio of {link.bodies[1]}'
             yield Problem(f"{where}.bodies", '"ground" is first in a link with a ratio', right)
         mixed = bodies is not None and len({bodies[end] for end in link.bodies if end in bodies}) == 2
-        if mixed and "ratio" not in table:
-            remedy = "add ratio, how far the first body moves while the second moves by one unit"
+        if mixed and not {"ratio", "lead"} & table.keys():
+            remedy = "add ratio, how far the first body moves while the second moves by one unit, or lead"
             yield Problem(where, "joins a rotation and a translation without a ratio", remedy)
+        if {"ratio", "lead"} <= table.keys():
+            yield Problem(where, "has both ratio and lead", "keep one of them")
+        elif "lead" in table and bodies is not None and not mixed and _motions_read(document):
+            remedy = "write ratio, or give one of the bodies its own motion"
+            yield Problem(
+                f"{where}.lead", "is no travel a turn: it needs a rotation and a translation", remedy
+            )
     if bodies is not None:
         yield from _check_connected(spec)
 
@@ -114,8 +121,7 @@ def _check_connected(spec: ChainSpec) -> Iterator[Problem]:
 
 def _check_shared_names(document: Document, spec: ChainSpec) -> Iterator[Problem]:
     """A parameter's name may be shared by elements of the same role and unit, and by nothing else."""
-    tables = [document.get("chain"), *(document["bodies"] or ())]
-    units_known = all(table is not None and table.get("motion", "") is not None for table in tables)
+    units_known = _motions_read(document)
     first: dict[str, tuple[str, Parameter]] = {}
     wrong: dict[str, None] = {}
     for where, parameter in elements(spec):
@@ -132,6 +138,11 @@ def _check_shared_names(document: Document, spec: ChainSpec) -> Iterator[Problem
         if body.actuator in first:
             what = f'"{body.actuator}" is the parameter {first[body.actuator][0]} too'
             yield Problem(f"bodies[{index}].actuator", what, "rename one of them")
+
+
+def _motions_read(document: Document) -> bool:
+    tables = [document.get("chain"), *(document["bodies"] or ())]
+    return all(table is not None and table.get("motion", "") is not None for table in tables)
 
 
 def _check_sensors(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -13,6 +14,7 @@ from modelgen.errors import Problem, nearest
 from modelgen.generated_module.literals import hidden_character
 from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.spec.chain import Friction
+from modelgen.spec.number_expression import Misread, exact_number
 from modelgen.spec.units import Measures, Motion
 from modelgen.spec.words import identifier_problem, path, shown, suggest
 
@@ -53,13 +55,28 @@ def _usable(value: float) -> float:
     return value
 
 
+def _expression(value: object) -> object:
+    """Return the value of a text such as "2*pi/0.01"; anything else as it is."""
+    if not isinstance(value, str):
+        return value
+    try:
+        number = exact_number(value)
+    except Misread as found:
+        context = {"what": f"is {shown(value)}, which {found.what}", "remedy": found.remedy}
+        raise PydanticCustomError("misread", "", context) from None
+    if not is_usable(number):
+        context = {"what": f"is {shown(value)}, a number that cannot be used", "remedy": REMEDY}
+        raise PydanticCustomError("misread", "", context)
+    return float(number)
+
+
 def _explained(what: str, remedy: str) -> PydanticCustomError:
     """Return an error that the reference checks need not know of: the value can still be referred to."""
     return PydanticCustomError("explained", "", {"what": what, "remedy": remedy})
 
 
 _Name = Annotated[str, AfterValidator(_name)]
-_Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_usable)]
+_Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_usable), BeforeValidator(_expression)]
 _Pair = Annotated[list[str], BeforeValidator(_pair)]
 
 
@@ -96,6 +113,7 @@ class LinkTable(_Table):
     damping: _Name | None = Field(None, description='damping = "F_vmc"')
     stiffness3: _Name | None = Field(None, description='stiffness3 = "K3"')
     ratio: Annotated[_Number, AfterValidator(_ratio)] | None = Field(None, description="ratio = 10.0")
+    lead: Annotated[_Number, AfterValidator(_ratio)] | None = Field(None, description="lead = 0.01")
 
 
 class _SensorTable(_Table):
@@ -136,7 +154,29 @@ _TABLES: dict[tuple[str, int], type[_Table]] = {  # by the first key and the len
 
 
 def check_tables(document: Document) -> list[Problem]:
-    """Report the mistakes of single tables, and set in `document` to None what is missing or unreadable."""
+    """Report the mistakes of single tables, and set in `document` to None what is missing or unreadable.
+
+    Numbers that are written as text ("2*pi/0.01") are replaced by their exact value.
+    """
+    problems = _mistakes(document)
+    for table, keys in _tables_of_numbers(document):
+        for key in keys:
+            if isinstance(table.get(key), str):
+                table[key] = exact_number(table[key])
+    return problems
+
+
+def _tables_of_numbers(document: Document) -> Iterator[tuple[Document, Iterable[str]]]:
+    """Yield every readable table that holds numbers, and which of its keys do."""
+    for link in document.get("links") or ():
+        if link is not None:
+            yield link, ("ratio", "lead")
+    for values in (document.get("known"), *(document.get("parameters") or {}).values()):
+        if values is not None:
+            yield values, list(values)
+
+
+def _mistakes(document: Document) -> list[Problem]:
     try:
         FileTable.model_validate(document)
     except ValidationError as error:
@@ -167,7 +207,7 @@ def _explain(mistake: ErrorDetails) -> Problem:
     loc, kind, context = mistake["loc"], mistake["type"], mistake.get("ctx", {})
     where, key = path(*loc), str(loc[-1])
     keys = _keys(loc)
-    if kind == "explained":
+    if kind in ("explained", "misread"):
         return Problem(where, context["what"], context["remedy"])
     if kind == "extra_forbidden":
         return Problem(where, "is not a key of this table", suggest(key, keys, "keys"))

@@ -7,6 +7,7 @@ import keyword
 import math
 import re
 from collections.abc import Iterable
+from fractions import Fraction
 
 from modelgen.errors import listed, nearest
 
@@ -40,6 +41,8 @@ def shown(value: object) -> str:
         return text if len(text) <= 60 else f'{text[:56]}..."'
     if isinstance(value, int | float):
         return "one too large to store" if 1e300 < abs(value) < math.inf else str(value)
+    if isinstance(value, Fraction):  # of a text such as "1/3"
+        return f"{float(value):g}"
     if isinstance(value, list):
         numbers = all(isinstance(item, int | float) for item in value)
         return f"a list of {len(value)}{' numbers' if numbers else ''}"

@@ -19,7 +19,7 @@ from modelgen.errors import ModelError
 from modelgen.symbolic.equations.equation_sums import exact_levers
 from modelgen.symbolic.equations.identifiability import identifiable_parameters
 from modelgen.symbolic.equations.row import IdentificationRows
-from modelgen.symbolic.equations.signals import Exact
+from modelgen.symbolic.equations.signals import Exact, short_text
 from modelgen.symbolic.exact_dependencies import exact_dependencies
 
 SEED = 2002
@@ -45,10 +45,10 @@ class BaseParameter:
 
     @property
     def name(self) -> str:
-        """Return the combination as text, for example ``O_m + 1/2*O_c``."""
+        """Return the combination as text, for example ``O_m + 1/2*O_c``; long factors to six digits."""
         parts: list[str] = []
         for parameter, factor in self.combination:
-            size = "" if abs(factor) == 1 else f"{abs(factor)}*"
+            size = "" if abs(factor) == 1 else f"{short_text(factor if factor > 0 else -factor)}*"
             sign = ("-" if factor < 0 else "") if not parts else (" - " if factor < 0 else " + ")
             parts.append(f"{sign}{size}{parameter}")
         return "".join(parts)

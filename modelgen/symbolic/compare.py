@@ -1,9 +1,12 @@
-"""Are two regressors equal? Exact algebra on rows that are linear in parameter times signal.
+"""Are two regressors equal? Algebra on rows that are linear in parameter times signal.
 
 A row 0 = y - D x is a vector over the pairs (parameter, signal), with rational coefficients; "signal" is a
 derivative of a body's coordinate or of a force, however a sensor reads it. Two regressors are equal if their
 rows are, equal up to a combination if their rows span the same space, and different otherwise; then it may
 still be that a row of one is a derivative of a row of the other, which is reported separately.
+
+All of it is exact, unless a coefficient is no small fraction (the 2 pi / lead of a screw): numbers are equal
+then that differ by no more than `TOLERANCE`.
 """
 
 from __future__ import annotations
@@ -12,8 +15,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+import numpy as np
+
 EQUAL, COMBINATION, DIFFERENT = "equal", "equal up to a combination", "different"
 MOST_DERIVATIVES = 6
+TOLERANCE = (
+    1e-8  # of rows and columns of unit size; doubles that have been solved for keep nine digits or more
+)
+BALANCING_ROUNDS = 10
 
 
 @dataclass(frozen=True, order=True)
@@ -35,11 +44,12 @@ FormalRow = Mapping[tuple[str, FormalSignal], Fraction]
 
 @dataclass(frozen=True)
 class FormalRegressor:
-    """The named rows of one model."""
+    """The named rows of one model; `rounded` where some coefficient is a double and no small fraction."""
 
     title: str
     names: tuple[str, ...]
     rows: tuple[FormalRow, ...]
+    rounded: bool = False
 
 
 @dataclass(frozen=True)
@@ -54,12 +64,15 @@ class Relation:
 
 def compare(first: FormalRegressor, second: FormalRegressor) -> Relation:
     """Return how two regressors relate."""
+    rounded = first.rounded or second.rounded
     verdict = DIFFERENT
-    if sorted(map(_sorted_items, first.rows)) == sorted(map(_sorted_items, second.rows)):
+    if _same_rows(first.rows, second.rows, rounded):
         verdict = EQUAL
-    elif _spans(first.rows, second.rows) and _spans(second.rows, first.rows):
+    elif _spans(first.rows, second.rows, rounded) and _spans(second.rows, first.rows, rounded):
         verdict = COMBINATION
-    lines = [*_lines(first, second), *_lines(second, first)] if verdict != EQUAL else []
+    lines = []
+    if verdict != EQUAL:
+        lines = [*_lines(first, second, rounded), *_lines(second, first, rounded)]
     return Relation(first.title, second.title, verdict, tuple(lines))
 
 
@@ -75,46 +88,83 @@ def differentiated(row: FormalRow) -> FormalRow | None:
     return moved
 
 
-def rank(rows: Sequence[FormalRow]) -> int:
-    """Return the number of independent rows, by elimination over the rationals."""
-    return len(_echelon(rows))
+def rank(rows: Sequence[FormalRow], rounded: bool = False) -> int:
+    """Return the number of independent rows, by elimination over the rationals or by singular values."""
+    return _rank_of_doubles(rows) if rounded else len(_echelon(rows))
 
 
-def _spans(basis: Sequence[FormalRow], rows: Sequence[FormalRow]) -> bool:
-    return rank([*basis, *rows]) == rank(basis)
+def _rank_of_doubles(rows: Sequence[FormalRow]) -> int:
+    """Return the rank to a tolerance, with rows and columns brought to unit size: gears spread them."""
+    places = {place: index for index, place in enumerate(sorted({key for row in rows for key in row}))}
+    matrix = np.zeros((len(rows), len(places)))
+    for index, row in enumerate(rows):
+        for place, value in row.items():
+            matrix[index, places[place]] = float(value)
+    matrix = matrix[np.any(matrix != 0.0, axis=1)]
+    if not matrix.size:
+        return 0
+    for _ in range(BALANCING_ROUNDS):
+        for axis in (0, 1):
+            matrix /= np.sqrt(np.abs(matrix).max(axis=axis, keepdims=True))
+    matrix /= np.linalg.norm(matrix, axis=1, keepdims=True)
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    return int(np.sum(sizes > TOLERANCE * sizes[0]))
 
 
-def _lines(of: FormalRegressor, among: FormalRegressor) -> list[str]:
+def _same_rows(first: Sequence[FormalRow], second: Sequence[FormalRow], rounded: bool) -> bool:
+    """Return whether the rows are the same in any order."""
+    left = list(second)
+    for row in first:
+        found = next((index for index, other in enumerate(left) if _same(row, other, rounded)), None)
+        if found is None:
+            return False
+        del left[found]
+    return not left
+
+
+def _same(row: FormalRow, other: FormalRow, rounded: bool) -> bool:
+    if not rounded:
+        return dict(row) == dict(other)
+    return row.keys() == other.keys() and all(
+        abs(row[key] - other[key]) <= TOLERANCE * abs(row[key]) for key in row
+    )
+
+
+def _spans(basis: Sequence[FormalRow], rows: Sequence[FormalRow], rounded: bool) -> bool:
+    return rank([*basis, *rows], rounded) == rank(basis, rounded)
+
+
+def _lines(of: FormalRegressor, among: FormalRegressor, rounded: bool) -> list[str]:
     lines = []
     for name, row in zip(of.names, of.rows, strict=True):
-        lines.append(f"{of.title}, row {name}: {_found(row, among)} {among.title}")
+        lines.append(f"{of.title}, row {name}: {_found(row, among, rounded)} {among.title}")
     return lines
 
 
-def _found(row: FormalRow, among: FormalRegressor) -> str:
+def _found(row: FormalRow, among: FormalRegressor, rounded: bool) -> str:
     for name, other in zip(among.names, among.rows, strict=True):
-        if dict(row) == dict(other):
+        if _same(row, other, rounded):
             return f"row {name} of"
-    if _spans(among.rows, [row]):
+    if _spans(among.rows, [row], rounded):
         return "a combination of rows of"
     for name, other in zip(among.names, among.rows, strict=True):
-        times = _derivative_of(row, other)
+        times = _derivative_of(row, other, rounded)
         if times:
             return f"{_times(times)} derivative of row {name} of"
-        times = _derivative_of(other, row)
+        times = _derivative_of(other, row, rounded)
         if times:
             return f"row {name} is its {_times(times)} derivative in"
     return "not in"
 
 
-def _derivative_of(row: FormalRow, other: FormalRow) -> int:
+def _derivative_of(row: FormalRow, other: FormalRow, rounded: bool) -> int:
     """Return how often `other` must be differentiated to give a multiple of `row`; 0 if it never does."""
     moved: FormalRow | None = other
     for times in range(1, MOST_DERIVATIVES + 1):
         moved = differentiated(moved) if moved is not None else None
         if not moved:
             return 0
-        if rank([row, moved]) == 1:
+        if rank([row, moved], rounded) == 1:
             return times
     return 0
 
@@ -138,7 +188,3 @@ def _echelon(rows: Sequence[FormalRow]) -> list[dict[tuple[str, FormalSignal], F
         if rest:
             kept.append((min(rest), rest))
     return [row for _, row in kept]
-
-
-def _sorted_items(row: FormalRow) -> list[tuple[tuple[str, FormalSignal], Fraction]]:
-    return sorted(row.items())

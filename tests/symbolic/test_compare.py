@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from fractions import Fraction
-
-import pytest
+from random import Random
 
 from generated import emps300_qm_ac, emps300_qm_qc, tree_mixed, tree_positions
 from modelgen.cli.formal_rows import exact, formal_regressor
-from modelgen.errors import ModelError
 from modelgen.render.writer import generate
 from modelgen.runtime.model.model import model_from_module, model_from_text
 from modelgen.spec.load import parse_spec
@@ -83,10 +81,9 @@ def test_gears_and_relative_sensors_are_translated_exactly() -> None:
     assert "mixed, row m+g+a: a combination of rows of positions" in found.lines
 
 
-def test_coefficients_are_small_fractions_or_refused() -> None:
+def test_coefficients_are_small_fractions_or_what_they_are() -> None:
     assert exact(0.05) == Fraction(1, 20)
-    with pytest.raises(ModelError, match=r"has the coefficient 1.41421356\d*, no small fraction"):
-        exact(2.0**0.5)
+    assert exact(2.0**0.5) == Fraction(2.0**0.5)
 
 
 def test_a_gear_of_many_digits_is_an_exact_fraction() -> None:
@@ -106,12 +103,44 @@ x_t = {{ body = "t", measures = "position" }}
 [sensors.stretched]
 q_m = {{ body = "m", measures = "position" }}
 stretch = {{ deflection = ["m", "t"], measures = "position" }}
+[sensors.accelerations]
+a_m = {{ body = "m", measures = "acceleration" }}
+a_t = {{ body = "t", measures = "acceleration" }}
+[sensors.stretching]
+a_m = {{ body = "m", measures = "acceleration" }}
+a_s = {{ deflection = ["m", "t"], measures = "acceleration" }}
 """
     formal = {}
-    for gear in (628.3, 628.4):
+    for gear in ("628.3", "628.4", '"2*pi/0.01"', "628.31853071795865", "628.32"):
         chain = parse_spec(spec.format(name="screw", ratio=gear), "screw.toml")
-        for sensors in ("both", "stretched"):
+        for sensors in ("both", "stretched", "accelerations", "stretching"):
             title = f"{sensors} {gear}"
             formal[gear, sensors] = formal_regressor(model_from_text(generate(chain, sensors)), title)
-    assert compare(formal[628.3, "both"], formal[628.3, "stretched"]).verdict == EQUAL
-    assert compare(formal[628.3, "both"], formal[628.4, "both"]).verdict == DIFFERENT
+    assert not formal["628.3", "both"].rounded
+    assert compare(formal["628.3", "both"], formal["628.3", "stretched"]).verdict == EQUAL
+    assert compare(formal["628.3", "both"], formal["628.4", "both"]).verdict == DIFFERENT
+    pi = '"2*pi/0.01"'
+    assert formal[pi, "both"].rounded
+    assert compare(formal[pi, "both"], formal[pi, "stretched"]).verdict == EQUAL
+    assert compare(formal[pi, "both"], formal["628.31853071795865", "stretched"]).verdict == EQUAL
+    assert compare(formal[pi, "both"], formal["628.32", "both"]).verdict == DIFFERENT
+    for gear in ("628.3", pi):
+        assert compare(formal[gear, "accelerations"], formal[gear, "stretching"]).verdict == EQUAL
+        found = compare(formal[gear, "both"], formal[gear, "accelerations"])
+        assert f"accelerations {gear}, row t: second derivative of row t of both {gear}" in found.lines
+
+
+def test_rounded_rows_are_compared_as_exact_ones_are() -> None:
+    random = Random(1)
+    for _ in range(50):
+        signals = [("P", FormalSignal("q", str(i), 2)) for i in range(6)]
+        given = [
+            {s: Fraction(random.randint(-3, 3), random.randint(1, 9)) for s in signals} for _ in range(4)
+        ]
+        given[3] = {s: given[0][s] - 2 * given[1][s] for s in signals}
+        exact_rows = [{s: v for s, v in row.items() if v} for row in given]
+        # a gear spreads columns over many powers of ten
+        gears = {s: Fraction(10.0 ** random.uniform(-6, 6)) for s in signals}
+        rounded = [{s: Fraction(float(v * gears[s])) for s, v in row.items()} for row in exact_rows]
+        for count in range(1, 5):
+            assert rank(rounded[:count], rounded=True) == rank(exact_rows[:count])

@@ -16,7 +16,7 @@ from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.thresholds import HOLDING_SHARE
 from modelgen.runtime.simulation.closed_loop import vibration
-from modelgen.runtime.simulation.plant import Plant
+from modelgen.runtime.simulation.plant import Plant, felt_accelerations
 
 
 def deflection_of(plant: Plant, stiffness: str) -> FloatArray:
@@ -57,7 +57,7 @@ def pushed(simulated: Simulated, push: FloatArray, force: FloatArray) -> Mapping
     spectrum = np.fft.rfft(padded)
     # accelerations are what velocities change by
     rates = 1j * omega[:, None] * states[:, n:]
-    felt = plant.felt_accelerations()
+    felt = felt_accelerations(plant.model)
     found = {}
     for place, sensor in enumerate(plant.model.sensors):
         way = rates @ felt[place] if sensor.order == 2 else states @ space.C[place]

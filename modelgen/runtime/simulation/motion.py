@@ -14,7 +14,7 @@ from modelgen.runtime.records.record import missing_name
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, closed_loop, open_loop
 from modelgen.runtime.simulation.drive import VELOCITIES, Drive, whole_steps
 from modelgen.runtime.simulation.excitation import Excitation
-from modelgen.runtime.simulation.plant import Plant
+from modelgen.runtime.simulation.plant import Plant, felt_accelerations
 from modelgen.runtime.stick_slip.compiled_steps import Sampling, follow_controller
 from modelgen.runtime.stick_slip.exact_steps import integrate
 from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, refinement
@@ -224,5 +224,5 @@ def _outputs(
         sensed[rows] = moving @ space.C.T + pushed @ space.D.T + f @ space.F.T
         friction[rows] = f
     if cubes:
-        sensed += springs[:, n:] @ plant.felt_accelerations().T
+        sensed += springs[:, n:] @ felt_accelerations(plant.model).T
     return acceleration, friction, sensed

@@ -90,20 +90,6 @@ class Plant:
             found.append(CubicForce(np.r_[lever, np.zeros(n), none], np.r_[np.zeros(n), push, none]))
         return tuple(found)
 
-    def felt_accelerations(self) -> FloatArray:
-        """Return what every sensor reads per acceleration of each body, shape (sensors, bodies).
-
-        The direct model holds it only multiplied by the equations of motion: C is it times the lower half of
-        A, likewise with B and E, whatever the parameters; random ones make the equations independent.
-        """
-        draws = np.random.default_rng(0).uniform(1.0, 2.0, len(self.parameters))
-        space = self.model.state_space(dict(zip(self.parameters, draws.tolist(), strict=True)), {})
-        motion = np.hstack((space.A, space.B, space.E))[len(self.bodies) :]
-        read = np.hstack((space.C, space.D, space.F))
-        found = np.linalg.lstsq(motion.T, read.T, rcond=None)[0].T
-        accelerometers = [[float(sensor.measures == "acceleration")] for sensor in self.model.sensors]
-        return np.asarray(found * np.array(accelerometers), dtype=float)
-
     def space(self, mode: Mode) -> Any:
         """Return (A, B, C, D, E, F) in a mode, given in the order of `sticking`."""
         friction = self.model.friction
@@ -112,6 +98,27 @@ class Plant:
             friction[j].body: -1 if sign < 0 else 1 for j, sign in zip(self.sticking, mode, strict=True)
         }
         return self.model.state_space(self.parameters, directions)
+
+
+def felt_accelerations(model: Model) -> FloatArray:
+    """Return what every sensor reads per acceleration of each body, shape (sensors, bodies).
+
+    The direct model holds it only multiplied by the equations of motion: C is it times the lower half of
+    A, likewise with B and E, whatever the parameters; random ones make the equations independent.
+    """
+    names = _needed(model)
+    draws = np.random.default_rng(0).uniform(1.0, 2.0, len(names))
+    space = model.state_space(dict(zip(names, draws.tolist(), strict=True)), {})
+    motion = np.hstack((space.A, space.B, space.E))[len(space.A) // 2 :]
+    read = np.hstack((space.C, space.D, space.F))
+    # gears spread equations and states over many powers of ten
+    bodies = np.abs(motion).max(axis=1)
+    states = np.abs(motion / bodies[:, None]).max(axis=0)
+    weights = 1.0 / np.where(states == 0.0, 1.0, states)
+    balanced = (motion / bodies[:, None] * weights).T
+    found = np.linalg.lstsq(balanced, (read * weights).T, rcond=None)[0].T / bodies
+    accelerometers = [[float(sensor.measures == "acceleration")] for sensor in model.sensors]
+    return np.asarray(found * np.array(accelerometers), dtype=float)
 
 
 def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | None = None) -> Plant:

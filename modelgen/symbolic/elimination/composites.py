@@ -7,7 +7,7 @@ name, so that rows share their columns; a quotient that is a physical parameter 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -20,9 +20,11 @@ from modelgen.symbolic.elimination.eliminated_row import EliminatedRow
 from modelgen.symbolic.elimination.polynomials import Functional, by_order
 from modelgen.symbolic.equations.row import Composite
 from modelgen.symbolic.equations.sensor_reading import Candidate
-from modelgen.symbolic.equations.signals import Signal, Term, collect
+from modelgen.symbolic.equations.signals import Signal, Term, collect, short_text
 
 LONGEST_NAME = 40
+#: of a coefficient; 1000 squared is one that a person reads
+LARGEST_WHOLE = 1_000_000
 
 
 class Part(NamedTuple):
@@ -107,21 +109,26 @@ class Composites:
         factor = Fraction(1)
         parts = []
         for poly, power in ((numerator, 1), (denominator, -1)):
-            content, primitive = poly.primitive()
-            if primitive.LC < 0:
-                content, primitive = -content, -primitive
+            content, normal = poly.primitive()
+            if normal.LC < 0:
+                content, normal = -content, -normal
+            if any(abs(c) > LARGEST_WHOLE for c in normal.coeffs()):
+                # of gears of many digits: the column's value would have the size of whole numbers of twenty
+                content, normal = content * normal.LC, normal.monic()
             factor *= _fraction(content) ** power
-            parts.append(primitive)
+            parts.append(normal)
         return [(self._name(*parts), factor)]
 
     def _name(self, numerator: PolyElement, denominator: PolyElement) -> str:
         # Rings differ between rows; the text of the quotient, in the order of the spec, does not.
-        formula = quotient_text(numerator, denominator)
-        if formula not in self._names:
-            name = formula if len(formula) <= LONGEST_NAME else self._number()
-            self._names[formula] = name
+        exact = quotient_text(numerator, denominator, str)
+        if exact not in self._names:
+            formula = quotient_text(numerator, denominator, short_text)
+            short = len(formula) <= LONGEST_NAME and formula not in self.named
+            name = formula if short else self._number()
+            self._names[exact] = name
             self.named[name] = Composite(numerator, denominator, formula)
-        return self._names[formula]
+        return self._names[exact]
 
     def _number(self) -> str:
         index = len(self.named) + 1
@@ -134,11 +141,10 @@ def _fraction(value: Any) -> Fraction:
     return Fraction(int(value.numerator), int(value.denominator))
 
 
-def quotient_text(numerator: PolyElement, denominator: PolyElement) -> str:
-    """Return a quotient as text, for example ``(J_m + J_c)/K``."""
+def quotient_text(numerator: PolyElement, denominator: PolyElement, text: Callable[[Fraction], str]) -> str:
+    """Return a quotient as text, for example ``(J_m + J_c)/K``; `text` writes the size of a coefficient."""
     top, bottom = (
-        "+".join(monomials(poly)).replace("+", " + ").replace(" + -", " - ")
-        for poly in (numerator, denominator)
+        " + ".join(monomials(poly, text)).replace(" + -", " - ") for poly in (numerator, denominator)
     )
     if denominator == denominator.ring.one:
         return top
@@ -147,11 +153,12 @@ def quotient_text(numerator: PolyElement, denominator: PolyElement) -> str:
     return f"{top}/{bottom}"
 
 
-def monomials(poly: PolyElement) -> Iterator[str]:
+def monomials(poly: PolyElement, text: Callable[[Fraction], str]) -> Iterator[str]:
     """Yield the terms of a polynomial as text, in the order of its ring."""
     names = [symbol.name for symbol in poly.ring.symbols]
     for exponents, coefficient in poly.terms():
-        factors = [] if abs(coefficient) == 1 else [str(abs(coefficient))]
+        size = _fraction(abs(coefficient))
+        factors = [] if size == 1 else [text(size)]
         factors += [n if e == 1 else f"{n}**{e}" for n, e in zip(names, exponents, strict=True) if e]
         yield ("-" if coefficient < 0 else "") + ("*".join(factors) or "1")
 

@@ -16,6 +16,9 @@ Exact = int | Fraction
 
 SignalKind = Literal["coordinate", "force", "one", "sign", "forward", "backward", "cube"]
 
+#: characters of 2.53303e-06, six digits with an exponent
+LONGEST_FRACTION = 11
+
 #: kinds of signal that depend on the direction of a body's motion
 DIRECTIONS = ("sign", "forward", "backward")
 
@@ -53,6 +56,17 @@ def quotient(left: Exact, right: Exact) -> Exact:
     """Return left / right exactly, as an integer where it is one."""
     value = Fraction(left) / right
     return value.numerator if value.denominator == 1 else value
+
+
+def short_text(size: Exact) -> str:
+    """Return a magnitude as the fraction that it is, or to six digits where the fraction is longer.
+
+    Ratios such as 2 pi / 0.01 are fractions of many digits: names hold this text, computations the fraction.
+    """
+    text = str(size)
+    if len(text) <= LONGEST_FRACTION:
+        return text
+    return f"{float(size):.6g}".replace("e+", "e")
 
 
 def coordinate(body: str, order: int) -> Signal:
