@@ -1,4 +1,4 @@
-"""Plain values of JSON -> dataclasses, by the types that their fields declare; every mistake is named.
+"""Plain values of JSON or TOML -> dataclasses, by the types of their fields; every mistake is named.
 
 The inverse of `dataclasses.asdict` on values that JSON holds. Null stands for a number that was not finite.
 """
@@ -9,11 +9,18 @@ import math
 import types
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from datetime import date, datetime
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from modelgen.errors import Problem, listed
+from modelgen.errors import Problem, listed, nearest
 
-WORDS = {str: "a text", int: "a whole number", bool: "true or false", float: "a number or null"}
+WORDS = {
+    str: "a text",
+    int: "a whole number",
+    bool: "true or false",
+    float: "a number",
+    date: "a date such as 2026-01-31",
+}
 # what divides by a value that may be zero is infinite where it is not finite
 INFINITE = ("relative", "condition_number")
 
@@ -24,8 +31,8 @@ def typed(kind: Any, value: Any, where: str, remedy: str, problems: list[Problem
     Parameters
     ----------
     kind : type
-        str, int, bool, float, a dataclass of such, ``tuple[X, ...]``, ``tuple[X, Y]``, ``Mapping[str, X]``,
-        and any of them or None.
+        str, int, bool, float, date, ``Literal``, a dataclass of such, ``tuple[X, ...]``, ``tuple[X, Y]``,
+        ``Mapping[str, X]``, and unions of them, whose first one that suits counts.
     value : object
         As JSON has it: texts, numbers, lists, tables.
     where : str
@@ -44,8 +51,10 @@ def typed(kind: Any, value: Any, where: str, remedy: str, problems: list[Problem
 
     origin, arguments = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
-        rest = [one for one in arguments if one is not type(None)]
-        return None if value is None else inner(rest[0], value, "")
+        return _union([one for one in arguments if one is not type(None)], value, where, remedy, problems)
+    if origin is Literal:
+        known = isinstance(value, str) and value in arguments
+        return value if known else wrong(f"is none of {listed(arguments)}")
     if is_dataclass(kind) and isinstance(kind, type):
         return _dataclass(kind, value, where, remedy, problems)
     if origin is tuple:
@@ -61,9 +70,26 @@ def typed(kind: Any, value: Any, where: str, remedy: str, problems: list[Problem
         return {key: inner(arguments[1], part, f".{key}") for key, part in value.items()}
     if kind is float:
         return _number(value, where, wrong)
-    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+    if not isinstance(value, kind) or isinstance(value, {int: bool, date: datetime}.get(kind, ())):
         return wrong(f"is not {WORDS[kind]}")
     return value
+
+
+def _union(kinds: list[Any], value: Any, where: str, remedy: str, problems: list[Problem]) -> Any:
+    """Return a value as the first type that it suits; else with the mistakes of the type nearest to it."""
+    if value is None:
+        return None
+    tried: list[list[Problem]] = []
+    for kind in kinds:
+        found: list[Problem] = []
+        read = typed(kind, value, where, remedy, found)
+        if not found:
+            return read
+        tried.append(found)
+    # mistakes inside of a table or list tell more than that it is no text
+    inside = [found for found in tried if found[0].where != where]
+    problems += (inside or tried)[0]
+    return None
 
 
 def _number(value: Any, where: str, wrong: Any) -> float | None:
@@ -81,14 +107,17 @@ def _dataclass(kind: Any, value: Any, where: str, remedy: str, problems: list[Pr
         problems.append(Problem(where, "is no table", remedy))
         return None
     hints, before = get_type_hints(kind), len(problems)
+    prefix = where if where.endswith(": ") else f"{where}."
     own = {one.name: one for one in fields(kind)}
     for key in value:
         if key not in own:
-            problems.append(Problem(f"{where}.{key}", f"is not known beside {listed(own)}", remedy))
+            guess = nearest(key, own)
+            meant = f"did you mean {guess}?" if guess else f"choose from {listed(own)}"
+            problems.append(Problem(f"{prefix}{key}", "is not known", meant))
     given: dict[str, Any] = {}
     for name, one in own.items():
         if name in value:
-            given[name] = typed(hints[name], value[name], f"{where}.{name}", remedy, problems)
+            given[name] = typed(hints[name], value[name], f"{prefix}{name}", remedy, problems)
         elif one.default is one.default_factory:  # both are "missing"
-            problems.append(Problem(f"{where}.{name}", "is missing", remedy))
+            problems.append(Problem(f"{prefix}{name}", "is missing", remedy))
     return kind(**given) if len(problems) == before else None

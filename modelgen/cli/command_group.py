@@ -13,8 +13,9 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from modelgen.cli.examples import PURPOSES
 from modelgen.cli.output import explain, explain_all, note
-from modelgen.errors import DataError, ModelgenError, Problem
+from modelgen.errors import LONGEST, DataError, ModelgenError, Problem
 from modelgen.magnitudes import FREQUENCY_REMEDY, LARGEST_COUNT, REMEDY, is_frequency, is_usable
 from modelgen.progress import shown
 
@@ -58,6 +59,15 @@ class ExplainedGroup(TyperGroup):
         except OSError as error:  # outside of any command: the help, on a full disk
             _explain_os_error(error)
             sys.exit(2)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """List the commands by purpose."""
+        for purpose, names in PURPOSES.items():
+            commands = [(name, self.get_command(ctx, name)) for name in names]
+            rows = [(name, one.get_short_help_str(LONGEST)) for name, one in commands if one is not None]
+            if rows:
+                with formatter.section(purpose):
+                    formatter.write_dl(rows)
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command and explain the errors that end it."""

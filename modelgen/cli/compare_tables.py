@@ -29,6 +29,8 @@ def comparison_tables(described: dict[str, Any]) -> Group:
             (m["model"], g["channel"], str(g["derivative"]), f"{g['gain']:.4g}") for g in m["gains"]
         ]
         notes += [Text(f"{m['model']}: {m['why']}")] if "why" in m else []
+    if not rows:  # saved estimates only
+        return Group(*_estimate_parts(described["estimates"])[1:])
     parts: list[Any] = [table("Models", columns, rows), *notes, Text("")]
     gain_columns: list[tuple[str, Justify]] = [
         ("model", "left"),

@@ -1,6 +1,15 @@
-"""Examples below the help of every command; each of them is run by a test."""
+"""What each command is for, and the examples below its help; each of them is run by a test."""
 
 from __future__ import annotations
+
+# headings and order of `modelgen --help`
+PURPOSES: dict[str, tuple[str, ...]] = {
+    "See it work": ("demo",),
+    "A chain and its models": ("new", "show", "generate"),
+    "Plan an experiment": ("design", "simulate"),
+    "From records to parameters": ("import", "identify", "fleet"),
+    "Judge an estimate": ("validate", "compare"),
+}
 
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "demo": ("modelgen demo",),

@@ -6,7 +6,7 @@ A command takes many of them as one parameter, a dataclass whose fields are the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from inspect import Parameter, signature
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -22,6 +22,9 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs inst
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace output files that exist.")]
 Trust = Annotated[
     bool, typer.Option("--trust", help="Execute the module even if modelgen did not write it like this.")
+]
+ResultFile = Annotated[
+    Path | None, typer.Option("-o", "--output", metavar="FILE.json", help="Save what --json prints.")
 ]
 
 # chains and models
@@ -49,7 +52,9 @@ Scales = Annotated[
 MapFile = Annotated[
     Path | None, typer.Option(metavar="MAP.toml", help="What modelgen import wrote; --map goes before it.")
 ]
-SamplingFrequency = Annotated[float | None, typer.Option(metavar="HZ", help="Sampling frequency in Hz.")]
+SamplingFrequency = Annotated[
+    float | None, typer.Option("--fs", "--fs-hz", metavar="HZ", help="Sampling frequency in Hz.")
+]
 TimeColumn = Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of times.")]
 TimeUnit = Annotated[str | None, typer.Option(metavar="UNIT", help="s, ms, us or ns; as stated.")]
 Mend = Annotated[list[str] | None, typer.Option(metavar="WHAT", help=MEND_HELP)]
@@ -66,6 +71,15 @@ Noise = Annotated[
 Resolution = Annotated[
     list[str] | None, typer.Option(metavar="KEY=STEP", help="Step a channel is rounded to, SI; repeatable.")
 ]
+
+
+@dataclass(frozen=True)
+class ResultOptions:
+    """What a command does with its answer: print it as tables or as JSON, and save it."""
+
+    output: ResultFile = None
+    overwrite: Overwrite = False
+    as_json: Json = False
 
 
 def expanded(command: Callable[..., None]) -> Callable[..., None]:

@@ -6,14 +6,18 @@ import json
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+from modelgen.atomic_write import write_whole
 from modelgen.errors import Problem, visible
 from modelgen.progress import is_terminal
+
+if TYPE_CHECKING:
+    from modelgen.cli.options import ResultOptions
 
 LISTED = 100  # mistakes; more of them have one cause
 
@@ -60,10 +64,25 @@ def report(facts: dict[str, Any], lines: Sequence[str], as_json: bool) -> None:
 
 def print_json(value: Any) -> None:
     """Print strict JSON: what is not finite becomes null."""
+    typer.echo(_json_text(value))
+
+
+def deliver(facts: Any, printed: Callable[[], None], how: ResultOptions) -> None:
+    """Save the facts where a file is asked for, and print them: as JSON, or as `printed` does."""
+    if how.output is not None:
+        write_whole(how.output, (_json_text(facts) + "\n").encode(), overwrite=how.overwrite)
+        note([f"wrote {how.output}"])
+    if how.as_json:
+        print_json(facts)
+    else:
+        printed()
+
+
+def _json_text(value: Any) -> str:
     text = json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False)
     if not text.replace("\n", "").isprintable():  # JSON itself allows some characters that steer a terminal
         text = "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
-    typer.echo(text)
+    return text
 
 
 def _finite(value: Any) -> Any:

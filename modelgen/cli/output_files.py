@@ -12,6 +12,7 @@ from modelgen.errors import DataError
 from modelgen.progress import step
 
 if TYPE_CHECKING:
+    from modelgen.cli.options import ResultOptions
     from modelgen.runtime.model.model import Model
     from modelgen.runtime.records.read_record import Reading
     from modelgen.runtime.results.estimate import Estimate
@@ -68,6 +69,12 @@ class OutputFiles:
             from modelgen.cli.write_report import write_figure
 
             write_figure(self.figure, model, readings, estimate, self.overwrite)
+
+
+def check_result(how: ResultOptions) -> None:
+    """Check the file of an answer, if one is asked for, before any work is done; raises as `check_output`."""
+    if how.output is not None:
+        check_output(how.output, (), how.overwrite)
 
 
 def check_output(path: Path, suffixes: Sequence[str], overwrite: bool) -> None:

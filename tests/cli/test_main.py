@@ -57,13 +57,6 @@ def assert_explained(result: Result, code: int, *words: str) -> None:
         assert word in result.stderr
 
 
-def test_help_lists_the_commands() -> None:
-    printed = run("--help").stdout
-    assert [line.split()[0] for line in printed.partition("Commands:")[2].splitlines() if line] == list(
-        COMMANDS
-    )
-
-
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_json_and_help(command: str) -> None:
     result = run(command, "--help")

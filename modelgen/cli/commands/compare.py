@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,19 +13,23 @@ import typer
 from modelgen.cli.arguments import period_from
 from modelgen.cli.data_arguments import DataOptions, read_files, reading_lines, tagged
 from modelgen.cli.estimation_options import Cutoff, EstimationOptions, Method, Pairing, Periods, Tags
-from modelgen.cli.options import Json, SensorSet, Trust, refuse_given
-from modelgen.cli.output import note, print_json
+from modelgen.cli.options import ResultOptions, SensorSet, Trust, refuse_given
+from modelgen.cli.output import deliver, note
+from modelgen.cli.output_files import check_result
 from modelgen.errors import DataError, ModelgenError
 from modelgen.progress import counted, step
 
 if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
     from modelgen.runtime.records.record import Record
+    from modelgen.runtime.results.estimate import Estimate
 
 
 Sources = Annotated[
     list[str],
-    typer.Argument(metavar="SPEC_OR_MODULE", help="TOML files, catalogue names, generated modules."),
+    typer.Argument(
+        metavar="SOURCE", help="TOML files, catalogue names, generated modules; saved estimates (.json)."
+    ),
 ]
 PairParameters = Annotated[
     str | None, typer.Option(metavar="SET", help="The parameter set of the simulated pair; the first.")
@@ -37,6 +41,8 @@ Yardsticks = Annotated[
     bool, typer.Option("--yardsticks", help="Also other estimators on FILE, with times; one model will do.")
 ]
 
+PAIR_HZ = 5000.0  # sampling frequency of the simulated pair
+
 
 def compare(
     sources: Sources,
@@ -44,7 +50,6 @@ def compare(
     estimation: EstimationOptions,
     sensors: SensorSet = None,
     parameters: PairParameters = None,
-    fs_hz: Annotated[float, typer.Option(help="Sampling frequency in Hz of the simulated pair.")] = 5000.0,
     data: Records = None,
     method: Method = "auto",
     cutoff_hz: Cutoff = None,
@@ -53,20 +58,30 @@ def compare(
     period_s: Periods = None,
     yardsticks: Yardsticks = False,
     trust: Trust = False,
-    as_json: Json = False,
+    *,
+    result: ResultOptions,
 ) -> None:
-    """Compare sensor sets: their regressors by exact algebra, what they need, and their estimates.
+    """Compare sensor sets: their regressors by exact algebra, what they need, and estimates.
 
-    Condition numbers and noise gains come from a simulated, noise-free chirp and trapezoid.
+    Condition numbers and noise gains come from a simulated, noise-free chirp and trapezoid, at 5 kHz unless
+    --fs says otherwise.
     """
     from modelgen.cli.compare_tables import comparison_tables
     from modelgen.cli.tables import console
+    from modelgen.runtime.comparison.sensor_set_comparison import estimates_of
+    from modelgen.runtime.results.estimate import Estimate
 
+    check_result(result)
     if not data:
-        refuse_given(given, "--data")
+        refuse_given(replace(given, fs=None), "--data")
         refuse_given(estimation, "--data", (cutoff_hz, tag, pairing != "all", period_s))
-    models = _models(sources, sensors, trust, 1 if yardsticks and data else 2)
-    described = describe(models, parameters, fs_hz)
+    saved = {source: Estimate.load(source) for source in sources if Path(source).suffix == ".json"}
+    models = _models([source for source in sources if source not in saved], sensors, trust)
+    if len(models) + len(saved) < (1 if yardsticks and data else 2):
+        remedy = "give two or more models or estimates: modules, specs with sensor sets, saved estimates"
+        raise DataError.at("SOURCE", f"names {len(models) + len(saved)} model", remedy)
+    described = describe(models, parameters, given.fs or PAIR_HZ)
+    found: dict[str, Estimate] = {}
     if data:
         readings = tagged(read_files(data, list(models.values()), given), tag or ())
         note(reading_lines(data, readings))
@@ -77,16 +92,15 @@ def compare(
             method, given, cutoff_hz=cutoff_hz, period_s=period, rows_for_tag=paired
         )
         step("identifying")
-        described["estimates"] = _estimates(models, records, settings)
+        found = dict(zip(models, estimates_of(list(models.values()), records, **settings), strict=True))
         if yardsticks:
             described["yardsticks"] = {title: _yardsticks(model, records) for title, model in models.items()}
-    if as_json:
-        print_json(described)
-    else:
-        console().print(comparison_tables(described))
+    if saved or data:
+        described["estimates"] = _describe_estimates({**saved, **found})
+    deliver(described, lambda: console().print(comparison_tables(described)), result)
 
 
-def _models(sources: Sequence[str], sensors: str | None, trust: bool, fewest: int) -> dict[str, Model]:
+def _models(sources: Sequence[str], sensors: str | None, trust: bool) -> dict[str, Model]:
     """Return the models by a title that distinguishes them; a spec gives one per sensor set."""
     from modelgen.cli.arguments import load_chain, sensor_sets
     from modelgen.render.writer import generate, module_name
@@ -101,9 +115,6 @@ def _models(sources: Sequence[str], sensors: str | None, trust: bool, fewest: in
         for name in sensor_sets(chain, sensors):
             title = module_name(chain, name)
             found[title] = model_from_text(generate(chain, name), title)
-    if len(found) < fewest:
-        remedy = "give two or more models: modules, specs, or a spec with several sensor sets"
-        raise DataError.at("SPEC_OR_MODULE", f"names {len(found)} model", remedy)
     return found
 
 
@@ -170,12 +181,9 @@ def _yardsticks(model: Model, records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def _estimates(
-    models: dict[str, Model], records: Sequence[Record], settings: dict[str, Any]
-) -> dict[str, Any]:
-    from modelgen.runtime.comparison.sensor_set_comparison import consistency, estimates_of
+def _describe_estimates(found: Mapping[str, Estimate]) -> dict[str, Any]:
+    from modelgen.runtime.comparison.sensor_set_comparison import consistency
 
-    found = dict(zip(models, estimates_of(list(models.values()), records, **settings), strict=True))
     return {
         "parameters": {
             title: {

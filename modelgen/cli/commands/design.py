@@ -8,8 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from modelgen.cli.options import Json, Noise, Overwrite, ParameterSet, Resolution, SensorSet, Spec
-from modelgen.cli.output import print_json
+from modelgen.cli.options import (
+    Noise,
+    ParameterSet,
+    Resolution,
+    ResultOptions,
+    SamplingFrequency,
+    SensorSet,
+    Spec,
+)
+from modelgen.cli.output import deliver
+from modelgen.cli.output_files import check_result
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import counted
 
@@ -67,12 +76,12 @@ def design(
     criterion: Criterion = "worst",
     limit: Limits = None,
     rounds: Annotated[int, typer.Option(min=1, help="Trials of --optimise.")] = 200,
-    fs_hz: Annotated[float, typer.Option(help="Sampling frequency in Hz.")] = 5000.0,
+    fs: SamplingFrequency = 5000.0,
     duration_s: Annotated[float, typer.Option(help="Duration in s of every record.")] = 2.0,
     method: Method = None,
     monte_carlo: Draws = None,
-    overwrite: Overwrite = False,
-    as_json: Json = False,
+    *,
+    result: ResultOptions,
 ) -> None:
     """Predict the precision of every parameter for each sensor set, and rank the sets.
 
@@ -85,6 +94,7 @@ def design(
     from modelgen.runtime.planning.planned_experiment import DEFAULT_METHOD
     from modelgen.runtime.planning.sensor_set_ranking import cheapest, rank
 
+    check_result(result)
     if method is not None and method not in METHODS:
         raise DataError.at("--method", f"{method!r} is unknown", f"choose one of {', '.join(METHODS)}")
     chain = load_chain(spec)
@@ -93,11 +103,11 @@ def design(
         chain, candidates, most_sensors, sensors, noise or (), resolution or (), price or ()
     )
     kinds = _excitations(excitation or ())
-    options: dict[str, Any] = {"fs": fs_hz, "duration_s": duration_s, "method": method}
+    options: dict[str, Any] = {"fs": fs, "duration_s": duration_s, "method": method}
     ranked = rank(_predictions(models, values, instruments, kinds, options))
     described: dict[str, Any] = {
         "method": method or DEFAULT_METHOD,
-        "fs_hz": fs_hz,
+        "fs_hz": fs,
         "sets": [describe(prediction) for prediction in ranked],
         "refused": refused,
         "wanted_percent": wanted_percent,
@@ -109,11 +119,10 @@ def design(
     if optimise is not None:
         best = _complete(ranked[0], models)
         search = {"criterion": criterion, "rounds": rounds, "limits": amounts("--limit", limit or ())}
-        described["excitation"] = _optimise(best, values, instruments, options, search, optimise, overwrite)
-    if as_json:
-        print_json(described)
-    else:
-        console().print(design_tables(described))
+        described["excitation"] = _optimise(
+            best, values, instruments, options, search, optimise, result.overwrite
+        )
+    deliver(described, lambda: console().print(design_tables(described)), result)
 
 
 def _sets(

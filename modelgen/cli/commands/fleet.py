@@ -11,11 +11,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modelgen.cli.arguments import period_from
+from modelgen.cli.arguments import cutoffs_from, hold_out_from, period_from
 from modelgen.cli.data_arguments import DataOptions, reading_options
-from modelgen.cli.estimation_options import Cutoff, EstimationOptions, Method, Periods, PrunePercent
-from modelgen.cli.options import Json, Module, Trust
-from modelgen.cli.output import note, report
+from modelgen.cli.estimation_options import (
+    Cutoff,
+    EstimationOptions,
+    HoldOut,
+    Method,
+    Pairing,
+    Periods,
+    PrunePercent,
+    ScanCutoffs,
+)
+from modelgen.cli.options import Module, ResultOptions, Trust
+from modelgen.cli.output import deliver, note, report
+from modelgen.cli.output_files import check_result
 from modelgen.errors import DataError
 from modelgen.progress import step
 
@@ -56,8 +66,11 @@ def fleet(
     estimation: EstimationOptions,
     method: Method = "auto",
     cutoff_hz: Cutoff = None,
+    pairing: Pairing = "all",
     prune_percent: PrunePercent = 10.0,
     period_s: Periods = None,
+    hold_out: HoldOut = None,
+    scan_cutoffs: ScanCutoffs = None,
     scheduler: Scheduler = None,
     tls_ca_file: TlsCaFile = None,
     tls_cert: TlsCert = None,
@@ -65,7 +78,8 @@ def fleet(
     workers: Workers = None,
     checkpoint: CheckpointFolder = None,
     trust: Trust = False,
-    as_json: Json = False,
+    *,
+    result: ResultOptions,
 ) -> None:
     """Identify every machine of a fleet as `identify` does, and test whether the machines differ.
 
@@ -77,6 +91,7 @@ def fleet(
     from modelgen.runtime.model.model import model_from_text
     from modelgen.runtime.model.module_file import read_module
 
+    check_result(result)
     certificates = _certificates(tls_ca_file, tls_cert, tls_key)
     check_cluster(scheduler, workers, certificates)
     if scheduler is not None and not scheduler.startswith("tls://"):
@@ -88,8 +103,11 @@ def fleet(
         method,
         given,
         cutoff_hz=cutoff_hz,
+        rows_for_tag=None if pairing == "all" else pairing,
         prune_percent=prune_percent,
         period_s=period_from(period_s or (), given.map_file),
+        hold_out=hold_out_from(hold_out or ()),
+        scan_cutoffs=cutoffs_from(scan_cutoffs),
     )
     step("starting the workers" if scheduler is None else f"asking {scheduler}")
     with fleet_client(scheduler, workers, certificates=certificates) as client:
@@ -100,7 +118,7 @@ def fleet(
         "failed": dict(found.failed),
         "refused": dict(found.refused),
     }
-    report(facts, _lines(found), as_json)
+    deliver(facts, lambda: report(facts, _lines(found), as_json=False), result)
 
 
 def _certificates(ca_file: str | None, cert: str | None, key: str | None) -> Certificates | None:

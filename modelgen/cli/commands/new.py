@@ -7,13 +7,14 @@ from typing import Annotated
 
 import typer
 
-from modelgen.cli.options import Json
+from modelgen.cli.options import Json, Overwrite
 from modelgen.cli.output import report
 from modelgen.errors import SpecError
 
 
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the chain: letters, digits and _.")],
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Write NAME.toml, a commented starter spec."""
@@ -26,5 +27,5 @@ def new(
     if parse_spec(text, f"{name}.toml").name != name:
         raise SpecError.at("NAME", f"{name!r} is not a name", "use a letter, then letters, digits or _")
     path = Path(f"{name}.toml")
-    write_whole(path, text.encode(), overwrite=False)
+    write_whole(path, text.encode(), overwrite=overwrite)
     report({"written": [str(path)]}, [f"wrote {path}; next: modelgen show {path}"], as_json)

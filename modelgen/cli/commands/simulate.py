@@ -21,7 +21,13 @@ Excitation = Annotated[
 ]
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="DATA", help="A .csv or .npz file to write.")]
 SamplingFrequency = Annotated[
-    float | None, typer.Option(help="Sampling frequency in Hz; 5000, or that of the excitation's file.")
+    float | None,
+    typer.Option(
+        "--fs",
+        "--fs-hz",
+        metavar="HZ",
+        help="Sampling frequency in Hz; 5000, or the file's.",
+    ),
 ]
 Duration = Annotated[float | None, typer.Option(help="Duration in s of chirp or trapezoid; 2 s.")]
 Bias = Annotated[

@@ -10,8 +10,9 @@ import typer
 
 from modelgen.cli.data_arguments import FURTHER_INPUTS, REFERENCE, DataOptions, read_files, reading_lines
 from modelgen.cli.estimation_options import EstimationOptions, MethodName
-from modelgen.cli.options import Data, Json, Module, Trust, refuse_given
-from modelgen.cli.output import note, print_json
+from modelgen.cli.options import Data, Module, ResultOptions, Trust, refuse_given
+from modelgen.cli.output import deliver, note
+from modelgen.cli.output_files import check_result
 from modelgen.errors import DataError
 from modelgen.progress import step
 
@@ -29,7 +30,9 @@ Controller = Annotated[
 ]
 Values = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A parameter the estimate lacks, SI; repeatable."),
+    typer.Option(
+        "--set", "--known", metavar="NAME=VALUE", help="A parameter the estimate lacks, SI; repeatable."
+    ),
 ]
 Cutoff = Annotated[
     float | None, typer.Option(help="Cut-off in Hz before a reading is differentiated; 0.1 fs.")
@@ -56,7 +59,8 @@ def validate(
     method: OwnMethod = None,
     identify_cutoff_hz: OwnCutoff = None,
     trust: Trust = False,
-    as_json: Json = False,
+    *,
+    result: ResultOptions,
 ) -> None:
     """Validate an estimate in closed loop: simulate the records' reference, compare all signals.
 
@@ -71,6 +75,7 @@ def validate(
     from modelgen.runtime.simulation.validate import parameters_of, split
     from modelgen.runtime.simulation.validate import validate as run
 
+    check_result(result)
     if hold_out is None:
         refuse_given(estimation, "--hold-out", (method, identify_cutoff_hz))
     model = load_model(module, trust)
@@ -92,10 +97,7 @@ def validate(
         again = identify(model, first, **settings)
         found += run(model, {**parameters, **again.physical}, rest, loop, **options)
     described = describe(found)
-    if as_json:
-        print_json(described)
-    else:
-        console().print(validation_tables(described))
+    deliver(described, lambda: console().print(validation_tables(described)), result)
 
 
 def describe(validations: Sequence[Validation]) -> dict[str, Any]:
