@@ -53,9 +53,9 @@ NAMES = {
     "J_c": lambda m: m.inertia[1], "K": lambda m: m.stiffness[0], "D": lambda m: m.damping[0],
     "J_l": lambda m: m.inertia[2], "K_l": lambda m: m.stiffness[1], "D_l": lambda m: m.damping[1],
 }  # fmt: skip
-AXIS_1 = Machine((9.87e-6, 7.08e-7), (2e-5, 0.0), (5e-3, 0.0), (0,), (1,), (0.296,), (2.31e-3,))
-AXIS_2 = Machine((9.93e-6, 6.72e-7), (2e-5, 0.0), (5e-3, 0.0), (0,), (1,), (0.3795,), (4.887e-4,))
-LIGHT = replace(AXIS_2, damping=(3.9e-5,))
+AXIS_1 = Machine((9.87e-6, 7.08e-7), (5.64e-5, 0.0), (3.61e-3, 0.0), (0,), (1,), (0.296,), (2.31e-3,))
+AXIS_2 = Machine((9.24e-6, 6.76e-7), (3.87e-5, 0.0), (6.23e-3, 0.0), (0,), (1,), (0.38,), (4.86e-4,))
+LIGHT = Machine((9.93e-6, 6.72e-7), (2e-5, 0.0), (5e-3, 0.0), (0,), (1,), (0.3795,), (3.9e-5,))
 DRIVE = Machine((2e-3, 6e-3), (0.02, 0.0), (0.4, 0.0), (0,), (1,), (1500.0,), (0.6,))
 GEARED = Machine((1e-4, 0.8), (2e-3, 0.0), (0.05, 0.0), (0,), (1,), (15000.0,), (12.0,), (100.0,))
 CHAIN = Machine(

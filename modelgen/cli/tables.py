@@ -107,51 +107,6 @@ def _overview(sets: Sequence[Description]) -> list[Table | Text]:
     return [Text(""), table(title, columns, lines), Text(""), *(Text(line) for line in legend)]
 
 
-def demo_tables(found: Description) -> Group:
-    """Lay out what the demo found: true values and estimates, with their errors."""
-    low, high = found["chirp_band_hz"]
-    noise = ", ".join(f"{key} {std:g}" for key, std in found["noise"].items())
-    paper = found["pham2002"]
-    head = [
-        "The sets have the natural frequency and damping ratio of Tables 1 and 2 of Pham, Poignet, Gautier",
-        "(ICRA 2002); their other values are chosen to suit, not copied from the paper.",
-        f"Bench: closed loop at {found['fs_hz']:g} Hz, a chirp of {low:g} to {high:g} Hz and trapezoids, "
-        f"{found['duration_s']:g} s each.",
-        f"Noise (rms, SI): {noise}.",
-        "wls: matched filters, chosen from the records.",
-        f"pham2002: the paper to the letter, low-pass at {paper['cutoff_hz']:.0f} Hz, every "
-        f"{paper['decimation']}th sample.",
-        "Errors are in % of the true value, and in standard deviations (sd) as each method states them.",
-    ]
-    parts: list[Table | Text] = [Text(line) for line in head]
-    for entry in found["tables"]:
-        parts += [Text(""), _comparison(entry)]
-    tail = [f"wrote {path}" for path in (*found["modules"], *found["records"])]
-    missing = "no picture: matplotlib is missing; get it with: pip install matplotlib"
-    tail.append(f"wrote {found['picture']}" if found["picture"] else missing)
-    tail.append(f"\nTry: modelgen identify {' '.join(found['records'])} --model {found['modules'][-1]}")
-    return Group(*parts, Text(""), *(Text(line) for line in tail))
-
-
-def _comparison(entry: Description) -> Table:
-    methods = list(entry["filters"])
-    columns: list[tuple[str, Justify]] = [("parameter", "left"), ("unit", "left"), ("true", "right")]
-    for method in methods:
-        columns += [(method, "right"), ("error %", "right"), ("in sd", "right")]
-    rows = []
-    for row in entry["rows"]:
-        cells = [row["parameter"], row["unit"], f"{row['true']:.4g}"]
-        for method in methods:
-            found = row["methods"][method]
-            cells += [
-                f"{found['estimate']:.4g}",
-                f"{found['error_percent']:z.2f}",
-                f"{found['error_in_std']:z.1f}",
-            ]
-        rows.append(cells)
-    return table(f"{entry['parameter_set']}, sensors {entry['sensor_set']}", columns, rows)
-
-
 def _describe_set(summary: SetSummary) -> Description:
     if summary.model is None:
         return {"sensor_set": summary.name, "reason": summary.reason, "lost": list(summary.lost)}

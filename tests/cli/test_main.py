@@ -467,34 +467,6 @@ def test_data_that_cannot_answer_exit_1(here: Path, bench: Path) -> None:
     assert_explained(result, 1)
 
 
-# demo --------------------------------------------------------------------------------------------------
-
-
-def test_demo_repeats_the_paper(here: Path) -> None:
-    found = run_json("demo")
-    assert [Path(path).name for path in found["modules"]] == ["emps300_qm_qc.py", "emps300_qm_ac.py"]
-    assert all(Path(path).is_file() for path in (*found["modules"], *found["records"]))
-    assert Path(found["picture"]).read_bytes().startswith(b"\x89PNG")
-    sets = [(entry["parameter_set"], entry["sensor_set"]) for entry in found["tables"]]
-    assert sets == [(p, s) for p in ("table_1", "table_2") for s in ("qm_qc", "qm_ac")]
-    for entry in found["tables"]:
-        for row in entry["rows"]:
-            assert abs(row["methods"]["wls"]["error_percent"]) < 1.0, (entry["parameter_set"], row)
-            assert abs(row["methods"]["wls"]["error_in_std"]) < 4.0, (entry["parameter_set"], row)
-        stiffness = next(row for row in entry["rows"] if row["parameter"] == "K")
-        assert abs(stiffness["methods"]["pham2002"]["error_percent"]) > 3.0
-
-
-def test_demo_without_matplotlib(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    monkeypatch.setattr("modelgen.cli.demo.DURATION_S", 3.0)
-    result = run("demo")
-    assert result.exit_code == 0, result.output
-    assert "matplotlib is missing" in result.stdout
-    assert "table_2, sensors qm_ac" in result.stdout
-    assert not Path("modelgen_demo/demo.png").exists()
-
-
 # what happens around the commands ----------------------------------------------------------------------
 
 

@@ -11,10 +11,11 @@ from modelgen.cli.output import print_json
 def demo(as_json: Json = False) -> None:
     """Show the paper end to end: derive, simulate, identify.
 
-    Modules, two records and a picture go to the folder modelgen_demo.
+    Modules, two records and the figures go to the folder modelgen_demo.
     """
-    from modelgen.cli.demo import run_demo
-    from modelgen.cli.tables import console, demo_tables
+    from modelgen.cli.demo.run import run_demo
+    from modelgen.cli.demo.tables import demo_tables
+    from modelgen.cli.tables import console
 
     found = run_demo(Path("modelgen_demo"))
     if as_json:
