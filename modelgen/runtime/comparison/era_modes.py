@@ -23,8 +23,9 @@ from modelgen.runtime.comparison.thresholds import (
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.modes.find_modes import modes_at
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.simulation.plant import make_plant
+from modelgen.runtime.simulation.plant import body_order
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,11 @@ class Mode:
 
 def modes_of_parameters(model: Model, parameters: Mapping[str, float]) -> tuple[Mode, ...]:
     """Return the elastic modes of the chain with these parameters (SI), lowest first."""
-    plant = make_plant(model, parameters)
-    A = plant.space((1,) * len(plant.sticking)).A
-    return _modes(np.linalg.eigvals(A))
+    return tuple(
+        Mode(one.frequency_hz.value, one.damping_ratio.value)
+        for one in modes_at(model, parameters)
+        if one.frequency_hz and one.damping_ratio and abs(one.damping_ratio.value) < MOST_DAMPED
+    )
 
 
 def modes_of_record(model: Model, record: Record, highest_hz: float) -> tuple[Mode, ...]:
@@ -68,7 +71,7 @@ def modes_of_record(model: Model, record: Record, highest_hz: float) -> tuple[Mo
     dt = factor * record.dt
     data = TimeResponseData(np.arange(u.size) * dt, np.array(scaled), inputs=u[None], issiso=False)
     impulse = np.atleast_3d(markov(data, MARKOV, dt=dt, truncate=True))
-    bodies = len(make_plant(model, dict.fromkeys((*model.parameters, *model.known), 1.0)).bodies)
+    bodies = len(body_order(model))
     system, _ = eigensys_realization(impulse, 2 * (bodies - 1) + EXTRA_ORDER, dt=dt)
     z = np.linalg.eigvals(system.A).astype(complex)
     return tuple(m for m in _modes(np.log(z) / dt) if m.frequency_hz < highest_hz and m.damping_ratio > 0.0)

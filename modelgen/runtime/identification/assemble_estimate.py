@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.modes.modes_of_fit import modes_of_fit
 from modelgen.runtime.parameters.other_solutions import other_solutions, solution_notes
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import (
@@ -67,8 +68,7 @@ class Solved:
 
 def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     """Return the estimate with everything that is needed to judge it."""
-    model, fit, identified = solved.job.model, solved.fit, solved.identified
-    method = solved.method
+    model, fit, identified, method = solved.job.model, solved.fit, solved.identified, solved.method
     place = [fit.columns.index(name) for name in identified]
     sigma, printed = printed_covariance(fit, residual_dof)
     noise = hac_covariance(fit) if method.covariance_kind == "hac" else printed
@@ -125,6 +125,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
             {**model.absent, **solved.refused, **found.unanswered},
             others,
         ),
+        modal=modes_of_fit(model, fit, noise + solved.drift, covariances, base, found, solved.fixed),
     )
 
 
@@ -154,7 +155,7 @@ def _physical(solved: Solved, base: FloatArray, covariances: Covariances) -> Fou
         hanging = hanging_on(model, covariances, found, doubtful, known)
         doubtful |= dict.fromkeys((name for name in hanging if name not in solved.fixed), reason)
         physical = tuple(entry for entry in physical if entry.name not in doubtful)
-    return FoundParameters(physical, {**every.unanswered, **doubtful}, every.notes)
+    return replace(every, parameters=physical, unanswered={**every.unanswered, **doubtful})
 
 
 def certain(physical: tuple[Parameter, ...], nonlinear: bool) -> tuple[tuple[Parameter, ...], dict[str, str]]:

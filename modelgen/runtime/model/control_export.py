@@ -7,6 +7,7 @@ from typing import Any
 
 from modelgen.errors import DataError
 from modelgen.optional_library import optional_library
+from modelgen.runtime.model.chain_matrices import body_inertias
 from modelgen.runtime.model.model import Model
 
 
@@ -45,7 +46,7 @@ def control_system(
         raise DataError.at("parameters", what, "give a value for each, in SI units")
     forward = {entry.body: 1 for entry in model.friction if entry.asymmetric}
     space = model.state_space(given, {**forward, **(directions or {})} or None)
-    bodies = _bodies(model, space.A.shape[0] // 2)
+    bodies = [body for body, _ in body_inertias(model)]
     inputs = [actuator.key for actuator in model.actuators]
     B, D = space.B, space.D
     if friction_inputs:
@@ -61,9 +62,3 @@ def control_system(
         outputs=[sensor.key for sensor in model.sensors],
         name=f"{model.chain}_{model.sensor_set}",
     )
-
-
-def _bodies(model: Model, count: int) -> list[str]:
-    """Return the bodies in the order of the states: that of the inertias, one a body."""
-    found = [role.bodies[0] for role in model.roles.values() if role.role == "inertia" and role.bodies]
-    return found if len(found) == count else [str(index) for index in range(count)]

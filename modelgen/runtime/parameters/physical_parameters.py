@@ -62,11 +62,17 @@ class Covariances(FrozenValues):
 
 @dataclass(frozen=True, eq=False)
 class FoundParameters:
-    """Physical parameters, for those that cannot be had the reason, and what is to be said of them."""
+    """Physical parameters, for those that cannot be had the reason, and what is to be said of them.
+
+    `solution` is the fit to composites behind them, None where there are none; what composites contradict
+    each other by widens the intervals by `factor`.
+    """
 
     parameters: tuple[Parameter, ...]
     unanswered: Mapping[str, str]
     notes: tuple[str, ...] = ()
+    solution: PhysicalSolution | None = None
+    factor: float = 1.0
 
 
 def physical_parameters(
@@ -95,7 +101,7 @@ def physical_parameters(
         those that belong to them. Else a start where the model's own formula, which works in logarithms,
         leads to none because one of them is below zero.
     """
-    factor = 1.0
+    solved, factor = None, 1.0
     if not model.composites:
         values, gradients = _direct(model, base)
     else:
@@ -114,7 +120,7 @@ def physical_parameters(
         elif name not in refused:
             unanswered[name] = _why_open(refused)
     notes = (CONTRADICTED.format(factor=factor),) if factor > 1.0 else ()
-    return FoundParameters(tuple(found), unanswered, notes)
+    return FoundParameters(tuple(found), unanswered, notes, solved, factor)
 
 
 def _from_composites(

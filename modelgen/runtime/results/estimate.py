@@ -19,6 +19,7 @@ from modelgen.atomic_write import write_whole
 from modelgen.documents import json_document
 from modelgen.errors import DataError
 from modelgen.read_file import ESTIMATE, read_text
+from modelgen.runtime.modes.modes import Modes
 from modelgen.runtime.parameters.physical_parameters import Covariances
 from modelgen.runtime.results.checks import Checks
 from modelgen.runtime.results.estimate_parts import (
@@ -50,6 +51,8 @@ class Estimate:
         Base and physical parameters, and why others have no number.
     checks : Checks
         What the guards and the tests of the residual say, and the comparisons that were asked for.
+    modal : Modes
+        What `modes` returns.
     """
 
     model: EstimatedModel
@@ -58,6 +61,7 @@ class Estimate:
     covariances: Covariances
     parameters: EstimatedParameters
     checks: Checks = field(default_factory=Checks)
+    modal: Modes = field(default_factory=Modes)
 
     @property
     def params(self) -> Mapping[str, float]:
@@ -140,6 +144,13 @@ class Estimate:
         """Return intervals that hold each of `params` with probability 1 - alpha (normal distribution)."""
         return MappingProxyType({entry.name: entry.interval(alpha) for entry in self.parameters.identified})
 
+    def modes(self) -> Modes:
+        """Return natural frequencies, damping ratios, time constants and antiresonances, with 95 % intervals.
+
+        Linear about rest. Where the records leave a mode open its notes say which parameters it needs.
+        """
+        return self.modal
+
     def summary(self) -> str:
         """Return the whole estimate as plain text."""
         return summary_text(self)
@@ -194,6 +205,7 @@ class Estimate:
             "filtering": asdict(self.fit.filtering),
             "notes": self.fit.notes,
             "checks": asdict(self.checks),
+            "modes": self.modal.to_dict(),
         }
         return {key: _plain(value) for key, value in plain.items()}
 

@@ -11,6 +11,7 @@ from modelgen.errors import DataError, Problem, listed
 from modelgen.magnitudes import is_usable
 from modelgen.read_file import ESTIMATE, read_text
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.modes.modes import Modes
 from modelgen.runtime.parameters.pruning import Pruning
 from modelgen.runtime.results.checks import Checks
 from modelgen.runtime.results.estimate_parts import FORMAT_VERSION, RowDiagnostics
@@ -62,6 +63,7 @@ PARTS: Mapping[str, Any] = {
     "pruning": Pruning,
     "filtering": FilterChoice,
     "checks": Checks,
+    "modes": Modes,
 }
 DEVIATIONS = ("bse", "relative_std", "noise_std", "drift_std", "printed_std")
 OF_PHYSICAL = ("physical_bse", "physical_noise_std", "physical_drift_std", "physical_printed_std")

@@ -11,6 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.read_file import ESTIMATE
+from modelgen.runtime.modes.modes import Modes
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import Covariances
 from modelgen.runtime.results.estimate_file import KEYS, PARTS, checked_estimate
@@ -25,6 +26,7 @@ LATER = (
     "physical_printed_std",
     "noise_covariance",
     "drift_covariance",
+    "modes",
 )
 AGREEMENT = 1e-9  # relative: what is calculated again differs by rounding between machines
 CHANGED = "was changed by hand: identify again, or undo the change"
@@ -45,7 +47,8 @@ def estimate_parts(document: Mapping[str, Any], where: str) -> dict[str, Any]:
     if absent:
         remedy = f"{ESTIMATE.remedy}, the whole of it"
         raise DataError(*(Problem(f"{where}: {key}", "is missing", remedy) for key in absent))
-    parts = {key: typed(kind, saved[key], where, ESTIMATE.remedy, []) for key, kind in PARTS.items()}
+    present = {key: kind for key, kind in PARTS.items() if key in saved}
+    parts = {key: typed(kind, saved[key], where, ESTIMATE.remedy, []) for key, kind in present.items()}
     identified = _parameters(saved, "params", "bse", "")
     problems = _contradictions(saved, identified, parts["rows"], where)
     if problems:
@@ -64,6 +67,7 @@ def estimate_parts(document: Mapping[str, Any], where: str) -> dict[str, Any]:
             tuple(_reals(one) for one in saved["other_solutions"]),
         ),
         "checks": parts["checks"],
+        "modal": parts.get("modes", Modes(notes=("No modes: the estimate was saved without them.",))),
     }
 
 

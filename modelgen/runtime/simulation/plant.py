@@ -12,6 +12,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import REMEDY, is_usable, shown_number
+from modelgen.runtime.model.chain_matrices import body_inertias
 from modelgen.runtime.model.model import Friction, Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.stick_slip.linear_mode import CoulombBody, CubicForce, Mode
@@ -169,7 +170,7 @@ def measured_forces(plant: Plant, record: Record) -> tuple[FloatArray, dict[str,
 
 def body_order(model: Model) -> tuple[str, ...]:
     """Return the bodies in the order of the state."""
-    return _bodies(model, dict.fromkeys(_needed(model), 1.0))[0]
+    return tuple(body for body, _ in body_inertias(model))
 
 
 def _needed(model: Model) -> tuple[str, ...]:
@@ -203,21 +204,6 @@ def _value_problem(model: Model, name: str, value: Any) -> Problem | None:
 
 
 def _bodies(model: Model, values: Mapping[str, float]) -> tuple[tuple[str, ...], FloatArray]:
-    """Return the bodies in the order of the state, and their inertias.
-
-    A body is the row of velocities that answers to its inertia, whatever the values of the other parameters.
-    """
-    ones = dict.fromkeys(values, 1.0)
-    directions = {friction.body: 1 for friction in model.friction}
-    light = model.state_space(ones, directions)
-    count = len(light.A) // 2
-    names, inertia = [""] * count, np.ones(count)
-    for name, role in model.roles.items():
-        if role.role != "inertia":
-            continue
-        heavy = model.state_space({**ones, name: 2.0}, directions)
-        changed = [(getattr(light, key) != getattr(heavy, key)).any(axis=1) for key in ("A", "B", "E")]
-        rows = np.flatnonzero(np.any(changed, axis=0)) - count
-        for row, body in zip(rows, role.bodies, strict=True):
-            names[row], inertia[row] = body, values[name]
-    return tuple(names), inertia
+    """Return the bodies in the order of the state, and their inertias."""
+    order = body_inertias(model)
+    return tuple(body for body, _ in order), np.array([values[inertia] for _, inertia in order])

@@ -1,0 +1,1 @@
+"""Natural frequencies, damping ratios and time constants of a chain, with intervals."""

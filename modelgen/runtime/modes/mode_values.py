@@ -1,0 +1,132 @@
+"""What is told of a pair of poles, and the interval of each number: delta method, or the ends worked out.
+
+An interval is the range that a number takes within the ellipsoid of the parameters that a deviation of 1.96
+along the number's own slope reaches (Hasofer and Lind 1974; the delta method where the number is linear).
+It is then the same whatever function of the parameters one chooses to look at.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.modes.pole_pairs import PolePair
+from modelgen.runtime.modes.thresholds import CRITICAL_SHARE, LINEAR_SHARE, NEAR_CRITICAL, SHARPEST, Z95
+from modelgen.runtime.modes.uncertain_chain import UncertainChain
+
+At = Callable[[dict[str, float]], PolePair | None]
+
+
+@dataclass(frozen=True)
+class ModalValue:
+    """A number with its standard deviation and 95 % interval, which need not lie evenly around it.
+
+    An end that the records leave open is None, and with it the standard deviation.
+    """
+
+    value: float
+    std: float | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class PairValues:
+    """What a pair of poles says: natural frequency in Hz, damping ratio, time constants in s, slowest first.
+
+    A free motion has neither frequency nor damping ratio; without friction, no time constant either.
+    """
+
+    frequency_hz: ModalValue | None
+    damping_ratio: ModalValue | None
+    time_constants_s: tuple[ModalValue, ...]
+
+
+def pair_values(
+    pair: PolePair, slopes: FloatArray, free: bool, chain: UncertainChain, at: At, inertias: frozenset[str]
+) -> PairValues:
+    """Return the numbers of a pair with their intervals.
+
+    Parameters
+    ----------
+    slopes : array, shape (2, parameters)
+        Of the pair's sum and product.
+    free : bool
+        Whether one of the poles is zero, as the chain moves freely.
+    chain : UncertainChain
+    at : callable
+        Gives the pair for other values of the parameters; None where there is none.
+    inertias : frozenset of str
+        Parameters that stay above zero.
+    """
+
+    def told(number: Callable[[PolePair], float], slope: FloatArray, straight: bool = True) -> ModalValue:
+        value = number(pair)
+        weights = chain.root.T @ (slope @ slopes)
+        reach = float(np.linalg.norm(weights))
+        if not reach or (straight and reach <= LINEAR_SHARE * abs(value)):
+            return ModalValue(value, reach, value - Z95 * reach, value + Z95 * reach)
+        ends = [value]
+        for z in (-Z95, Z95):
+            moved = at(chain.moved(z * chain.root @ weights / reach, inertias))
+            ends.append(math.copysign(math.inf, z) if moved is None else number(moved))
+        low, high = (end if math.isfinite(end) else None for end in (min(ends), max(ends)))
+        std = None if low is None or high is None else (high - low) / (2.0 * Z95)
+        return ModalValue(value, std, low, high)
+
+    if free:
+        if not pair.sum:
+            return PairValues(None, None, ())
+        return PairValues(None, None, (told(_decay, np.array([-1.0 / pair.sum**2, 0.0])),))
+    s, p = pair.sum, pair.product
+    frequency = told(_frequency_hz, np.array([0.0, _frequency_hz(pair) / (2.0 * p)]))
+    half = 0.5 / math.sqrt(p)
+    damping = told(_damping_ratio, np.array([half, -0.5 * s * half / p]))
+    constants: tuple[ModalValue, ...] = ()
+    if abs(damping.value) >= 1.0:
+        margin = abs(damping.value) - 1.0
+        std = math.inf if damping.std is None else damping.std
+        sharp = margin < max(NEAR_CRITICAL * std, CRITICAL_SHARE)
+        constants = tuple(told(one, _slope(one(pair), s), not sharp) for one in (_slow, _fast))
+    return PairValues(frequency, damping, constants)
+
+
+def _frequency_hz(pair: PolePair) -> float:
+    return math.sqrt(max(pair.product, 0.0)) / (2.0 * math.pi)
+
+
+def _damping_ratio(pair: PolePair) -> float:
+    if pair.product <= 0.0:
+        return math.copysign(math.inf, pair.sum)
+    return 0.5 * pair.sum / math.sqrt(pair.product)
+
+
+def _decay(pair: PolePair) -> float:
+    return 1.0 / pair.sum if pair.sum else math.inf
+
+
+def _fast(pair: PolePair) -> float:
+    rate = _fast_rate(pair)
+    return 1.0 / rate if rate else math.inf
+
+
+def _slow(pair: PolePair) -> float:
+    return _fast_rate(pair) / pair.product if pair.product > 0.0 else math.inf
+
+
+def _fast_rate(pair: PolePair) -> float:
+    """Return the larger rate of decay in 1/s of two real poles; half their sum where they are complex."""
+    half = 0.5 * pair.sum
+    return half + math.copysign(math.sqrt(max(half**2 - pair.product, 0.0)), half)
+
+
+def _slope(constant_s: float, s: float) -> FloatArray:
+    """Return the slopes of a time constant by sum and product: its rate r has r^2 - s r + p = 0."""
+    rate = 1.0 / constant_s
+    apart = 2.0 * rate - s
+    apart = math.copysign(max(abs(apart), SHARPEST * abs(s)), apart)
+    return np.array([-(constant_s**2) * rate / apart, constant_s**2 / apart])

@@ -1,0 +1,115 @@
+"""Modes of an identified chain: frozen values, their table, and their plain types."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from modelgen.runtime.modes.mode_values import ModalValue, PairValues
+from modelgen.runtime.parameters.rounded import with_interval
+
+
+@dataclass(frozen=True)
+class Mode(PairValues):
+    """A motion that the chain makes by itself, linear about rest.
+
+    Attributes
+    ----------
+    frequency_hz : ModalValue or None
+        Undamped natural frequency in Hz, the magnitude of the poles over 2 pi; None where the chain moves
+        freely as a whole, which is a mode of 0 Hz.
+    damping_ratio : ModalValue or None
+        Above 1 for a motion that creeps back without swinging; None where the records leave damping open.
+    time_constants_s : tuple of ModalValue
+        In s, of real poles, slowest first: of a free motion how its speed decays, of one with a damping ratio
+        above 1 how it creeps back; none where the motion swings.
+    shape : mapping of str to float
+        How far each body moves, in its own unit (rad or m), in the undamped mode; 1 for the body that has
+        most of the energy.
+    """
+
+    shape: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Word for it: "free" as a whole, or against the springs "swings" or "creeps"."""
+        if self.frequency_hz is None:
+            return "free"
+        return "creeps" if self.damping_ratio and abs(self.damping_ratio.value) >= 1.0 else "swings"
+
+
+@dataclass(frozen=True)
+class Antiresonance(PairValues):
+    """A transmission zero from an actuator to its own body: the rest of the chain swings, this body rests."""
+
+    actuator: str = ""
+    body: str = ""
+
+
+@dataclass(frozen=True)
+class Modes(Sequence[Mode]):
+    """The modes of a chain, lowest first, its antiresonances, and what is to be said of them.
+
+    A sequence of `Mode`; `print` shows them as a table.
+    """
+
+    modes: tuple[Mode, ...] = ()
+    antiresonances: tuple[Antiresonance, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.modes[index]
+
+    def __len__(self) -> int:
+        return len(self.modes)
+
+    def __iter__(self) -> Iterator[Mode]:
+        return iter(self.modes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return them in plain types; what is open is None."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        """Return a table of the modes, with 95 % intervals, their shapes, antiresonances and notes."""
+        rows = [("mode", "Hz (95 %)", "rad/s", "damping ratio", "time constants s")]
+        rows += [(str(k + 1), *cells(mode)) for k, mode in enumerate(self.modes)]
+        lines = _aligned(rows) if self.modes else []
+        if any(len(mode.shape) > 1 for mode in self.modes):
+            bodies = list(self.modes[0].shape)
+            shapes = [("shape", *bodies)]
+            shapes += [
+                (str(k + 1), *(f"{v:.3g}" for v in m.shape.values())) for k, m in enumerate(self.modes)
+            ]
+            lines += ["", *_aligned(shapes)]
+        if self.antiresonances:
+            zeros = [("antiresonance", "Hz (95 %)", "rad/s", "damping ratio", "time constants s")]
+            zeros += [(f"{one.actuator} to {one.body}", *cells(one)) for one in self.antiresonances]
+            lines += ["", *_aligned(zeros)]
+        return "\n".join([*lines, *([""] if lines and self.notes else []), *self.notes])
+
+
+def cells(one: PairValues) -> tuple[str, str, str, str]:
+    """Return frequency in Hz, in rad/s, damping ratio and time constants as texts with 95 % intervals."""
+    constants = ", ".join(shown(value) for value in one.time_constants_s) or "-"
+    if one.frequency_hz is None:
+        return "0 (free)", "0", "-", constants
+    radians = 2.0 * math.pi * one.frequency_hz.value
+    damping = "-" if one.damping_ratio is None else shown(one.damping_ratio)
+    return shown(one.frequency_hz), f"{radians:.4g}", damping, constants
+
+
+def shown(value: ModalValue) -> str:
+    """Return a number with its interval."""
+    low = -math.inf if value.low is None else value.low
+    return with_interval(value.value, low, math.inf if value.high is None else value.high)
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = [
+        "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]
+    return [lines[0], "-" * max(map(len, lines)), *lines[1:]]

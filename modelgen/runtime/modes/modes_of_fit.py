@@ -1,0 +1,68 @@
+"""The modes of the chain that a fit has found, from everything that it says: refused columns, too.
+
+What has no number of its own may leave the modes well known, or makes their intervals as wide as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.modes.find_modes import find_modes
+from modelgen.runtime.modes.modes import Modes
+from modelgen.runtime.modes.uncertain_chain import chain_around, square_root, uncertain_chain
+from modelgen.runtime.parameters.physical_parameters import NO_CHAIN, Covariances, FoundParameters
+
+
+def modes_of_fit(
+    model: Model,
+    fit: Fit,
+    total: FloatArray,
+    covariances: Covariances,
+    base: FloatArray,
+    found: FoundParameters,
+    fixed: Mapping[str, float],
+) -> Modes:
+    """Return the modes with their intervals.
+
+    Parameters
+    ----------
+    model : Model
+    fit : Fit
+    total : array, shape (c, c)
+        Covariance of the columns of the fit, drift included.
+    covariances : Covariances
+        Of the identified base parameters.
+    base : array, shape (columns,)
+        Base parameters of the model, NaN where not identified.
+    found : FoundParameters
+        The physical parameters that follow.
+    fixed : mapping of str to float
+        Columns that were not fitted, as they are at a bound.
+    """
+    if model.composites:
+        if found.solution is None:
+            return Modes(notes=(f"No modes: {NO_CHAIN}.",))
+        gradients = np.array([found.solution.gradients[name] for name in model.parameters])
+        root = found.factor * gradients @ square_root(covariances.total)
+        chain = chain_around(model, base, found.solution.values, root)
+        return find_modes(model, chain, partial(uncertain_chain, model, base, covariances.total))
+    lost = dict(zip(fit.columns, fit.solution.undetermined.tolist(), strict=True))
+    answered = [name for name in model.base_parameters if not lost.get(name, True)]
+    place = [fit.columns.index(name) for name in answered]
+    every = np.full(len(model.base_parameters), np.nan)
+    rows = [model.base_parameters.index(name) for name in answered]
+    every[rows] = fit.solution.x[place]
+    covariance = np.zeros((len(every), len(every)))
+    covariance[np.ix_(rows, rows)] = total[np.ix_(place, place)]
+    for name, value in fixed.items():
+        if name in model.base_parameters:
+            every[model.base_parameters.index(name)] = value
+    kept = np.flatnonzero(np.isfinite(every))
+    again = partial(uncertain_chain, model, every, covariance[np.ix_(kept, kept)])
+    return find_modes(model, again({entry.name: entry.value for entry in found.parameters}), again)

@@ -1,0 +1,142 @@
+"""The poles of a chain, two for every body: each pair by its sum and product, which are smooth.
+
+Two poles that meet (critical damping) have infinite slopes by the parameters, but not their sum and their
+product. Pairs are told apart by the undamped modes that they grew out of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.modes.thresholds import RIGID_SHARE
+
+ComplexArray = npt.NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class UndampedModes:
+    """Squared circular frequencies, shape (n,), 0 where the chain turns freely, and shapes, (bodies, n).
+
+    Shapes have a modal mass of one: the column k moves the bodies so that sum of J v^2 is 1.
+    """
+
+    squares: FloatArray
+    shapes: FloatArray
+
+
+@dataclass(frozen=True)
+class PolePair:
+    """Two poles of s^2 + `sum` s + `product` = 0: minus their sum in 1/s, their product in 1/s^2."""
+
+    sum: float
+    product: float
+
+
+def undamped_modes(inertia: FloatArray, K: FloatArray) -> UndampedModes:
+    """Return the modes without damping, lowest first; the mass matrix is diagonal, so scaling does.
+
+    Parameters
+    ----------
+    inertia : array, shape (bodies,)
+        Above zero.
+    K : array, shape (bodies, bodies)
+    """
+    root = np.sqrt(inertia)
+    symmetric = K / np.outer(root, root)
+    squares, shapes = np.linalg.eigh(0.5 * (symmetric + symmetric.T))
+    squares[np.abs(squares) <= RIGID_SHARE * np.abs(squares).max(initial=0.0)] = 0.0
+    return UndampedModes(squares, shapes / root[:, None])
+
+
+def pole_pairs(inertia: FloatArray, D: FloatArray, K: FloatArray, modes: UndampedModes) -> list[PolePair]:
+    """Return the pair of poles of every mode, in the order of `modes`.
+
+    `modes` may be those of other values of the parameters, not far away: they tell which pair is which.
+    """
+    A, unit = _modal(inertia, D, K, modes)
+    poles, vectors = np.linalg.eig(A)
+    n = len(A) // 2
+    shares = np.abs(vectors[:n]) ** 2
+    shares /= np.maximum(shares.sum(axis=0), np.finfo(float).tiny)
+    pairs: dict[int, PolePair] = {}
+    upper = np.flatnonzero(poles.imag > 0.0)
+    # a free motion keeps a pole at zero: it never swings
+    bound = np.flatnonzero(modes.squares != 0.0)
+    for place, row in _assigned(shares[np.ix_(bound, upper)]):
+        pole, k = poles[upper[place]], int(bound[row])
+        pairs[k] = PolePair(-2.0 * float(pole.real) * unit, float(abs(pole)) ** 2 * unit**2)
+    left = [k for k in range(n) if k not in pairs]
+    real = np.flatnonzero(poles.imag == 0.0)
+    taken: dict[int, list[float]] = {k: [] for k in left}
+    twice = np.repeat(np.array(left, dtype=int), 2)
+    for place, slot in _assigned(shares[np.ix_(twice, real)]):
+        taken[int(twice[slot])].append(float(poles[real[place]].real))
+    for k, (one, other) in taken.items():
+        pairs[k] = PolePair(-(one + other) * unit, one * other * unit**2)
+    return [pairs[k] for k in range(n)]
+
+
+def pair_slopes(
+    inertia: FloatArray,
+    D: FloatArray,
+    K: FloatArray,
+    modes: UndampedModes,
+    pair: PolePair,
+    changes: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
+) -> FloatArray:
+    """Return the derivatives of a pair's sum and product by parameters, shape (2, parameters).
+
+    To first order a change of A moves the poles of a pair as it moves A in their invariant subspace, which is
+    where A^2 + sum A + product vanishes: no eigenvector is needed, and none has to exist.
+
+    Parameters
+    ----------
+    pair : PolePair
+        One of `pole_pairs`; `modes` are those of these matrices.
+    changes : sequence of (inertia, D, K)
+        What each parameter adds to them per unit.
+    """
+    A, unit = _modal(inertia, D, K, modes)
+    n = len(A) // 2
+    polynomial = A @ A + (pair.sum / unit) * A + (pair.product / unit**2) * np.eye(2 * n)
+    U, _, Vt = np.linalg.svd(polynomial)
+    right, left = Vt[-2:].T, U[:, -2:]
+    left = np.linalg.solve(left.T @ right, left.T)
+    S = left @ A @ right
+    adjugate = np.array([[S[1, 1], -S[0, 1]], [-S[1, 0], S[0, 0]]])
+    slopes = np.zeros((2, len(changes)))
+    for j, (heavier, damped, stiffer) in enumerate(changes):
+        M, Dj, Kj = (modes.shapes.T @ part @ modes.shapes for part in (np.diag(heavier), damped, stiffer))
+        lower = -M @ A[n:] - np.hstack((Kj / unit**2, Dj / unit))
+        B = left[:, n:] @ lower @ right
+        slopes[:, j] = -np.trace(B) * unit, np.trace(adjugate @ B) * unit**2
+    return slopes
+
+
+def _modal(
+    inertia: FloatArray, D: FloatArray, K: FloatArray, modes: UndampedModes
+) -> tuple[FloatArray, float]:
+    """Return A in coordinates of the modes and in time units of its fastest motion, and 1/s of these."""
+    n = len(inertia)
+    M, damping, stiffness = (modes.shapes.T @ part @ modes.shapes for part in (np.diag(inertia), D, K))
+    free = modes.squares == 0.0
+    # what rounding leaves of a free motion's stiffness would be a frequency
+    stiffness[:, free] = 0.0
+    stiffness[free] = 0.0
+    fastest = max(float(np.abs(modes.squares).max()) ** 0.5, float(np.abs(damping).max()))
+    unit = fastest or 1.0
+    lower = -np.linalg.solve(M, np.hstack((stiffness / unit**2, damping / unit)))
+    return np.vstack((np.hstack((np.zeros((n, n)), np.eye(n))), lower)), unit
+
+
+def _assigned(shares: FloatArray) -> list[tuple[int, int]]:
+    """Return pairs of column and row of (modes, poles), one to one, with the largest sum of shares."""
+    from scipy.optimize import linear_sum_assignment
+
+    rows, columns = linear_sum_assignment(-shares)
+    return list(zip(columns.tolist(), rows.tolist(), strict=True))

@@ -1,0 +1,29 @@
+"""Settings of modes and their intervals, with their reasons."""
+
+from __future__ import annotations
+
+# A squared frequency below this share of the largest is that of a chain that turns freely.
+RIGID_SHARE = 1e-9
+
+# Of a normal distribution: 95 % lie within.
+Z95 = 1.959963984540054
+# A value whose standard deviation is below this share of it is as good as linear in the parameters there:
+# what the delta method leaves out is of the order of the square.
+LINEAR_SHARE = 0.03
+# Damping ratios so near to 1 (in standard deviations, and as a share) belong to poles that may be real or
+# not: their time constants have an infinite slope there, and are worked out at the ends.
+NEAR_CRITICAL, CRITICAL_SHARE = 4.0, 0.02
+# An inertia is moved by its logarithm, by no more than this.
+MOST_LOG = 5.0
+
+# A mode depends on what the records leave open if more than this share of its slope lies there.
+OPEN_SHARE = 1e-5
+# Open directions are tried out by so much of a parameter's size: a slope may be zero by chance.
+TRIED = 0.3
+# A parameter with this share of a direction that is open is the direction: nothing is known of it.
+FULLY_OPEN = 1.0 - 1e-9
+
+# Motions below this share of the largest one of a shape are rounding.
+ROUNDING = 1e-9
+# Two real rates nearer than this share of their sum are taken as so far apart, for the direction of a slope.
+SHARPEST = 1e-6

@@ -1,0 +1,125 @@
+"""What an estimate knows of a chain: values of its parameters, their covariance, and what it leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.modes.thresholds import FULLY_OPEN, MOST_LOG
+from modelgen.runtime.parameters.composite_fit import fit_composites
+from modelgen.runtime.parameters.thresholds import RANK_TOLERANCE
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainChain:
+    """Physical parameters in the order of `names`, as far as the base parameters say what they are.
+
+    Attributes
+    ----------
+    names : tuple of str
+    values : array, shape (names,)
+        One choice that gives the base parameters found, in SI units.
+    root : array, shape (names, m)
+        root root^T is their covariance: what the base parameters pass on to them.
+    open : array, shape (names, k)
+        Directions, in shares of the values, that change no base parameter that was found.
+    open_but_damping : array, shape (names, m)
+        The same, were all frictions and dampings known.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    root: FloatArray
+    open: FloatArray
+    open_but_damping: FloatArray
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """The values by name."""
+        return dict(zip(self.names, self.values.tolist(), strict=True))
+
+    def moved(self, by: FloatArray, inertias: frozenset[str]) -> dict[str, float]:
+        """Return the values moved; inertias by their logarithms, so that none falls below zero."""
+        found = self.values + by
+        for i, name in enumerate(self.names):
+            if name in inertias:
+                found[i] = self.values[i] * np.exp(np.clip(by[i] / self.values[i], -MOST_LOG, MOST_LOG))
+        return dict(zip(self.names, found.tolist(), strict=True))
+
+
+def uncertain_chain(
+    model: Model, base: FloatArray, covariance: FloatArray, start: Mapping[str, float]
+) -> UncertainChain:
+    """Return what base parameters say of the physical ones.
+
+    Parameters
+    ----------
+    model : Model
+    base : array, shape (columns,)
+        All base parameters of the model, NaN where the records say nothing.
+    covariance : array, shape (found, found)
+        Of those with a number.
+    start : mapping of str to float
+        Physical parameters near which to look; others start from the model's own sets, or from one.
+    """
+    given = {name: value for values in model.parameter_sets.values() for name, value in values.items()}
+    first = {name: start.get(name) or given.get(name) or 1.0 for name in model.parameters}
+    found = np.flatnonzero(np.isfinite(base))
+    weights = np.where(base[found] == 0.0, 1.0, base[found] ** 2)
+    solved = fit_composites(model, base, np.diag(weights), first)
+    values = dict(solved.values)
+    # friction and damping that nothing is known of have no part in the fit
+    for name, row in zip(model.parameters, open_directions(model, base, values), strict=True):
+        if name in dissipative(model) and np.linalg.norm(row) > FULLY_OPEN:
+            values[name] = 0.0
+    gradients = np.array([solved.gradients[name] for name in model.parameters])
+    return chain_around(model, base, values, gradients @ square_root(covariance))
+
+
+def chain_around(
+    model: Model, base: FloatArray, values: Mapping[str, float], root: FloatArray
+) -> UncertainChain:
+    """Return the chain of these values, with what the base parameters leave open there."""
+    return UncertainChain(
+        model.parameters,
+        np.array([values[name] for name in model.parameters]),
+        root,
+        open_directions(model, base, values),
+        open_directions(model, base, values, dissipative(model)),
+    )
+
+
+def dissipative(model: Model) -> frozenset[str]:
+    """Return the frictions and dampings among the parameters."""
+    return frozenset(name for name, role in model.roles.items() if role.role in ("viscous", "damping"))
+
+
+def open_directions(
+    model: Model, base: FloatArray, values: Mapping[str, float], known: Collection[str] = ()
+) -> FloatArray:
+    """Return directions in shares of the parameters' sizes that change no base parameter, (parameters, k).
+
+    Parameters that are `known` do not take part.
+    """
+    found = np.flatnonzero(np.isfinite(base))
+    size = np.abs([values[name] or 1.0 for name in model.parameters])
+    slope = model.base_jacobian(values)[found] * size
+    slope /= np.maximum(np.linalg.norm(slope, axis=1), np.finfo(float).tiny)[:, None]
+    free = [i for i, name in enumerate(model.parameters) if name not in known]
+    _, s, Vt = np.linalg.svd(slope[:, free], full_matrices=True)
+    rank = int(np.sum(s > RANK_TOLERANCE * s.max(initial=1e-300)))
+    directions = np.zeros((len(model.parameters), len(free) - rank))
+    directions[free] = Vt[rank:].T
+    return directions
+
+
+def square_root(covariance: FloatArray) -> FloatArray:
+    """Return R with R R^T = covariance, shape (n, n), rounding below zero taken as zero."""
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.where(spread > 0.0, spread, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
