@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from modelgen.cli.reversed_sensors import with_reversed
 from modelgen.errors import DataError, shortened
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.formats import open_source
@@ -43,7 +44,7 @@ def describe_file(path: Path, model: Model | None) -> Description:
     loaded = _loaded(source)
     source = replace(source, load=lambda names: _again(source_load, loaded, names))
     columns = {name: values.astype(float) for name, values in loaded.items() if values.dtype.kind in "iuf"}
-    proposed = propose(source, model)
+    proposed = with_reversed(propose(source, model), model, columns)
     factor, unit = _time_unit(source, columns)
     findings = _findings(source, columns, proposed, factor)
     problems = _would_fail(source, proposed, findings)
@@ -202,10 +203,7 @@ def import_lines(described: Description, written: Path | None, module: Path | No
     lines += _some([f"problem: {text}" for text in described["problems"]])
     lines.append("")
     lines += _some(
-        [
-            f"{entry['key']} <- {entry['column'] or 'no column fits'}  ({entry['why']})"
-            for entry in described["channels"]
-        ]
+        [f"{entry['key']} <- {_taken(entry)}  ({entry['why']})" for entry in described["channels"]]
     )
     if written is not None:
         lines += ["", f"wrote {written}: check it, then"]
@@ -214,6 +212,11 @@ def import_lines(described: Description, written: Path | None, module: Path | No
         )
         lines.append(f"  modelgen identify {data} --model {model} --map-file {mapping} --report report.html")
     return lines
+
+
+def _taken(entry: Description) -> str:
+    """Return the column of a channel as --map takes it."""
+    return f"{'-' if entry['negate'] else ''}{entry['column'] or 'no column fits'}"
 
 
 def _some(lines: list[str]) -> list[str]:

@@ -43,7 +43,12 @@ Data = Annotated[
 ]
 Columns = Annotated[
     list[str] | None,
-    typer.Option("--map", metavar="KEY=COLUMN", help="Column of a channel; -COLUMN negates; repeatable."),
+    typer.Option(
+        "--map",
+        metavar="KEY=COLUMN",
+        help="Column of a channel; -COLUMN negates; of a matrix y[:,0] as in Python or y(:,1) as in MATLAB; "
+        "repeatable.",
+    ),
 ]
 Scales = Annotated[
     list[str] | None,

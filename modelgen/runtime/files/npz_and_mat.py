@@ -67,7 +67,7 @@ def open_mat(path: Path) -> Source:
     """
     with open_file(path, DATA) as file:
         if b"MATLAB 7.3" in file.read(128):
-            return open_hdf5(path)
+            return open_hdf5(path, "matlab")
     try:
         found = open_variables(path)
         for name, variable in found.variables.items():
@@ -85,7 +85,7 @@ def _source_of_variables(file: MatFile) -> Source:
 
     def load(names: Sequence[str]) -> Columns:
         try:
-            return {name: file.value(name).ravel() for name in names}
+            return {name: file.value(name) for name in names}
         except DamagedFile as error:
             raise _no_matlab_file(file.path, error) from error
 
@@ -100,7 +100,7 @@ def _source_of_variables(file: MatFile) -> Source:
     if file.repeated:
         took.append(f"stored more than once, the last one counts: {listed(file.repeated)}")
     shapes = {name: variable.shape for name, variable in numeric.items()}
-    return source_of_shapes(file.path, shapes, scalars, load, took=tuple(took))
+    return source_of_shapes(file.path, shapes, scalars, load, "matlab", took=tuple(took))
 
 
 def _no_matlab_file(path: Path, error: DamagedFile) -> DataError:

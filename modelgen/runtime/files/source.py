@@ -10,6 +10,9 @@ from typing import Any
 
 import numpy.typing as npt
 
+from modelgen.runtime.files.matrix_columns import Notation, column_of_text, matrix_columns
+from modelgen.runtime.files.units import split_name, unit_from_text
+
 Columns = dict[str, npt.NDArray[Any]]
 
 # a scalar of this name is the sampling frequency in Hz
@@ -63,6 +66,22 @@ class Source:
         """The names, for fast look-up."""
         return frozenset(self.names)
 
+    def _may_be_times(self, name: str) -> bool:
+        unit = unit_from_text(self.units.get(name, ""))
+        return unit is None or unit.si == "s"
+
+    def column(self, name: str) -> str:
+        """Return the column that a name means: a title may include its unit, a matrix's column is y[:,0] or
+        y(:,1); the name itself where there is none.
+        """
+        if name in self.known:
+            return name
+        if split_name(name)[0] in self.known:
+            return split_name(name)[0]
+        place = column_of_text(name)
+        written = [place.written(notation) for notation in ("python", "matlab")] if place else []
+        return next((text for text in written if text in self.known), name)
+
     @cached_property
     def clock(self) -> str | None:
         """The first column whose name is one of times."""
@@ -71,9 +90,11 @@ class Source:
     def clock_beside(self, channels: Collection[str]) -> str | None:
         """Return the first column whose name is one of times and that is none of these channels.
 
-        "T" may be a torque: it is a column of times where there is no other one, and no sampling frequency.
+        "T" may be a torque: it is a column of times where there is no other one, and no sampling frequency. A
+        column in a unit that is none of time holds no times.
         """
         named = [name for name in self.names if is_time_name(name) and name not in channels]
+        named = [name for name in named if self._may_be_times(name)]
         sure = [name for name in named if name != "T"]
         if not sure and self.fs is None:
             sure = named
@@ -91,16 +112,31 @@ def source_of_shapes(
     shapes: Mapping[str, tuple[int, ...]],
     single: Columns,
     load: Callable[[Sequence[str]], Columns],
-    name: str | None = None,
-    tag: str | None = None,
-    units: Mapping[str, str] | None = None,
-    took: tuple[str, ...] = (),
+    notation: Notation = "python",
+    **facts: Any,
 ) -> Source:
-    """Return the source of arrays of these shapes, which `load` returns flat; `single` are single numbers."""
+    """Return the source of arrays of these shapes, which `load` returns; `single` are single numbers.
+
+    A matrix is taken apart into columns named in `notation`; `facts` are further fields of the Source.
+    """
     scalars = {key: float(array.item()) for key, array in single.items()}
-    names = tuple(key for key, shape in shapes.items() if _is_vector(shape))
+    vectors = tuple(key for key, shape in shapes.items() if _is_vector(shape))
+    matrices, said = matrix_columns(shapes, notation)
+    matrices = {name: column for name, column in matrices.items() if name not in shapes}
     fs = next((scalars[key] for key in FS_NAMES if key in scalars), None)
-    return Source(path, names, load, scalars, fs=fs, name=name, tag=tag, units=units or {}, took=took)
+    units = dict(facts.pop("units", None) or {})
+    units |= {name: units[column.matrix] for name, column in matrices.items() if column.matrix in units}
+
+    def load_columns(names: Sequence[str]) -> Columns:
+        of = {name: matrices[name].matrix if name in matrices else name for name in names}
+        arrays = load(tuple(dict.fromkeys(of.values())))
+        return {
+            name: matrices[name].of(arrays[key]) if name in matrices else arrays[key].ravel()
+            for name, key in of.items()
+        }
+
+    took = (*facts.pop("took", ()), *said)
+    return Source(path, (*vectors, *matrices), load_columns, scalars, fs=fs, units=units, took=took, **facts)
 
 
 def source_of_arrays(
@@ -111,16 +147,16 @@ def source_of_arrays(
     units: Mapping[str, str] | None = None,
     took: tuple[str, ...] = (),
 ) -> Source:
-    """Return the source of named arrays: those of shape (n,), (n, 1) or (1, n) are columns, single numbers
-    are scalars; units as the file states them.
+    """Return the source of named arrays: those of shape (n,), (n, 1) or (1, n) are columns, matrices hold
+    several, single numbers are scalars; units as the file states them.
     """
     single = {key: array for key, array in arrays.items() if array.size == 1 and array.dtype.kind in "iuf"}
     shapes = {key: array.shape for key, array in arrays.items()}
 
     def load(names: Sequence[str]) -> Columns:
-        return {key: arrays[key].ravel() for key in names}
+        return {key: arrays[key] for key in names}
 
-    return source_of_shapes(path, shapes, single, load, name, tag, units, took)
+    return source_of_shapes(path, shapes, single, load, name=name, tag=tag, units=units, took=took)
 
 
 def _is_vector(shape: tuple[int, ...]) -> bool:

@@ -70,13 +70,17 @@ def load_mapping(path: str | Path) -> MappingFile:
 
 @dataclass(frozen=True)
 class Proposed:
-    """A channel and the column proposed for it (None: none fits), with the unit stated there and why."""
+    """A channel and the column proposed for it (None: none fits), with the unit stated there and why.
+
+    `negate` says that the column counts the other way round.
+    """
 
     key: str
     unit: str
     column: str | None
     stated: str | None
     why: str
+    negate: bool = False
 
 
 def mapping_text(
@@ -122,7 +126,7 @@ def _channel_lines(entry: Proposed) -> list[str]:
     else:
         stated = f"the unit {_comment(entry.stated)} is not known" if entry.stated else "no unit is stated"
         lines.append(f"factor = 1.0  # {stated}{f'; {entry.unit} wanted' if entry.unit else ''}")
-    return [*lines, "negate = false"]
+    return [*lines, f"negate = {'true' if entry.negate else 'false'}"]
 
 
 def _quoted(text: str | None) -> str:

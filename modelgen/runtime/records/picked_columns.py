@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from modelgen.errors import Problem
 from modelgen.magnitudes import FACTOR_REMEDY, is_usable, shown_number
 from modelgen.runtime.files.source import Source
-from modelgen.runtime.files.units import Unit, split_name, unit_from_text
+from modelgen.runtime.files.units import Unit, unit_from_text
 from modelgen.runtime.records.record import missing_name
 
 
@@ -30,7 +30,7 @@ def pick_columns(
     picks, problems = [], []
     for key in keys:
         place = mapping.get(key, key)
-        column = _column(source, place.removeprefix("-"))
+        column = source.column(place.removeprefix("-"))
         if column not in source.known:
             problems.append(missing_name(f"{source.path}: channel {key}", "column", column, source.names))
         unit = unit_from_text(source.units.get(column, ""))
@@ -58,11 +58,6 @@ def pick_columns(
     if not keys:
         problems.append(Problem(str(source.path), "has no columns to read", "give a file that holds samples"))
     return picks, problems
-
-
-def _column(source: Source, name: str) -> str:
-    """Return the column of a name; a title may include its unit, as in the file."""
-    return name if name in source.known or split_name(name)[0] not in source.known else split_name(name)[0]
 
 
 def taken_for(source: Source, picks: Sequence[Pick], wanted: Mapping[str, str]) -> tuple[str, ...]:

@@ -18,22 +18,18 @@ QUANTITIES = {
     "position": ("pos", "position", "angle", "theta", "phi", "q", "x", "enc", "encoder", "winkel", "lage"),
     "velocity": ("vel", "velo", "velocity", "speed", "omega", "w", "v", "rpm", "drehzahl", "geschw"),
     "acceleration": ("acc", "accel", "acceleration", "a", "beschl", "beschleunigung"),
-    "force": ("torque", "trq", "force", "gamma", "tau", "f", "i", "iq", "current", "drehmoment", "strom"),
+    "force": (
+        *("torque", "trq", "force", "gamma", "tau", "f", "i", "iq", "current"),
+        *("drehmoment", "moment", "kraft", "strom"),
+    ),
 }
 # words for set points, which are easily mistaken for measured values
 SET_POINT_WORDS = (
-    "set",
-    "setpoint",
-    "sp",
-    "cmd",
-    "command",
-    "commanded",
-    "ref",
-    "reference",
-    "target",
-    "desired",
-    "soll",
+    *("set", "setpoint", "sp", "cmd", "command", "commanded", "ref", "reference", "target"),
+    *("des", "desired", "dmd", "demand", "soll", "sollwert"),
 )
+# words for what was measured, where the set point has the same name
+MEASURED_WORDS = ("meas", "measured", "mess", "act", "actual", "fbk", "feedback", "ist", "istwert")
 BODIES = {
     "m": ("m", "mot", "motor", "drive", "antrieb", "mx"),
     "c": ("c", "load", "last", "charge", "table", "carriage", "abtrieb", "my", "l"),
@@ -41,6 +37,8 @@ BODIES = {
 # a force is often logged as the current or voltage that makes it
 DRIVES = {"N m": ("A", "V"), "N": ("A", "V")}
 REFERENCE = "reference"
+KNOWN_WORDS = {word for words in (*QUANTITIES.values(), *BODIES.values()) for word in words}
+KNOWN_WORDS |= {*SET_POINT_WORDS, *MEASURED_WORDS}
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,10 @@ class _Wanted:
 def propose(source: Source, model: Model | None) -> tuple[Proposed, ...]:
     """Return a column for every channel of the model; without a model, a key for every column."""
     clocks = {source.clock, *source.clocks.values()}
-    columns = [name for name in source.names if name not in clocks and not is_time_name(name)]
+    # "T" is a column of times only where there is no other
+    columns = [
+        name for name in source.names if name not in clocks and (name == "T" or not is_time_name(name))
+    ]
     if model is None:
         keys = _keys(columns)
         return tuple(
@@ -89,6 +90,8 @@ def _proposed(want: _Wanted, column: str | None, source: Source, columns: Sequen
     unit = unit_from_text(stated or "")
     agrees = unit is not None and unit.si == want.unit
     why = f"{want.measures} of {want.body}: by its name" + (" and unit" if agrees else "")
+    if want.measures == "force" and _is_set_point(_words(column)):
+        why += "; it looks like a set point: take the measured one where there is one"
     return Proposed(want.key, want.unit, column, stated, why)
 
 
@@ -116,11 +119,14 @@ def _score(want: _Wanted, column: _Column) -> float:
     name, key, words, unit = column.name.lower(), want.key.lower(), column.words, column.unit
     if name == key:
         return 20.0
-    is_set_point = any(word in SET_POINT_WORDS or word.startswith(("soll", "setpoint")) for word in words)
+    if _plain(name) == _plain(key):
+        return 19.0
+    is_set_point = _is_set_point(words)
     if want.measures == REFERENCE:
         return 3.0 if is_set_point and (unit is None or unit.si == want.unit) else 0.0
     # of a force often the set point is logged
     score = -1.0 * is_set_point if want.measures == "force" else -4.0 * is_set_point
+    score += 0.5 * any(word in MEASURED_WORDS for word in words)
     score += 2.0 * any(word in QUANTITIES.get(want.measures, ()) for word in words)
     others = [name for name in QUANTITIES if name != want.measures]
     score -= 1.5 * any(word in QUANTITIES[name] for name in others for word in words if len(word) > 2)
@@ -137,9 +143,34 @@ def _score(want: _Wanted, column: _Column) -> float:
 
 
 def _words(name: str) -> list[str]:
-    """Split "MAIN.fActPosMotor" into act, pos, motor and what else is there."""
+    """Split "fActPosMotor" into act, pos, motor, "q_j2" into q, j, j2, "iref" into i, ref, "qm" into q, m.
+
+    T is a torque, t is not.
+    """
     spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
-    return [word.lower() for word in re.split(r"[^A-Za-z]+", spaced) if word]
+    spaced = re.sub(r"\bT(?=\b|[a-z]\b|[0-9_])", "torque ", spaced)
+    words = [part for word in re.split(r"[^A-Za-z]+", spaced) if word for part in _parts(word.lower())]
+    numbered = [word.lower() for word in re.split(r"[^A-Za-z0-9]+", spaced) if re.search(r"[0-9]", word)]
+    return [*words, *numbered]
+
+
+def _parts(word: str) -> list[str]:
+    """Take words apart that people write as one: a letter or two in front of "ref", a quantity and a body."""
+    if word in KNOWN_WORDS:
+        return [word]
+    for end in (*SET_POINT_WORDS, *MEASURED_WORDS):
+        if len(end) > 2 and word.endswith(end) and len(word) - len(end) <= 2:
+            return [word.removesuffix(end), end]
+    return list(word) if len(word) == 2 else [word]
+
+
+def _is_set_point(words: Sequence[str]) -> bool:
+    return any(word in SET_POINT_WORDS or word.startswith(("soll", "setpoint")) for word in words)
+
+
+def _plain(name: str) -> str:
+    """Return a name without what people vary: "q_m", "qM" and "Q.m" are the same."""
+    return re.sub(r"[\W_]+", "", name).lower()
 
 
 def _keys(columns: Sequence[str]) -> list[str]:

@@ -115,6 +115,7 @@ def read(
     needed, mend, units = given["needed"], given["mend"], given["units"] or {}
     source = path if isinstance(path, Source) else open_source(Path(path))
     path = source.path
+    time = source.column(time) if time else time
     if needed is None:
         times_of = {time or source.clock, *source.clocks.values()}
         needed = tuple(mapping or (column for column in source.names if column not in times_of))

@@ -9,12 +9,15 @@ import numpy as np
 
 from modelgen.errors import DataError
 from modelgen.runtime.files.child_process.reader_process import ask
+from modelgen.runtime.files.matrix_columns import Notation
 from modelgen.runtime.files.size_limits import check_columns, check_expansion
 from modelgen.runtime.files.source import Columns, Source, source_of_shapes
 
 
-def open_hdf5(path: Path) -> Source:
+def open_hdf5(path: Path, notation: Notation = "python") -> Source:
     """Return the source of an HDF5 file: every numeric vector is a column, named by its path in the file.
+
+    A matrix holds several; MATLAB (notation "matlab") stores its matrices turned over.
 
     Attributes of the file that are single numbers count as scalars (fs, a gain), an attribute "unit" or
     "units" of a vector as its unit.
@@ -33,15 +36,18 @@ def open_hdf5(path: Path) -> Source:
             raise DataError.at(f"{path}: column {column}", what, remedy)
     check_expansion(path, sum(entry["bytes"] for entry in found))
 
+    turned = notation == "matlab"
+
     def load(names: Sequence[str]) -> Columns:
         read = ask("hdf5.columns", path, names=[sets[name]["name"] for name in names])
-        return {name: array.ravel() for name, array in zip(names, read, strict=True)}
+        return {name: array.T if turned else array for name, array in zip(names, read, strict=True)}
 
     single = {name: entry["value"] for name, entry in sets.items() if entry["value"] is not None}
     return source_of_shapes(
         path,
-        {name: tuple(entry["shape"]) for name, entry in sets.items()},
+        {name: tuple(entry["shape"][:: -1 if turned else 1]) for name, entry in sets.items()},
         {name: np.asarray(value) for name, value in (numbers | single).items()},
         load,
+        notation,
         units={name: entry["unit"] for name, entry in sets.items() if entry["unit"] is not None},
     )
