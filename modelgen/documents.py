@@ -55,6 +55,11 @@ def toml_document(text: str, where: str, error: type[ModelgenError] = DataError)
     return document
 
 
+def toml_string(text: str) -> str:
+    """Return a TOML string of any text; JSON's escapes are TOML's."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 def json_document(text: str, where: str, remedy: str, error: type[ModelgenError] = DataError) -> Any:
     """Return what a JSON text says, with no NaN or infinity in it; the errors are those of TOML."""
     if text.count("{") + text.count("[") > MOST_TABLES or text.count(",") > MOST_ITEMS:

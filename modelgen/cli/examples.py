@@ -7,13 +7,13 @@ PURPOSES: dict[str, tuple[str, ...]] = {
     "See it work": ("demo",),
     "A chain and its models": ("new", "show", "generate"),
     "Plan an experiment": ("design", "simulate"),
-    "From records to parameters": ("import", "identify", "fleet"),
+    "From records to parameters": ("import", "identify", "run", "fleet"),
     "Judge an estimate": ("validate", "compare"),
 }
 
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "demo": ("modelgen demo",),
-    "new": ("modelgen new axis",),
+    "new": ("modelgen new axis", "modelgen new axis --project"),
     "show": ("modelgen show axis.toml", "modelgen show emps300 --sensors qm_ac"),
     "generate": (
         "modelgen generate axis.toml",
@@ -26,6 +26,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "--report report.html",
         "modelgen identify chirp.npz --model generated/emps300_qm_ac.py -o estimate.json",
     ),
+    "run": ("modelgen run axis.project.toml",),
     "simulate": (
         "modelgen simulate emps300 --sensors qm_ac --parameters light --excitation chirp -o chirp.npz",
         "modelgen simulate emps300 --sensors qm_ac --parameters light --excitation trapezoid "

@@ -28,6 +28,7 @@ COMMANDS = {
     "simulate": ("modelgen.cli.commands.simulate", "simulate"),
     "validate": ("modelgen.cli.commands.validate", "validate"),
     "compare": ("modelgen.cli.commands.compare", "compare"),
+    "run": ("modelgen.cli.commands.run", "run"),
     "fleet": ("modelgen.cli.commands.fleet", "fleet"),
     "design": ("modelgen.cli.commands.design", "design"),
 }

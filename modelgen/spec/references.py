@@ -207,15 +207,16 @@ def _check_sensor(
 
 
 def _check_values(document: Document, roles: Mapping[str, Role | None] | None) -> Iterator[Problem]:
-    yield from _check_value_table(("known",), document.get("known"), roles)
+    yield from check_value_table(("known",), document.get("known"), roles)
     for name, values in (document.get("parameters") or {}).items():
         yield from _check_name(path("parameters", name), name)
-        yield from _check_value_table(("parameters", name), values, roles)
+        yield from check_value_table(("parameters", name), values, roles)
 
 
-def _check_value_table(
+def check_value_table(
     place: tuple[str, ...], values: Mapping[str, float | None] | None, roles: Mapping[str, Role | None] | None
 ) -> Iterator[Problem]:
+    """Yield what is wrong with values of parameters, those of the table at `place`."""
     if values is None or roles is None:
         return
     for name, value in values.items():

@@ -15,6 +15,7 @@ from modelgen.cli.data_arguments import DataOptions
 from modelgen.cli.estimation_options import EstimationOptions
 from modelgen.cli.examples import PURPOSES
 from modelgen.cli.main import COMMANDS, app
+from modelgen.project.tables import DataTable, IdentifyTable
 
 GROUP: Any = typer.main.get_command(app)
 FURTHER = ("method", "cutoff_hz", "tag", "pairing", "prune_percent", "period_s", "hold_out", "scan_cutoffs")
@@ -60,6 +61,14 @@ def options(command: str) -> dict[str, Any]:
 def test_what_reads_records_takes_the_same_options(command: str) -> None:
     lacking = (READING | ESTIMATING) - options(command).keys()
     assert lacking == LACKING[command].keys()
+
+
+def test_a_project_file_has_the_options_of_identify() -> None:
+    of_identify = {one.name for one in fields(IdentifyTable)}
+    assert ESTIMATING - of_identify == {"tag"}  # which is `tags` of a group of records
+    assert of_identify <= ESTIMATING
+    words = {"columns": "mapping", "scales": "scale", "fs_hz": "fs", "directions": "direction"}
+    assert {words.get(one.name, one.name) for one in fields(DataTable)} == READING
 
 
 def test_every_command_that_reads_records_is_in_the_table() -> None:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from modelgen.documents import toml_document
+from modelgen.documents import toml_document, toml_string
 from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import FACTOR_REMEDY, FREQUENCY_REMEDY, is_frequency, is_usable
 from modelgen.read_file import MAPPING, read_text
@@ -99,8 +99,8 @@ def mapping_text(
         lines += [f"# mend = {json.dumps(list(dict.fromkeys(mends)))}", ""]
     if time is not None or fs_hz is not None:
         lines.append("[time]")
-        lines += [f"column = {_quoted(time)}"] if time is not None else []
-        lines += [f"unit = {_quoted(time_unit or 's')}"] if time is not None else []
+        lines += [f"column = {toml_string(time)}"] if time is not None else []
+        lines += [f"unit = {toml_string(time_unit or 's')}"] if time is not None else []
         lines += [f"fs_hz = {fs_hz!r}"] if fs_hz is not None else []
         lines.append("")
     for entry in proposed:
@@ -116,7 +116,7 @@ def _channel_lines(entry: Proposed) -> list[str]:
             f"# [channels.{entry.key}]",
             '# column = "..."',
         ]
-    lines = [f"[channels.{entry.key}]  # {entry.why}", f"column = {_quoted(entry.column)}"]
+    lines = [f"[channels.{entry.key}]  # {entry.why}", f"column = {toml_string(entry.column)}"]
     unit = unit_from_text(entry.stated or "")
     if unit is not None and (not entry.unit or unit.si == entry.unit):
         lines.append(f"factor = {unit.factor!r}  # {_comment(entry.stated)} -> {unit.si}")
@@ -127,11 +127,6 @@ def _channel_lines(entry: Proposed) -> list[str]:
         stated = f"the unit {_comment(entry.stated)} is not known" if entry.stated else "no unit is stated"
         lines.append(f"factor = 1.0  # {stated}{f'; {entry.unit} wanted' if entry.unit else ''}")
     return [*lines, f"negate = {'true' if entry.negate else 'false'}"]
-
-
-def _quoted(text: str | None) -> str:
-    """Return a TOML string; JSON's escapes are TOML's."""
-    return json.dumps(text or "", ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _comment(text: str | None) -> str:

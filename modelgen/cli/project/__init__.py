@@ -1,0 +1,1 @@
+"""`modelgen run` and `modelgen new --project`: project files on the command line."""
