@@ -63,7 +63,7 @@ def write_figure(
 def force_panels(model: Model, records: Sequence[Record], estimate: Estimate) -> list[Panel]:
     """Return measured and rebuilt rows that hold a force, for `modelgen.cli.figure.draw_forces`."""
     from modelgen.cli.figure import Panel
-    from modelgen.report.rebuilt import rebuild
+    from modelgen.runtime.curves.rebuilt import rebuild
 
     rows, _ = rebuild(model, records, estimate)
     return [

@@ -20,7 +20,6 @@ from markupsafe import Markup, escape
 
 import modelgen
 from modelgen.render.environment import template_folder
-from modelgen.report.frequency import missing_parameters, responses, taken_as_zero
 from modelgen.report.mathml import row_equations, symbol
 from modelgen.report.plots import (
     autocorrelation_plot,
@@ -31,8 +30,9 @@ from modelgen.report.plots import (
     whiteness,
     zoomable,
 )
-from modelgen.report.rebuilt import Rebuilt, autocorrelation, rebuild
 from modelgen.report.scan_plot import scan_plots
+from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild
+from modelgen.runtime.curves.responses import missing_parameters, responses, taken_as_zero
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.read_record import Reading

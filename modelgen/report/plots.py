@@ -11,9 +11,9 @@ from markupsafe import Markup
 
 from modelgen.array_types import FloatArray
 from modelgen.report.envelope import encoded_series
-from modelgen.report.frequency import Response
-from modelgen.report.rebuilt import Autocorrelation, Rebuilt
 from modelgen.report.svg import Axis, Line, axis_for, bar_plot, heat_map, line_plot, stem_plot
+from modelgen.runtime.curves.rebuilt import Autocorrelation, Rebuilt
+from modelgen.runtime.curves.responses import Response
 from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.validate import Validation

@@ -21,7 +21,7 @@ from modelgen.report.envelope import GAP, encoded_series
 from modelgen.report.mathml import row_equations
 from modelgen.report.page import report_page
 from modelgen.report.plots import BUDGET
-from modelgen.report.rebuilt import autocorrelation, rebuild
+from modelgen.runtime.curves.rebuilt import autocorrelation, rebuild
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.records.record import Record
