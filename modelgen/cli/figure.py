@@ -12,9 +12,8 @@ from pathlib import Path
 
 from modelgen.array_types import FloatArray
 from modelgen.atomic_write import write_whole
+from modelgen.runtime.plots.row_plots import draw_pair, label_row
 
-MEASURED, REBUILT, DIFFERENCE = "#9aa5b1", "#0b5cad", "#c2410c"
-QUANTITIES = {"N m": "torque", "N": "force"}  # a row that is differentiated has another unit
 # matplotlib would write the date and its version
 UNDATED: dict[str, dict[str, None]] = {
     ".png": {"Software": None},
@@ -51,14 +50,8 @@ def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2, overwrite
     figure = Figure(figsize=(6.0 * columns, 3.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False)
     for axis, panel in zip(axes.flat, panels, strict=False):
-        axis.plot(panel.time_s, panel.measured, color=MEASURED, linewidth=3.0, label="measured, filtered")
-        axis.plot(panel.time_s, panel.rebuilt, color=REBUILT, linewidth=1.0, label="rebuilt")
-        difference = panel.measured - panel.rebuilt
-        axis.plot(panel.time_s, difference, color=DIFFERENCE, linewidth=0.8, label="difference")
-        axis.set_title(panel.title, loc="left", fontsize=10)
-        axis.set_xlabel("time in s")
-        axis.set_ylabel(f"{QUANTITIES.get(panel.unit, 'row')} in {panel.unit}")
-        axis.margins(x=0.0)
+        draw_pair(axis, panel.time_s, panel.measured, panel.rebuilt)
+        label_row(axis, panel.title, panel.unit)
     for axis in list(axes.flat)[len(panels) :]:
         axis.set_visible(False)
     handles, labels = axes[0, 0].get_legend_handles_labels()

@@ -32,7 +32,7 @@ from modelgen.report.plots import (
 )
 from modelgen.report.scan_plot import scan_plots
 from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild
-from modelgen.runtime.curves.responses import missing_parameters, responses, taken_as_zero
+from modelgen.runtime.curves.responses import moving_forces, responses
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.read_record import Reading
@@ -95,8 +95,6 @@ def report_page(
             checks=check_tables(estimate.checks),
             scans=scan_plots(estimate.checks.scan),
             frequency=_frequency(model, records, estimate),
-            missing=missing_parameters(model, estimate),
-            zeroed=taken_as_zero(model, estimate),
             correlation=correlation_plot(estimate),
             singular=singular_value_plot(singular),
             singular_values=[f"{value:.4g}" for value in singular],
@@ -180,12 +178,13 @@ def _residuals(rows: Sequence[Rebuilt], estimate: Estimate, records: Sequence[Re
 def _frequency(model: Model, records: Sequence[Record], estimate: Estimate) -> list[Description]:
     return [
         {
-            "name": f"{found.sensor} over {found.force}, {found.record}",
-            "modelled": found.modelled is not None,
-            "plots": response_plots(found, estimate),
+            "name": f"{pair.title}: {pair.modelled.label}",
+            "notes": pair.modelled.notes,
+            "plots": response_plots(pair, estimate),
         }
         for record in records
-        for found in responses(model, record, estimate)
+        if moving_forces(model, record)
+        for pair in responses(model, record, estimate)
     ]
 
 

@@ -6,25 +6,22 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup
 
 from modelgen.array_types import FloatArray
 from modelgen.report.envelope import encoded_series
 from modelgen.report.svg import Axis, Line, axis_for, bar_plot, heat_map, line_plot, stem_plot
 from modelgen.runtime.curves.rebuilt import Autocorrelation, Rebuilt
-from modelgen.runtime.curves.responses import Response
+from modelgen.runtime.curves.response_phase import wrapped_phase
+from modelgen.runtime.curves.responses import ResponsePair
 from modelgen.runtime.filters.zero_phase import support_samples
+from modelgen.runtime.records.thresholds import LEAST_COHERENCE
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.validate import Validation
 
 # 16-bit values the page may carry in all: 3.2 MB of base64
 BUDGET = 1_200_000
 MOST_BUCKETS = 60_000
-# below this the phase of a measured response may be mere chance, see `frequency.SEGMENTS`
-LEAST_COHERENCE = 0.36
-
-ComplexArray = npt.NDArray[np.complex128]
 
 
 def zoomable(rows: Sequence[Rebuilt], validations: Sequence[Validation]) -> list[dict[str, Any]]:
@@ -76,21 +73,28 @@ def autocorrelation_plot(row: Rebuilt, found: Autocorrelation) -> Markup:
     return stem_plot(x_axis, y_axis, lags_ms, found.values, found.bound, title)
 
 
-def response_plots(found: Response, estimate: Estimate) -> tuple[Markup, Markup, Markup]:
-    """Return magnitude, phase and coherence, with the cut-offs marked."""
-    f = found.frequency_hz
+def response_plots(pair: ResponsePair, estimate: Estimate) -> tuple[Markup, Markup, Markup]:
+    """Return magnitude, phase and coherence with the model's 95 % band, the cut-offs marked."""
+    found, modelled = pair.measured, pair.modelled
+    f, curve = found.frequency_hz, modelled.frequency_hz
     x_axis = Axis("frequency in Hz", float(f[0]), float(f[-1]), True)
     marks = _marks(estimate)
     unnamed = [(value, "") for value, _ in marks]
-    curves = [("measured", "measured", found.measured)]
-    if found.modelled is not None:
-        curves.append(("modelled", "rebuilt", found.modelled))
-    gains = [Line(name, kind, f, np.abs(H)) for name, kind, H in curves]
-    phases = [Line(name, kind, f, _phase(H, found.coherence, name)) for name, kind, H in curves]
-    title = f"{found.sensor} over {found.force}, {found.record}"
-    gain_axis = axis_for(found.unit, [line.y for line in gains], logarithmic=True)
+    gains = [
+        _area(curve, *modelled.magnitude_band()),
+        Line("measured", "measured", f, np.abs(found.response)),
+        Line("modelled", "rebuilt", curve, np.abs(modelled.response)),
+    ]
+    phase, reach = wrapped_phase(modelled.response), modelled.phase_reach_deg()
+    phases = [
+        _area(curve, phase - reach, phase + reach),
+        Line("measured", "measured", f, wrapped_phase(found.response, found.coherence >= LEAST_COHERENCE)),
+        Line("modelled", "rebuilt", curve, phase),
+    ]
+    title = f"{found.output} over {found.input}, {found.record}"
+    gain_axis = axis_for(modelled.unit, [line.y for line in gains[1:]], logarithmic=True)
     magnitude = line_plot(x_axis, gain_axis, gains, marks, title=f"magnitude of {title}")
-    phase = line_plot(
+    turned = line_plot(
         x_axis, Axis("phase in deg", -280.0, 100.0), phases, unnamed, title=f"phase of {title}", height=180
     )
     coherence = line_plot(
@@ -101,7 +105,14 @@ def response_plots(found: Response, estimate: Estimate) -> tuple[Markup, Markup,
         title=f"coherence of {title}",
         height=150,
     )
-    return magnitude, phase, coherence
+    return magnitude, turned, coherence
+
+
+def _area(x: FloatArray, low: FloatArray, high: FloatArray) -> Line:
+    """Return the line around a band, shape (points,) each, gaps left out."""
+    told = np.isfinite(low) & np.isfinite(high)
+    x, low, high = x[told], low[told], high[told]
+    return Line("95 %", "area", np.r_[x, x[::-1]], np.r_[high, low[::-1]])
 
 
 def _marks(estimate: Estimate) -> list[tuple[float, str]]:
@@ -114,15 +125,6 @@ def _marks(estimate: Estimate) -> list[tuple[float, str]]:
     for value, word in named:
         words.setdefault(value, []).append(word)
     return [(value, ", ".join(found)) for value, found in words.items()]
-
-
-def _phase(H: ComplexArray, coherence: FloatArray, name: str) -> FloatArray:
-    """Return the phase in degrees, -270 to 90, with gaps where it wraps or a measured one is mere chance."""
-    phase = np.mod(np.degrees(np.angle(H)) + 270.0, 360.0) - 270.0
-    phase[1:][np.abs(np.diff(phase)) > 180.0] = np.nan
-    if name == "measured":
-        phase[coherence < LEAST_COHERENCE] = np.nan
-    return np.asarray(phase)
 
 
 def correlation_plot(estimate: Estimate) -> Markup | None:

@@ -93,19 +93,23 @@ def linear_chain(plant: Plant, gains: EquivalentGains | None, frequency_hz: Floa
             gain = level * np.interp(frequency_hz, gains.frequency_hz, gains.friction[j])
             at_f[:, :, entry.state] += gain[:, None] * space.E[:, j]
             C[:, :, entry.state] += gain[:, None] * space.F[:, j]
-        felt = plant.felt_accelerations() if model.cubic_springs else None
         for j, spring in enumerate(plant.cubic_forces()):
             gain = np.interp(frequency_hz, gains.frequency_hz, gains.springs[j])
             at_f += gain[:, None, None] * np.outer(spring.push, spring.deflection)
-            C += gain[:, None, None] * np.outer(felt @ spring.push[len(plant.bodies) :], spring.deflection)
+            felt = plant.felt_accelerations() @ spring.push[len(plant.bodies) :]
+            C += gain[:, None, None] * np.outer(felt, spring.deflection)
     return LinearChain(at_f, np.asarray(space.B), C, np.asarray(space.D))
 
 
 def is_nonlinear(plant: Plant) -> bool:
     """Tell whether Coulomb friction or a cubic spring bends the chain's frequency response."""
-    levels = [plant.value(name) for f in plant.model.friction for name in (f.coulomb_plus, f.coulomb_minus)]
-    cubes = [plant.value(spring.parameter) for spring in plant.model.cubic_springs]
-    return any(levels) or any(cubes)
+    return has_coulomb(plant) or any(plant.value(spring.parameter) for spring in plant.model.cubic_springs)
+
+
+def has_coulomb(plant: Plant) -> bool:
+    """Tell whether a body has Coulomb friction."""
+    names = [name for f in plant.model.friction for name in (f.coulomb_plus, f.coulomb_minus)]
+    return any(plant.value(name) for name in names)
 
 
 def equivalent_gains(plant: Plant, record: Record, cutoff_hz: float) -> EquivalentGains:

@@ -1,87 +1,126 @@
-"""Frequency response of a record and of the identified model, with coherence.
-
-Measured: H1 = S_uy / S_uu by Welch's method. Modelled: C (j w I - A)^-1 B + D of the module's state space, in
-which Coulomb friction and offsets have no part.
-"""
+"""Measured and modelled frequency responses of a record's sensors over a force, ready to be drawn."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from modelgen.array_types import FloatArray, IntArray
-from modelgen.runtime.model.model import Model, Sensor
-from modelgen.runtime.records.record import Record
+from modelgen.errors import DataError
+from modelgen.runtime.curves.equivalent_gains import EquivalentGains
+from modelgen.runtime.curves.model_response import (
+    EstimatedChain,
+    ModelResponse,
+    estimated_chain,
+    model_response,
+    response_unit,
+)
+from modelgen.runtime.curves.thresholds import CURVE_POINTS, MOST_POINTS
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.frequency_response import FrequencyResponse
+from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.results.estimate import Estimate
-
-ComplexArray = npt.NDArray[np.complex128]
-
-SEGMENTS = 8  # with half overlap: of independent noises 95 % of the coherence lies below 0.36
-LOWEST_BIN = 2
-MOST_POINTS = 550  # no more than the plot has pixels
-NEEDED = ("inertia", "stiffness", "damping")
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
-    """Reading over force of one sensor on one record; `modelled` is None where the model gives none."""
+class ResponsePair:
+    """A measured response, thinned to what a plot shows, and the modelled one over the same band."""
 
-    record: str
-    sensor: str
-    force: str
-    unit: str
-    frequency_hz: FloatArray
-    measured: ComplexArray
-    coherence: FloatArray
-    modelled: ComplexArray | None
+    measured: FrequencyResponse
+    modelled: ModelResponse
 
-
-def responses(model: Model, record: Record, estimate: Estimate) -> list[Response]:
-    """Return the response of every sensor to the first actuator that is used."""
-    forces = [actuator for actuator in model.actuators if actuator.key in record.signals]
-    sensors = [sensor for sensor in model.sensors if sensor.key in record.signals]
-    if not forces or float(np.std(record.signals[forces[0].key])) == 0.0:
-        return []
-    force = forces[0]
-    found = []
-    for sensor in sensors:
-        f, H, coherence = _welch(record, force.key, sensor.key)
-        keep = _spread(f)
-        f, H, coherence = f[keep], H[keep], coherence[keep]
-        modelled = _modelled(model, estimate, sensor, force.key, f)
-        unit = f"({sensor.unit})/({force.unit})"
-        found.append(Response(record.name, sensor.key, force.key, unit, f, H, coherence, modelled))
-    return found
+    @property
+    def title(self) -> str:
+        """What is over what, and on which record."""
+        return f"{self.measured.output} over {self.measured.input}, {self.measured.record}"
 
 
-def missing_parameters(model: Model, estimate: Estimate) -> tuple[str, ...]:
-    """Return the parameters without which there is no response, and the estimate does not give."""
-    return tuple(n for n in _absent(model, estimate) if model.roles[n].role in NEEDED)
+def responses(
+    model: Model,
+    record: Record,
+    estimate: Estimate,
+    outputs: Sequence[str] | None = None,
+    input: str | None = None,
+) -> list[ResponsePair]:
+    """Return the responses of sensors over one force of a record.
+
+    Parameters
+    ----------
+    model : Model
+    record : Record
+    estimate : Estimate
+        Of the same model; its filter says up to where motion is more than noise.
+    outputs : sequence of str, optional
+        Sensors; by default all that the record has.
+    input : str, optional
+        Actuator; by default the first whose force moves.
+
+    Raises
+    ------
+    DataError
+        When a name is no sensor or actuator of the record, or no force moves.
+    """
+    force = _force(model, record, input)
+    keys = [s.key for s in model.sensors if s.key in record.signals]
+    wanted = keys if outputs is None else list(outputs)
+    problems = [missing_name(record.name, "sensor", key, keys) for key in wanted if key not in keys]
+    if problems:
+        raise DataError(*problems)
+    try:
+        chain = estimated_chain(model, estimate)
+        gains = chain.gains(record, estimate.fit.filtering.cutoff_hz)
+    except DataError as error:
+        # no chain has such parameters: what was measured is drawn all the same
+        return [_measured_alone(model, record, key, force, str(error)) for key in wanted]
+    return [_pair(chain, gains, record, key, force) for key in wanted]
 
 
-def taken_as_zero(model: Model, estimate: Estimate) -> tuple[str, ...]:
-    """Return the parameters that bend the response at low frequencies only, and are taken as zero."""
-    return tuple(n for n in _absent(model, estimate) if model.roles[n].role == "viscous")
+def moving_forces(model: Model, record: Record) -> list[str]:
+    """Return the actuators whose force changes in a record."""
+    keys = [a.key for a in model.actuators if a.key in record.signals]
+    return [key for key in keys if record.facts.extent(key).span > 0.0]
 
 
-def _absent(model: Model, estimate: Estimate) -> tuple[str, ...]:
-    given = {*estimate.physical, *model.known, *estimate.params}
-    return tuple(name for name in model.parameters if name not in given)
+def _force(model: Model, record: Record, given: str | None) -> str:
+    moving = moving_forces(model, record)
+    if given is None:
+        if not moving:
+            what = "has no force of this model that moves"
+            raise DataError.at(record.name, what, "choose a record in which an actuator works")
+        return moving[0]
+    if given not in moving:
+        raise DataError(missing_name(record.name, "moving force", given, moving))
+    return given
 
 
-def _welch(record: Record, force: str, sensor: str) -> tuple[FloatArray, ComplexArray, FloatArray]:
-    from scipy.signal import csd, welch
+def _pair(
+    chain: EstimatedChain, gains: EquivalentGains | None, record: Record, output: str, input: str
+) -> ResponsePair:
+    found = _thinned(record.frequency_response(output, input))
+    f = found.frequency_hz
+    curve_hz = np.geomspace(f[0], f[-1], CURVE_POINTS) if len(f) > 1 else f
+    return ResponsePair(found, model_response(chain, output, input, np.asarray(curve_hz), gains))
 
-    u, y = record.signals[force], record.signals[sensor]
-    options = {"fs": record.fs, "nperseg": max(16, 2 * record.n // (SEGMENTS + 1)), "detrend": "linear"}
-    f, Suu = welch(u, **options)
-    _, Syy = welch(y, **options)
-    _, Suy = csd(u, y, **options)
-    power = np.maximum(Suu * Syy, np.finfo(float).tiny)
-    H = Suy / np.maximum(Suu, np.finfo(float).tiny)
-    return f[LOWEST_BIN:], H[LOWEST_BIN:], np.clip(np.abs(Suy) ** 2 / power, 0.0, 1.0)[LOWEST_BIN:]
+
+def _measured_alone(model: Model, record: Record, output: str, input: str, reason: str) -> ResponsePair:
+    found, none = _thinned(record.frequency_response(output, input)), np.zeros(0)
+    unit = response_unit(model, output, input)
+    modelled = ModelResponse(
+        output, input, unit, none, none.astype(complex), none, none, "measured", (reason,)
+    )
+    return ResponsePair(found, modelled)
+
+
+def _thinned(found: FrequencyResponse) -> FrequencyResponse:
+    keep = _spread(found.frequency_hz)
+    return replace(
+        found,
+        frequency_hz=found.frequency_hz[keep],
+        response=found.response[keep],
+        coherence=found.coherence[keep],
+    )
 
 
 def _spread(f: FloatArray) -> IntArray:
@@ -90,24 +129,3 @@ def _spread(f: FloatArray) -> IntArray:
         return np.arange(f.size)
     wanted = np.geomspace(f[0], f[-1], MOST_POINTS)
     return np.unique(np.searchsorted(f, wanted).clip(0, f.size - 1))
-
-
-def _modelled(
-    model: Model, estimate: Estimate, sensor: Sensor, force: str, f: FloatArray
-) -> ComplexArray | None:
-    if missing_parameters(model, estimate):
-        return None
-    values = dict.fromkeys(model.parameters, 0.0)
-    values |= {name: value for name, value in estimate.params.items() if name in values}
-    values |= {name: value for name, value in estimate.physical.items() if name in values}
-    forward = {entry.body: 1 for entry in model.friction if entry.asymmetric}
-    try:
-        space = model.state_space(values, forward or None)
-    except (ZeroDivisionError, FloatingPointError):
-        return None
-    row = [entry.key for entry in model.sensors].index(sensor.key)
-    column = [entry.key for entry in model.actuators].index(force)
-    s = 2j * np.pi * f
-    identity = np.eye(space.A.shape[0])
-    x = np.linalg.solve(s[:, None, None] * identity - space.A, space.B[None, :, [column]])
-    return np.asarray((space.C[[row]] @ x)[:, 0, 0] + space.D[row, column])

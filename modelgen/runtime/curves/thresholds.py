@@ -22,3 +22,5 @@ FILTER_ORDER = 4
 RELATIVE_STEP = 1e-6
 # A response is told where directions that the records leave open change it by less than this share.
 OPEN_SHARE = 0.02
+
+Z_95 = 1.959963984540054

@@ -15,7 +15,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.modes.modes_of_fit import modes_of_fit
+from modelgen.runtime.modes.chain_of_fit import chain_of_fit, modes_of_fit
 from modelgen.runtime.parameters.other_solutions import other_solutions, solution_notes
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import (
@@ -33,6 +33,7 @@ from modelgen.runtime.results.estimate_parts import (
     EstimatedParameters,
     RowDiagnostics,
 )
+from modelgen.runtime.results.source import Source
 from modelgen.runtime.rows.observation import Observation
 
 
@@ -112,6 +113,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         + found.notes
         + solution_notes(others),
     )
+    known = chain_of_fit(model, fit, noise + solved.drift, covariances, base, found, solved.fixed)
     return Estimate(
         _described(model),
         tuple(record.name for record in solved.job.records),
@@ -125,7 +127,8 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
             {**model.absent, **solved.refused, **found.unanswered},
             others,
         ),
-        modal=modes_of_fit(model, fit, noise + solved.drift, covariances, base, found, solved.fixed),
+        modal=modes_of_fit(model, known),
+        source=Source(model, solved.job.records, known[0] if known else None),
     )
 
 

@@ -42,17 +42,21 @@ def colours(axis: Any) -> Colours:
     return DARK if 0.299 * red + 0.587 * green + 0.114 * blue < 0.5 else LIGHT
 
 
-def panels(given: Any, count: int, heights: Sequence[float] | None = None, sharex: bool = True) -> list[Any]:
-    """Return so many axes, one above the other: the given ones, or those of a new figure.
+def panels(
+    given: Any, count: int, heights: Sequence[float] | None = None, sharex: bool = True, columns: int = 1
+) -> list[Any]:
+    """Return so many axes, row by row: the given ones, or those of a new figure.
 
     Parameters
     ----------
     given : Axes, sequence or array of Axes, or None
     count : int
     heights : sequence of float, optional
-        Of the panels of a new figure, relative to each other.
+        Of the rows of a new figure, relative to each other.
     sharex : bool
         Whether the panels of a new figure share their x axis.
+    columns : int
+        Of a new figure.
 
     Raises
     ------
@@ -65,11 +69,12 @@ def panels(given: Any, count: int, heights: Sequence[float] | None = None, share
         if len(axes) != count:
             raise DataError.at("axes", f"are {len(axes)}", f"give {count}, or none for a new figure")
         return axes
-    ratios = list(heights or [1.0] * count)
-    size = (WIDTH, HEIGHT * max(sum(ratios), 1.5))
-    figure = _new_figure(size)
-    grid = figure.subplots(count, 1, sharex=sharex, squeeze=False, gridspec_kw={"height_ratios": ratios})
-    return list(grid[:, 0])
+    ratios = list(heights or [1.0] * (count // columns))
+    figure = _new_figure((WIDTH * (1.0 + 0.5 * (columns - 1)), HEIGHT * max(sum(ratios), 1.5)))
+    grid = figure.subplots(
+        len(ratios), columns, sharex=sharex, squeeze=False, gridspec_kw={"height_ratios": ratios}
+    )
+    return list(grid.flat)
 
 
 def _new_figure(size: tuple[float, float]) -> Any:

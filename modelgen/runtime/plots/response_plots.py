@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modelgen.array_types import BoolArray, ComplexArray, FloatArray
+from modelgen.runtime.curves.response_phase import wrapped_phase
+from modelgen.runtime.curves.thresholds import Z_95
 from modelgen.runtime.plots.axes import colours, drawn, panels
 from modelgen.runtime.records.thresholds import LEAST_COHERENCE
 
 if TYPE_CHECKING:
+    from modelgen.runtime.curves.model_response import ModelResponse
     from modelgen.runtime.records.frequency_response import FrequencyResponse
 
 HEIGHTS = (1.3, 1.0, 0.7)
-Z_95 = 1.959963984540054
 
 
 class ResponsePlot:
@@ -63,6 +64,19 @@ def draw_measured(axes: list[Any], found: FrequencyResponse) -> None:
     axes[2].semilogx(f, found.coherence, **{**style, "color": colours(axes[2]).residual, "linewidth": 1.0})
 
 
+def draw_modelled(axes: list[Any], found: ModelResponse) -> None:
+    """Draw a modelled response with its 95 % band into magnitude and phase."""
+    colour, f = colours(axes[0]).modelled, found.frequency_hz
+    style = {"color": colour, "linewidth": 1.2}
+    if not np.isfinite(found.response).any():
+        return
+    axes[0].loglog(f, np.abs(found.response), label=found.label, **style)
+    axes[0].fill_between(f, *found.magnitude_band(), color=colour, alpha=0.2, linewidth=0.0, label="95 %")
+    phase, reach = wrapped_phase(found.response), found.phase_reach_deg()
+    axes[1].semilogx(f, phase, **style)
+    axes[1].fill_between(f, phase - reach, phase + reach, color=colour, alpha=0.2, linewidth=0.0)
+
+
 def label_axes(axes: list[Any], title: str, unit: str) -> None:
     """Write what is shown, with units, along three axes of a frequency response."""
     axes[0].set_title(title, loc="left")
@@ -76,12 +90,3 @@ def label_axes(axes: list[Any], title: str, unit: str) -> None:
     for axis in axes:
         axis.margins(x=0.0)
         axis.grid(alpha=0.25)
-
-
-def wrapped_phase(H: ComplexArray, shown: BoolArray | None = None) -> FloatArray:
-    """Return the phase in degrees, -270 to 90, with gaps where it wraps or is not to be shown."""
-    phase = np.mod(np.degrees(np.angle(H)) + 270.0, 360.0) - 270.0
-    phase[1:][np.abs(np.diff(phase)) > 180.0] = np.nan
-    if shown is not None:
-        phase[~shown] = np.nan
-    return np.asarray(phase)

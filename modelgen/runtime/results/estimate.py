@@ -18,6 +18,7 @@ from modelgen.array_types import FloatArray
 from modelgen.atomic_write import write_whole
 from modelgen.documents import json_document
 from modelgen.errors import DataError
+from modelgen.lazy_accessor import LazyAccessor
 from modelgen.read_file import ESTIMATE, read_text
 from modelgen.runtime.modes.modes import Modes
 from modelgen.runtime.parameters.physical_parameters import Covariances
@@ -29,6 +30,7 @@ from modelgen.runtime.results.estimate_parts import (
     EstimatedParameters,
 )
 from modelgen.runtime.results.formats import data_frame, html_table, latex_table, markdown_table
+from modelgen.runtime.results.source import Source
 from modelgen.runtime.results.summary import summary_text
 
 
@@ -53,6 +55,8 @@ class Estimate:
         What the guards and the tests of the residual say, and the comparisons that were asked for.
     modal : Modes
         What `modes` returns.
+    source : Source or None
+        Model and records, for plots and comparisons; None where the estimate was loaded or pickled.
     """
 
     model: EstimatedModel
@@ -62,6 +66,10 @@ class Estimate:
     parameters: EstimatedParameters
     checks: Checks = field(default_factory=Checks)
     modal: Modes = field(default_factory=Modes)
+    source: Source | None = field(default=None, repr=False)
+
+    # plot.bode(), plot.fit(), plot.residuals(), plot.parameters(): curves with their intervals
+    plot = LazyAccessor("modelgen.runtime.plots.estimate_plots", "EstimatePlots")
 
     @property
     def params(self) -> Mapping[str, float]:

@@ -1,11 +1,12 @@
-"""The modes of the chain that a fit has found, from everything that it says: refused columns, too.
+"""The chain that a fit has found, from everything that it says: refused columns, too.
 
-What has no number of its own may leave the modes well known, or makes their intervals as wide as they are.
+What has no number of its own may leave modes and responses well known, or makes their intervals as wide as
+they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
@@ -15,11 +16,18 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.find_modes import find_modes
 from modelgen.runtime.modes.modes import Modes
-from modelgen.runtime.modes.uncertain_chain import chain_around, square_root, uncertain_chain
+from modelgen.runtime.modes.uncertain_chain import (
+    UncertainChain,
+    chain_around,
+    square_root,
+    uncertain_chain,
+)
 from modelgen.runtime.parameters.physical_parameters import NO_CHAIN, Covariances, FoundParameters
 
+Again = Callable[[Mapping[str, float]], UncertainChain]
 
-def modes_of_fit(
+
+def chain_of_fit(
     model: Model,
     fit: Fit,
     total: FloatArray,
@@ -27,8 +35,8 @@ def modes_of_fit(
     base: FloatArray,
     found: FoundParameters,
     fixed: Mapping[str, float],
-) -> Modes:
-    """Return the modes with their intervals.
+) -> tuple[UncertainChain, Again] | None:
+    """Return the chain and what gives it near other values; None where composites are those of no chain.
 
     Parameters
     ----------
@@ -47,11 +55,11 @@ def modes_of_fit(
     """
     if model.composites:
         if found.solution is None:
-            return Modes(notes=(f"No modes: {NO_CHAIN}.",))
+            return None
         gradients = np.array([found.solution.gradients[name] for name in model.parameters])
         root = found.factor * gradients @ square_root(covariances.total)
         chain = chain_around(model, base, found.solution.values, root)
-        return find_modes(model, chain, partial(uncertain_chain, model, base, covariances.total))
+        return chain, partial(uncertain_chain, model, base, covariances.total)
     lost = dict(zip(fit.columns, fit.solution.undetermined.tolist(), strict=True))
     answered = [name for name in model.base_parameters if not lost.get(name, True)]
     place = [fit.columns.index(name) for name in answered]
@@ -65,4 +73,9 @@ def modes_of_fit(
             every[model.base_parameters.index(name)] = value
     kept = np.flatnonzero(np.isfinite(every))
     again = partial(uncertain_chain, model, every, covariance[np.ix_(kept, kept)])
-    return find_modes(model, again({entry.name: entry.value for entry in found.parameters}), again)
+    return again({entry.name: entry.value for entry in found.parameters}), again
+
+
+def modes_of_fit(model: Model, known: tuple[UncertainChain, Again] | None) -> Modes:
+    """Return the modes with their intervals of what `chain_of_fit` gives."""
+    return Modes(notes=(f"No modes: {NO_CHAIN}.",)) if known is None else find_modes(model, *known)
