@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.curves.thresholds import MOST_LAGS, Z_99
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -15,9 +16,6 @@ from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
 from modelgen.runtime.rows.row_block import RowBlock
-
-CONFIDENCE_99 = 2.5758293035489004
-MOST_LAGS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +93,7 @@ def autocorrelation(residual: FloatArray, step_s: float) -> Autocorrelation | No
     products = np.fft.irfft(spectrum, size)[: lags + 1]
     if products[0] <= 0.0:
         return None
-    return Autocorrelation(products / products[0], CONFIDENCE_99 / float(np.sqrt(count)), step_s)
+    return Autocorrelation(products / products[0], Z_99 / float(np.sqrt(count)), step_s)
 
 
 def _observed(model: Model, records: Sequence[Record], estimate: Estimate) -> Observation:

@@ -78,15 +78,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         noise[block] + solved.drift[block], noise[block], solved.drift[block], printed[block]
     )
     values = fit.solution.x[place]
-    parameters = tuple(
-        Parameter(
-            name,
-            model.units.get(name, ""),
-            float(values[i]),
-            *covariances.standard_deviations(np.eye(len(place))[i]),
-        )
-        for i, name in enumerate(identified)
-    )
+    parameters = _parameters(model, identified, values, covariances)
     base = np.full(len(model.base_parameters), np.nan)
     base[[model.base_parameters.index(name) for name in identified]] = values
     found = _physical(solved, base, covariances)
@@ -129,6 +121,19 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         ),
         modal=modes_of_fit(model, known),
         source=Source(model, solved.job.records, known[0] if known else None),
+    )
+
+
+def _parameters(
+    model: Model, names: tuple[str, ...], values: FloatArray, covariances: Covariances
+) -> tuple[Parameter, ...]:
+    """Return the identified base parameters, values of shape (names,), with their standard deviations."""
+    each = np.eye(len(names))
+    return tuple(
+        Parameter(
+            name, model.units.get(name, ""), float(values[i]), *covariances.standard_deviations(each[i])
+        )
+        for i, name in enumerate(names)
     )
 
 
