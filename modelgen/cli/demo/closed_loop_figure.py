@@ -16,8 +16,9 @@ from modelgen.array_types import FloatArray
 from modelgen.atomic_write import write_whole
 from modelgen.cli.demo.bench import FS_HZ, bench
 from modelgen.cli.demo.printed_tables import PrintedTable
-from modelgen.cli.figure import DIFFERENCE, MEASURED, REBUILT, UNDATED
+from modelgen.cli.figure import UNDATED
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.plots.row_plots import draw_pair
 from modelgen.runtime.simulation.simulate import simulate
 
 WINDOWS_S = {"chirp": (4.0, 4.2), "trapezoid": (0.0, 1.0)}  # about the flexible mode; one period
@@ -53,9 +54,7 @@ def draw_closed_loop(
     axes = figure.subplots(2, 2)
     for column, (name, time_s, shown) in enumerate(_windows(model, true, identified)):
         for axis, (key, (measured, simulated)) in zip(axes[:, column], shown.items(), strict=True):
-            axis.plot(time_s, measured, color=MEASURED, linewidth=3.0, label="measured")
-            axis.plot(time_s, simulated, color=REBUILT, linewidth=1.0, label="simulated")
-            axis.plot(time_s, measured - simulated, color=DIFFERENCE, linewidth=0.8, label="difference")
+            draw_pair(axis, time_s, measured, simulated, ("measured", "simulated"))
             axis.set_ylabel(QUANTITIES[key])
             axis.margins(x=0.0)
         axes[0, column].set_title(name, loc="left", fontsize=10)

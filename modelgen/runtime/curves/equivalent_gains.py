@@ -29,7 +29,7 @@ from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import vibration
-from modelgen.runtime.simulation.plant import Plant
+from modelgen.runtime.simulation.plant import Plant, felt_accelerations
 from modelgen.runtime.stick_slip.linear_mode import CubicForce
 
 
@@ -96,7 +96,7 @@ def linear_chain(plant: Plant, gains: EquivalentGains | None, frequency_hz: Floa
         for j, spring in enumerate(plant.cubic_forces()):
             gain = np.interp(frequency_hz, gains.frequency_hz, gains.springs[j])
             at_f += gain[:, None, None] * np.outer(spring.push, spring.deflection)
-            felt = plant.felt_accelerations() @ spring.push[len(plant.bodies) :]
+            felt = felt_accelerations(model) @ spring.push[len(plant.bodies) :]
             C += gain[:, None, None] * np.outer(felt, spring.deflection)
     return LinearChain(at_f, np.asarray(space.B), C, np.asarray(space.D))
 
