@@ -45,6 +45,8 @@ class Source:
         Column to the column of its times, where the file has several.
     took : tuple of str
         How the file was interpreted: sentences for its owner to check.
+    of_matrices : frozenset of str
+        Names that are columns of matrices: they are read where they are asked for by name.
     load_numeric : callable, optional
         Returns those of the named columns that are numeric, where `load` would read the file once for each.
     """
@@ -60,6 +62,7 @@ class Source:
     clocks: Mapping[str, str] = field(default_factory=dict)
     took: tuple[str, ...] = ()
     load_numeric: Callable[[Sequence[str]], Columns] | None = None
+    of_matrices: frozenset[str] = frozenset()
 
     @cached_property
     def known(self) -> frozenset[str]:
@@ -135,8 +138,8 @@ def source_of_shapes(
             for name, key in of.items()
         }
 
-    took = (*facts.pop("took", ()), *said)
-    return Source(path, (*vectors, *matrices), load_columns, scalars, fs=fs, units=units, took=took, **facts)
+    facts |= {"took": (*facts.pop("took", ()), *said), "of_matrices": frozenset(matrices)}
+    return Source(path, (*vectors, *matrices), load_columns, scalars, fs=fs, units=units, **facts)
 
 
 def source_of_arrays(

@@ -117,8 +117,8 @@ def read(
     path = source.path
     time = source.column(time) if time else time
     if needed is None:
-        times_of = {time or source.clock, *source.clocks.values()}
-        needed = tuple(mapping or (column for column in source.names if column not in times_of))
+        others = {time or source.clock, *source.clocks.values(), *source.of_matrices}
+        needed = tuple(mapping or (column for column in source.names if column not in others))
     picks, problems = pick_columns(source, needed, mapping or {}, scales or {})
     clock = time or source.clock_beside({pick.column for pick in picks})
     if time is not None and time not in source.known:

@@ -179,7 +179,7 @@ def test_archive(tmp_path: Path) -> None:
     path = tmp_path / "run.npz"
     column = np.arange(6, dtype=np.uint16)[:, None]
     np.savez(path, q_m=column, q_c=np.arange(6.0)[None, :], gain=np.float32(0.5), fs=250, m=np.eye(3))
-    assert open_source(path).names == ("q_m", "q_c")
+    assert open_source(path).names == ("q_m", "q_c", "m[:,0]", "m[:,1]", "m[:,2]")
     record = read_record(path, {"q_m": "-q_m"}, {"q_m": "gain"}, needed=["q_m", "q_c"])
     assert record.fs == 250.0
     np.testing.assert_array_equal(record.signals["q_m"], -0.5 * np.arange(6))
