@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         SpecError,
     )
     from modelgen.render.writer import generate
+    from modelgen.runtime.exports.export import export
     from modelgen.runtime.identification.identify import identify
     from modelgen.runtime.identification.methods import IV, TLS, WLS, Auto, Pham2002
     from modelgen.runtime.identification.options import CheckOptions, Filters
@@ -60,6 +61,7 @@ __all__ = [
     "SpecError",
     "build",
     "control_system",
+    "export",
     "generate",
     "identify",
     "load_model",
@@ -89,6 +91,7 @@ _HOMES = {
     "SpecError": "modelgen.errors",
     "build": "modelgen.symbolic.pipeline",
     "control_system": "modelgen.runtime.model.control_export",
+    "export": "modelgen.runtime.exports.export",
     "generate": "modelgen.render.writer",
     "identify": "modelgen.runtime.identification.identify",
     "load_model": "modelgen.runtime.model.model",

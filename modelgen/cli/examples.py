@@ -36,6 +36,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "modelgen validate trapezoid.npz --model generated/emps300_qm_ac.py --estimate estimate.json "
         "--controller loop.toml",
     ),
+    "export": (
+        "modelgen export estimate.json --model generated/emps300_qm_ac.py --to modelica -o emps300.mo",
+        "modelgen export --parameters light --model generated/emps300_qm_ac.py --to mjcf -o emps300.xml",
+    ),
     "compare": (
         "modelgen compare emps300",
         "modelgen compare generated/emps300_qm_ac.py generated/emps300_qm_qc.py --parameters table_2",

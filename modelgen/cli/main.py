@@ -27,6 +27,7 @@ COMMANDS = {
     "identify": ("modelgen.cli.commands.identify", "identify"),
     "simulate": ("modelgen.cli.commands.simulate", "simulate"),
     "validate": ("modelgen.cli.commands.validate", "validate"),
+    "export": ("modelgen.cli.commands.export", "export"),
     "compare": ("modelgen.cli.commands.compare", "compare"),
     "run": ("modelgen.cli.commands.run", "run"),
     "fleet": ("modelgen.cli.commands.fleet", "fleet"),

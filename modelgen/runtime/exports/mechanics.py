@@ -1,0 +1,189 @@
+"""A generated module's direct model taken apart: bodies, springs, dampers, friction, sensors.
+
+A module states accelerations as sums of parameter times state, over the body's inertia. With every inertia 1
+and one other parameter at 1, A is what that parameter does; a spring or damper between bodies is a product of
+its lever with itself there, such as (1/N, -1) for the deflection q_1 / N - q_2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.model.model import Friction, Model
+from modelgen.runtime.simulation.plant import body_order, felt_accelerations
+
+NEGLIGIBLE = 1e-12  # of a lever's largest entry: what rounding leaves of a zero
+
+#: (place of a body, factor of its coordinate) pairs
+Lever = tuple[tuple[int, float], ...]
+ROTATION = {"position": "rad", "velocity": "rad/s", "force": "N m"}
+TRANSLATION = {"position": "m", "velocity": "m/s", "force": "N"}
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body: the parameter of its inertia, how it moves, and its friction to the ground."""
+
+    name: str
+    inertia: str
+    motion: Literal["rotation", "translation"]
+    viscous: tuple[str | None, str | None]  # forwards, backwards
+    friction: Friction | None
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of its position, velocity and force."""
+        return ROTATION if self.motion == "rotation" else TRANSLATION
+
+    @property
+    def asymmetric(self) -> bool:
+        """Whether its friction differs by direction."""
+        return self.friction is not None and self.friction.asymmetric
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A force against a deflection, the sum of lever times coordinate: its parameters; None for none."""
+
+    lever: Lever
+    stiffness: str | None = None
+    damping: str | None = None
+    stiffness3: str | None = None
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The parameters it has."""
+        return tuple(name for name in (self.stiffness, self.damping, self.stiffness3) if name)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A sensor: the `order`-th derivative of the sum of lever times coordinate."""
+
+    key: str
+    order: int
+    lever: Lever
+    unit: str
+
+
+@dataclass(frozen=True)
+class Push:
+    """An actuator and the body it acts on, by its place."""
+
+    key: str
+    body: int
+    unit: str
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """A chain as a mechanism; places of bodies are those of the model's state."""
+
+    bodies: tuple[Body, ...]
+    springs: tuple[Spring, ...]
+    readings: tuple[Reading, ...]
+    pushes: tuple[Push, ...]
+
+
+def mechanics(model: Model) -> Mechanics:
+    """Return the mechanism of a model."""
+    names = body_order(model)
+    return Mechanics(
+        tuple(_body(model, name) for name in names),
+        tuple(_springs(model, len(names))),
+        tuple(_readings(model, len(names))),
+        tuple(Push(actuator.key, names.index(actuator.body), actuator.unit) for actuator in model.actuators),
+    )
+
+
+def _body(model: Model, name: str) -> Body:
+    own = {
+        role.role: parameter
+        for parameter, role in model.roles.items()
+        if name in role.bodies and role.role in ("inertia", "viscous")
+    }
+    friction = next((entry for entry in model.friction if entry.body == name), None)
+    viscous = own.get("viscous")
+    ways = (viscous, viscous)
+    if friction is not None and friction.asymmetric and viscous is not None:
+        stem = viscous.removesuffix("_minus").removesuffix("_plus")
+        ways = (f"{stem}_plus", f"{stem}_minus")
+    motion: Literal["rotation", "translation"] = (
+        "translation" if model.units[own["inertia"]] == "kg" else "rotation"
+    )
+    return Body(name, own["inertia"], motion, ways, friction)
+
+
+def _springs(model: Model, count: int) -> Iterator[Spring]:
+    """Yield the springs and dampers; those of one lever are one."""
+    found: dict[Lever, dict[str, str]] = {}
+    for name, role in model.roles.items():
+        if role.role in ("stiffness", "damping"):
+            for lever in _levers(_share(model, name, role.role, count)):
+                # two elements of one role between the same bodies stay two
+                place = lever if role.role not in found.get(lever, {}) else (*lever, (-1, float(len(found))))
+                found.setdefault(place, {})[role.role] = name
+    for spring in model.cubic_springs:
+        lever = _pointed(np.array([dict(spring.deflection).get(i, 0.0) for i in range(count)]))
+        found.setdefault(lever, {})["stiffness3"] = spring.parameter
+    for lever, names in found.items():
+        yield Spring(tuple(pair for pair in lever if pair[0] >= 0), **names)
+
+
+def _share(model: Model, name: str, role: str, count: int) -> FloatArray:
+    """Return what a parameter at 1 does to the accelerations of unit inertias, shape (bodies, bodies)."""
+    values = {
+        other: float(other == name or (other in model.roles and model.roles[other].role == "inertia"))
+        for other in (*model.parameters, *model.known)
+    }
+    space = model.state_space(values, {entry.body: 1 for entry in model.friction})
+    first = 0 if role == "stiffness" else count
+    return np.asarray(-space.A[count:, first : first + count])
+
+
+def _levers(share: FloatArray) -> list[Lever]:
+    """Return levers whose squares add up to the share: one for one link, one a link for links alike."""
+    largest = int(np.argmax(np.diag(share)))
+    single = share[largest] / np.sqrt(share[largest, largest])
+    if np.allclose(np.outer(single, single), share, rtol=1e-9, atol=0.0):
+        return [_pointed(single)]
+    pairs = [(i, j) for i in range(len(share)) for j in range(i) if share[i, j]]
+    rest = np.diag(share).copy()
+    levers = []
+    if all(abs(share[pair]) == 1.0 for pair in pairs):
+        for i, j in pairs:
+            lever = np.zeros(len(share))
+            lever[i], lever[j] = 1.0, share[i, j]
+            rest[[i, j]] -= 1.0
+            levers.append(lever)
+        levers += [np.sqrt(left) * np.eye(len(share))[i] for i, left in enumerate(rest) if left > NEGLIGIBLE]
+    else:  # one parameter in links of different ratios: any levers whose squares add up will do
+        sizes, shapes = np.linalg.eigh(share)
+        levers = [np.sqrt(s) * shapes[:, i] for i, s in enumerate(sizes) if s > NEGLIGIBLE * sizes[-1]]
+    return [_pointed(lever) for lever in levers]
+
+
+def _pointed(lever: FloatArray) -> Lever:
+    """Return a lever's pairs, its first factor positive: the deflection is q_1 / N - q_2."""
+    size = np.abs(lever).max()
+    pairs = [(i, float(c)) for i, c in enumerate(lever) if abs(c) > NEGLIGIBLE * size]
+    sign = 1.0 if pairs[0][1] > 0.0 else -1.0
+    return tuple((place, sign * factor) for place, factor in pairs)
+
+
+def _readings(model: Model, count: int) -> Iterator[Reading]:
+    felt = felt_accelerations(model)
+    ones = dict.fromkeys((*model.parameters, *model.known), 1.0)
+    space = model.state_space(ones, {entry.body: 1 for entry in model.friction})
+    for index, sensor in enumerate(model.sensors):
+        row = felt[index] if sensor.order == 2 else space.C[index, sensor.order * count :][:count]
+        size = np.abs(row).max()
+        # what equations were solved for has lost a few digits
+        factors = [float(f"{c:.12g}") if sensor.order == 2 else float(c) for c in row]
+        lever = tuple((i, c) for i, c in enumerate(factors) if abs(c) > NEGLIGIBLE * size)
+        yield Reading(sensor.key, sensor.order, lever, sensor.unit)
