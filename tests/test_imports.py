@@ -34,6 +34,7 @@ PUBLIC = {
     "SpecError",
     "build",
     "control_system",
+    "export",
     "generate",
     "identify",
     "load_model",

@@ -9,6 +9,7 @@ PURPOSES: dict[str, tuple[str, ...]] = {
     "Plan an experiment": ("design", "simulate"),
     "From records to parameters": ("import", "identify", "run", "fleet"),
     "Judge an estimate": ("validate", "compare"),
+    "Use its numbers": ("export",),
 }
 
 EXAMPLES: dict[str, tuple[str, ...]] = {

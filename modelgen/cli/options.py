@@ -36,6 +36,12 @@ ParameterSet = Annotated[
     str | None, typer.Option(metavar="SET", help="A parameter set of the spec; the only one if left out.")
 ]
 Module = Annotated[Path, typer.Option("--model", metavar="MODULE.py", help="A generated module.")]
+Values = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", "--known", metavar="NAME=VALUE", help="A parameter the estimate lacks, SI; repeatable."
+    ),
+]
 
 # data files
 Data = Annotated[

@@ -24,6 +24,7 @@ COMMANDS = (
     "simulate",
     "validate",
     "compare",
+    "export",
     "fleet",
     "design",
 )

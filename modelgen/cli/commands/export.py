@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from modelgen.cli.options import Json, Module, Overwrite, Trust
+from modelgen.cli.options import Json, Module, Overwrite, Trust, Values
 from modelgen.cli.output import report
 from modelgen.errors import DataError
 
@@ -19,10 +19,6 @@ Format = Annotated[
     typer.Option("--to", help="The format."),
 ]
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The file to write.")]
-Values = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A parameter the estimate lacks, SI; repeatable."),
-]
 Set = Annotated[
     str | None, typer.Option(metavar="SET", help="A parameter set of the spec in place of an estimate.")
 ]

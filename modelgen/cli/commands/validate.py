@@ -10,7 +10,7 @@ import typer
 
 from modelgen.cli.data_arguments import FURTHER_INPUTS, REFERENCE, DataOptions, read_files, reading_lines
 from modelgen.cli.estimation_options import EstimationOptions, MethodName
-from modelgen.cli.options import Data, Module, ResultOptions, Trust, refuse_given
+from modelgen.cli.options import Data, Module, ResultOptions, Trust, Values, refuse_given
 from modelgen.cli.output import deliver, note
 from modelgen.cli.output_files import check_result
 from modelgen.errors import DataError
@@ -27,12 +27,6 @@ EstimateFile = Annotated[
 ]
 Controller = Annotated[
     Path, typer.Option(metavar="FILE.toml", help="The loop: tables [controller] and [drive].")
-]
-Values = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", "--known", metavar="NAME=VALUE", help="A parameter the estimate lacks, SI; repeatable."
-    ),
 ]
 Cutoff = Annotated[
     float | None, typer.Option(help="Cut-off in Hz before a reading is differentiated; 0.1 fs.")
