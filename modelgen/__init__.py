@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         SpecError,
     )
     from modelgen.render.writer import generate
+    from modelgen.report.chain_drawing import draw_chain
     from modelgen.runtime.exports.export import export
     from modelgen.runtime.identification.identify import identify
     from modelgen.runtime.identification.methods import IV, TLS, WLS, Auto, Pham2002
@@ -61,6 +62,7 @@ __all__ = [
     "SpecError",
     "build",
     "control_system",
+    "draw_chain",
     "export",
     "generate",
     "identify",
@@ -92,6 +94,7 @@ _HOMES = {
     "build": "modelgen.symbolic.pipeline",
     "control_system": "modelgen.runtime.model.control_export",
     "export": "modelgen.runtime.exports.export",
+    "draw_chain": "modelgen.report.chain_drawing",
     "generate": "modelgen.render.writer",
     "identify": "modelgen.runtime.identification.identify",
     "load_model": "modelgen.runtime.model.model",

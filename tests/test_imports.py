@@ -16,6 +16,7 @@ import modelgen
 from modelgen.errors import ModelgenError
 
 PUBLIC = {
+    "draw_chain",
     "Auto",
     "IV",
     "TLS",

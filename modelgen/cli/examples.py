@@ -15,7 +15,7 @@ PURPOSES: dict[str, tuple[str, ...]] = {
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "demo": ("modelgen demo",),
     "new": ("modelgen new axis", "modelgen new axis --project"),
-    "show": ("modelgen show axis.toml", "modelgen show emps300 --sensors qm_ac"),
+    "show": ("modelgen show axis.toml", "modelgen show emps300 --sensors qm_ac --svg chain.svg"),
     "generate": (
         "modelgen generate axis.toml",
         "modelgen generate emps300 --sensors qm_ac --target c -o firmware",

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from modelgen.atomic_write import write_whole
 from modelgen.cli.arguments import compared_sensor_sets, load_chain, proof_of
-from modelgen.cli.options import Json, Spec
-from modelgen.cli.output import print_json
+from modelgen.cli.options import Json, Overwrite, Spec
+from modelgen.cli.output import note, print_json
+from modelgen.cli.output_files import check_output
 
 
 def show(
@@ -23,6 +26,10 @@ def show(
     prove: Annotated[
         bool, typer.Option("--prove", help="Prove that Newton-Euler and Lagrange give the same equations.")
     ] = False,
+    svg: Annotated[
+        Path | None, typer.Option("--svg", metavar="FILE.svg", help="Write a picture of the chain.")
+    ] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Show a chain's equations and its sensor sets side by side, or one of them in detail.
@@ -31,12 +38,20 @@ def show(
     identified, and which are lost against a position sensor on every body.
     """
     from modelgen.cli.tables import chain_tables, console, describe_chain
+    from modelgen.report.chain_drawing import draw_chain
     from modelgen.symbolic.equations.newton import motion_equations
 
     chain = load_chain(spec)
+    if svg:
+        check_output(svg, (".svg",), overwrite)
     motion = motion_equations(chain)
     found = compared_sensor_sets(chain, sensors)
     described = describe_chain(motion, found, proof_of(motion) if prove else None)
+    if svg:
+        picture = draw_chain(chain, sensors if sensors in chain.sensor_sets else None)
+        write_whole(svg, picture.encode(), overwrite=overwrite)
+        described["written"] = [str(svg)]
+        note([f"wrote {svg}"])
     if as_json:
         print_json(described)
     else:

@@ -12,11 +12,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from modelgen.cli.demo import bench
+from modelgen.atomic_write import write_whole
+from modelgen.cli.demo.bench import CHIRP_BAND_HZ, DURATION_S, FS_HZ, NOISE, bench
 from modelgen.cli.demo.closed_loop_figure import draw_closed_loop
 from modelgen.cli.demo.printed_tables import PRINTED_TABLES, PrintedTable
 from modelgen.progress import counted, step
 from modelgen.render.writer import write_modules
+from modelgen.report.chain_drawing import draw_chain
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Pham2002
 from modelgen.runtime.model.model import Model, load_model
@@ -44,10 +46,12 @@ def run_demo(folder: Path) -> dict[str, Any]:
     sets = (ENCODERS, ACCELEROMETER)
     modules = write_modules(spec, sets, folder)
     models = {name: load_model(path) for name, path in zip(sets, modules, strict=True)}
-    tables, figures, written = [], list[Path | None](), list[Path]()
+    picture = folder / "figure_2.svg"
+    write_whole(picture, draw_chain(spec).encode(), overwrite=True)
+    tables, figures, written = [], list[Path | None]([picture]), list[Path]()
     for printed in counted(PRINTED_TABLES, "identifying"):
         true, model = spec.parameter_sets[printed.parameter_set], models[printed.sensor_set]
-        records = [experiment.record for experiment in bench.bench(model, true)]
+        records = [experiment.record for experiment in bench(model, true)]
         estimates = {method: _identify(model, records, method, printed) for method in METHODS}
         tables.append(_compare(printed, model, true, estimates))
         path = folder / f"figure_{printed.number + 2}.png"
@@ -57,10 +61,10 @@ def run_demo(folder: Path) -> dict[str, Any]:
         "modules": [str(path) for path in modules],
         "records": [str(path) for path in written],
         "figures": [str(path) for path in figures if path],
-        "fs_hz": bench.FS_HZ,
-        "duration_s": bench.DURATION_S,
-        "chirp_band_hz": list(bench.CHIRP_BAND_HZ),
-        "noise": dict(bench.NOISE),
+        "fs_hz": FS_HZ,
+        "duration_s": DURATION_S,
+        "chirp_band_hz": list(CHIRP_BAND_HZ),
+        "noise": dict(NOISE),
         "tables": tables,
     }
 

@@ -48,6 +48,7 @@ def test_the_demo_writes_what_it_says(demo: dict[str, Any]) -> None:
 
 def test_the_demo_draws_the_figures_of_the_paper(demo: dict[str, Any]) -> None:
     drawn = {path.name: path.read_bytes() for path in demo["figures"]}
+    assert drawn["figure_2.svg"].startswith(b"<svg ")
     for name in ("figure_3.png", "figure_4.png"):
         assert drawn[name].startswith(b"\x89PNG")
 

@@ -1,0 +1,161 @@
+"""The picture of a chain from its spec, or from a generated module alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fractions import Fraction
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.chain_picture.diagram import GROUND, ChainDiagram, DrawnBody, DrawnDeflection, DrawnLink
+from modelgen.chain_picture.svg import chain_svg
+from modelgen.errors import SpecError, listed
+from modelgen.runtime.model.chain_matrices import ChainMatrices, chain_matrices
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.model.model import Sensor as ModelSensor
+from modelgen.spec.chain import ChainSpec, Sensor
+
+NEGLIGIBLE = 1e-9  # of the largest entry of a spring's matrix
+
+
+def draw_chain(chain: ChainSpec | Model, sensors: str | None = None) -> str:
+    """Return the picture of a chain as SVG: bodies, springs, dampers, ratios, ground, forces, sensors.
+
+    Parameters
+    ----------
+    chain : ChainSpec or Model
+        A spec, or a generated module.
+    sensors : str, optional
+        The sensor set of a spec to show; by default the sensors of all sets. A module has one set.
+
+    Raises
+    ------
+    SpecError
+        When the spec has no such sensor set.
+
+    Examples
+    --------
+    >>> import modelgen
+    >>> picture = modelgen.draw_chain(modelgen.load_spec("axis.toml"))  # doctest: +SKIP
+    """
+    if isinstance(chain, Model):
+        return chain_svg(diagram_of_model(chain))
+    return chain_svg(diagram_of_spec(chain, sensors))
+
+
+def diagram_of_spec(spec: ChainSpec, sensors: str | None = None) -> ChainDiagram:
+    """Return what the picture of a spec shows; the parameters are those of `draw_chain`."""
+    if sensors is not None and sensors not in spec.sensor_sets:
+        remedy = f"choose from {listed(spec.sensor_sets)}"
+        raise SpecError.at(f"{spec.source}: sensors", f"has no set {sensors!r}", remedy)
+    chosen = (sensors,) if sensors else tuple(spec.sensor_sets)
+    seen = list(dict.fromkeys(sensor for name in chosen for sensor in spec.sensor_sets[name]))
+    bodies = []
+    for body in spec.bodies:
+        signs = ("_plus", "_minus") if body.friction == "asymmetric" else ("",)
+        rubs = [f"{name}{sign}" for name in (body.viscous, body.coulomb) if name for sign in signs]
+        read = _readings(seen, body.name)
+        bodies.append(DrawnBody(body.name, body.inertia, tuple(rubs), body.offset, body.actuator, read))
+    links = [
+        DrawnLink(
+            *link.bodies,
+            tuple(name for name in (link.stiffness, link.stiffness3) if name),
+            link.damping,
+            _ratio(link.ratio),
+        )
+        for link in spec.links
+    ]
+    return ChainDiagram(spec.title or spec.name, tuple(bodies), tuple(links), _deflections(seen))
+
+
+def diagram_of_model(model: Model) -> ChainDiagram:
+    """Return what the picture of a generated module's chain shows; ratios are found in its state space."""
+    matrices = chain_matrices(model)
+    forces = {actuator.body: actuator.key for actuator in model.actuators}
+    bodies = []
+    for name, inertia in zip(matrices.bodies, matrices.inertias, strict=True):
+        role = {kind: _named(model, kind, name) for kind in ("viscous", "coulomb", "offset")}
+        offset = next(iter(role["offset"]), None)
+        rubs = (*role["viscous"], *role["coulomb"])
+        read = _readings(model.sensors, name)
+        bodies.append(DrawnBody(name, inertia, rubs, offset, forces.get(name), read))
+    title = model.title or model.chain
+    return ChainDiagram(title, tuple(bodies), _links(model, matrices), _deflections(model.sensors))
+
+
+def _named(model: Model, kind: str, body: str) -> tuple[str, ...]:
+    return tuple(name for name, role in model.roles.items() if role.role == kind and body in role.bodies)
+
+
+def _links(model: Model, matrices: ChainMatrices) -> tuple[DrawnLink, ...]:
+    """Return the links: every pair of bodies, or body and ground, that a stiffness couples."""
+    found: dict[tuple[str, str], DrawnLink] = {}
+    for name, K in matrices.stiffness.items():
+        for first, second, ratio in _couplings(matrices.bodies, K, model.roles[name].bodies):
+            ends = tuple(body for body in (first, second) if body != GROUND)
+            damping = _of_link(model, "damping", ends)
+            cubes = _of_link(model, "stiffness3", ends)
+            known = found.get((first, second))
+            springs = (*(known.springs if known else ()), name, *(() if known else cubes))
+            found[first, second] = DrawnLink(first, second, springs, next(iter(damping), None), ratio)
+    return tuple(found.values())
+
+
+def _couplings(
+    bodies: tuple[str, ...], K: FloatArray, ends: tuple[str, ...]
+) -> list[tuple[str, str, str | None]]:
+    """Return (first, second, ratio) of the links of one stiffness with the matrix K per unit.
+
+    A link of ratio r has 1 / r^2 and 1 on the diagonal and -1 / r beside it; its first body is the one with
+    1 / r^2. Bodies whose diagonal holds more than their links are tied to the ground.
+    """
+    place = {body: index for index, body in enumerate(bodies)}
+    limit: float = NEGLIGIBLE * np.abs(K).max()
+    left = {body: float(K[place[body], place[body]]) for body in ends}
+    coupled = [
+        (one, other, float(-K[place[one], place[other]]))
+        for k, one in enumerate(ends)
+        for other in ends[k + 1 :]
+        if abs(K[place[one], place[other]]) > limit
+    ]
+    links: list[tuple[str, str, str | None]] = []
+    while coupled:
+        # the body with the fewest links says which end of one it is: a leaf of a tree has one
+        count = {body: sum(body in pair[:2] for pair in coupled) for pair in coupled for body in pair[:2]}
+        leaf = min(count, key=lambda body: count[body])
+        pair = next(pair for pair in coupled if leaf in pair[:2])
+        coupled.remove(pair)
+        first, second, coupling = pair
+        is_first = abs(left[leaf] - coupling**2) < abs(left[leaf] - 1.0)
+        if len(ends) > 2 and is_first != (leaf == first) and abs(coupling - 1.0) > NEGLIGIBLE:
+            first, second = second, first
+        left[first] -= coupling**2
+        left[second] -= 1.0
+        links.append((first, second, _ratio(1.0 / coupling)))
+    links.sort(key=lambda link: sorted(map(ends.index, link[:2])))
+    return [*links, *((body, GROUND, _ratio(left[body] ** -0.5)) for body in ends if left[body] > limit)]
+
+
+def _of_link(model: Model, kind: str, ends: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the parameters of a kind that act between these bodies, or more where a name is shared."""
+    of = {name: role.bodies for name, role in model.roles.items() if role.role == kind}
+    exact = tuple(name for name, bodies in of.items() if set(bodies) == set(ends))
+    return exact or tuple(n for n, bodies in of.items() if set(ends) < set(bodies) and len(ends) > 1)
+
+
+def _ratio(ratio: Fraction | float) -> str | None:
+    """Return a ratio as it is shown, None for 1."""
+    if abs(float(ratio) - 1.0) < NEGLIGIBLE:
+        return None
+    if isinstance(ratio, Fraction) and ratio.denominator < 100:
+        return str(ratio)
+    return f"{float(ratio):.6g}"
+
+
+def _readings(sensors: Iterable[Sensor | ModelSensor], body: str) -> tuple[tuple[str, str], ...]:
+    return tuple((sensor.key, sensor.measures) for sensor in sensors if sensor.body == body)
+
+
+def _deflections(sensors: Iterable[Sensor | ModelSensor]) -> tuple[DrawnDeflection, ...]:
+    return tuple(DrawnDeflection(s.key, s.measures, *s.deflection) for s in sensors if s.deflection)
