@@ -42,6 +42,9 @@ FigureFile = Annotated[
 ReportSpec = Annotated[
     str | None, typer.Option(metavar="SPEC", help="The chain, for the report's table of sensor sets.")
 ]
+Details = Annotated[
+    bool, typer.Option("--details", help="Print everything: filters, tests, every warning.", show_default=False)
+]
 Controller = Annotated[
     Path | None,
     typer.Option(metavar="FILE.toml", help="The loop, for the report's overlay; needs column reference."),
@@ -67,21 +70,25 @@ def identify(
     figure: FigureFile = None,
     spec: ReportSpec = None,
     controller: Controller = None,
+    details: Details = False,
     trust: Trust = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Identify a generated module's parameters from measured records.
 
-    What is "chosen" is chosen from the records and explained in the output, unless it is given.
+    Prints parameters, modes, whether to trust them and what to do next. What is "chosen" is chosen from the
+    records, unless it is given; --details explains it.
     """
-    from modelgen.cli.output_files import OutputFiles
+    from modelgen.cli.output_files import OutputFiles, check_inputs
     from modelgen.runtime.identification.identify import identify as run
     from modelgen.runtime.model.model import load_model
 
     model = load_model(module, trust)
     outputs = OutputFiles(output, report_file, figure, overwrite)
     outputs.check()  # before the work, not after it
+    if report_file:
+        check_inputs(spec, controller)
     inputs = (REFERENCE, FURTHER_INPUTS) if controller and report_file else ()
     readings = tagged(read_files(data, [model], given, *inputs), tag or ())
     settings = estimation.settings(
@@ -95,10 +102,11 @@ def identify(
         scan_cutoffs=cutoffs_from(scan_cutoffs),
     )
     estimate = run(model, [reading.record for reading in readings], **settings)
-    outputs.write(model, module, readings, estimate, given_options(context), spec, controller)
     note(reading_lines(data, readings))
-    note([f"wrote {path}" for path in outputs.paths])
+    # before the files: whatever becomes of these, the answer is there
     if as_json:
         print_json(estimate.to_dict())
     else:
-        typer.echo(estimate.summary(), nl=False)
+        typer.echo(estimate.summary() if details else estimate.answer(), nl=False)
+    outputs.write(model, module, readings, estimate, given_options(context), spec, controller)
+    note([f"wrote {path}" for path in outputs.paths])

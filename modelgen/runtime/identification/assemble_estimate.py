@@ -139,7 +139,8 @@ def _parameters(
 
 def _described(model: Model) -> EstimatedModel:
     symbols = {name: formula for name, formula in model.composites.items() if name != formula}
-    return EstimatedModel(model.chain, model.sensor_set, model.title, symbols)
+    roles = {name: entry.role for name, entry in model.roles.items()}
+    return EstimatedModel(model.chain, model.sensor_set, model.title, symbols, roles, tuple(model.absent))
 
 
 def _physical(solved: Solved, base: FloatArray, covariances: Covariances) -> FoundParameters:

@@ -81,7 +81,7 @@ def pair_values(
     if free:
         if not pair.sum:
             return PairValues(None, None, ())
-        return PairValues(None, None, (told(_decay, np.array([-1.0 / pair.sum**2, 0.0])),))
+        return PairValues(None, None, (_inverse(told(_decay_rate, np.array([1.0, 0.0]))),))
     s, p = pair.sum, pair.product
     frequency = told(_frequency_hz, np.array([0.0, _frequency_hz(pair) / (2.0 * p)]))
     half = 0.5 / math.sqrt(p)
@@ -90,9 +90,21 @@ def pair_values(
     if abs(damping.value) >= 1.0:
         margin = abs(damping.value) - 1.0
         std = math.inf if damping.std is None else damping.std
-        sharp = margin < max(NEAR_CRITICAL * std, CRITICAL_SHARE)
-        constants = tuple(told(one, _slope(one(pair), s), not sharp) for one in (_slow, _fast))
+        straight = margin > max(NEAR_CRITICAL * std, CRITICAL_SHARE)
+        rates = (told(one, _slope(one(pair), s), straight) for one in (_slow_rate, _fast_rate))
+        constants = tuple(_inverse(rate) for rate in rates)
     return PairValues(frequency, damping, constants)
+
+
+def _inverse(rate: ModalValue) -> ModalValue:
+    """Return a time constant from its rate: where that may be zero, the time constant is open above."""
+    value = 1.0 / rate.value
+    low, high = rate.low, rate.high
+    if low is None or high is None or not low * high > 0.0:
+        end = high if rate.value > 0.0 else low
+        near = None if end is None else 1.0 / end
+        return ModalValue(value, None, *((near, None) if rate.value > 0.0 else (None, near)))
+    return ModalValue(value, (1.0 / low - 1.0 / high) / (2.0 * Z95), 1.0 / high, 1.0 / low)
 
 
 def _frequency_hz(pair: PolePair) -> float:
@@ -105,17 +117,13 @@ def _damping_ratio(pair: PolePair) -> float:
     return 0.5 * pair.sum / math.sqrt(pair.product)
 
 
-def _decay(pair: PolePair) -> float:
-    return 1.0 / pair.sum if pair.sum else math.inf
+def _decay_rate(pair: PolePair) -> float:
+    return pair.sum
 
 
-def _fast(pair: PolePair) -> float:
-    rate = _fast_rate(pair)
-    return 1.0 / rate if rate else math.inf
-
-
-def _slow(pair: PolePair) -> float:
-    return _fast_rate(pair) / pair.product if pair.product > 0.0 else math.inf
+def _slow_rate(pair: PolePair) -> float:
+    fast = _fast_rate(pair)
+    return pair.product / fast if fast else 0.0
 
 
 def _fast_rate(pair: PolePair) -> float:
@@ -124,9 +132,8 @@ def _fast_rate(pair: PolePair) -> float:
     return half + math.copysign(math.sqrt(max(half**2 - pair.product, 0.0)), half)
 
 
-def _slope(constant_s: float, s: float) -> FloatArray:
-    """Return the slopes of a time constant by sum and product: its rate r has r^2 - s r + p = 0."""
-    rate = 1.0 / constant_s
+def _slope(rate: float, s: float) -> FloatArray:
+    """Return the slopes of a rate by sum and product: r^2 - s r + p = 0."""
     apart = 2.0 * rate - s
     apart = math.copysign(max(abs(apart), SHARPEST * abs(s)), apart)
-    return np.array([-(constant_s**2) * rate / apart, constant_s**2 / apart])
+    return np.array([rate / apart, -1.0 / apart])

@@ -23,7 +23,7 @@ def with_interval(value: float, low: float, high: float) -> str:
     >>> with_interval(9.87e-6, 9.85e-6, 9.89e-6)
     '(9.870 +- 0.020)e-06'
     >>> with_interval(2.0, 1.5, 4.0)
-    '2.0 (1.5 to 4.0)'
+    '2.00 (1.50 to 4.0)'
     """
     below, above = value - low, high - value
     half = 0.5 * (high - low)
@@ -33,17 +33,24 @@ def with_interval(value: float, low: float, high: float) -> str:
         ends = (f"{end:.{DIGITS}g}" if math.isfinite(end) else "open" for end in (low, high))
         return f"{value:.{DIGITS}g} ({' to '.join(ends)})"
     exponent = _exponent(max(abs(value), half))
-    plain = PLAIN[0] <= exponent < PLAIN[1]
-    scale = 0 if plain else exponent
-    place = max(_place(half), exponent - MOST_DIGITS + 1) - scale
-    uneven = not 2.0 / 3.0 <= below / max(above, math.ulp(0.0)) <= 1.5
-    shown = [_to_place(number / 10.0**scale, place) for number in (value, half, low, high)]
-    text = f"{shown[0]} ({shown[2]} to {shown[3]})" if uneven else f"{shown[0]} +- {shown[1]}"
-    if plain:
-        return text
-    return (
-        f"({text})e{scale:+03d}" if not uneven else f"({text.replace(' (', ', ').rstrip(')')})e{scale:+03d}"
-    )
+    scale = 0 if PLAIN[0] <= exponent < PLAIN[1] else exponent
+    if 2.0 / 3.0 <= below / max(above, math.ulp(0.0)) <= 1.5:
+        text = " +- ".join(_shown(number, half, exponent, scale) for number in (value, half))
+        return text if not scale else f"({text})e{scale:+03d}"
+    # every end to the second digit of its own distance
+    near = min(below, above) or half
+    shown = [
+        _shown(*pair, exponent, scale)
+        for pair in ((value, near), (low, below or half), (high, above or half))
+    ]
+    text = f"{shown[0]} ({shown[1]} to {shown[2]})"
+    return text if not scale else f"({shown[0]}, {shown[1]} to {shown[2]})e{scale:+03d}"
+
+
+def _shown(number: float, reach: float, exponent: int, scale: int) -> str:
+    """Return a number to the second digit of `reach`, in units of ten to the power of `scale`."""
+    place = max(_place(reach), exponent - MOST_DIGITS + 1) - scale
+    return _to_place(number / 10.0**scale, place)
 
 
 def _place(half: float) -> int:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import html
 import json
-import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -22,16 +21,18 @@ from modelgen.lazy_accessor import LazyAccessor
 from modelgen.read_file import ESTIMATE, read_text
 from modelgen.runtime.modes.modes import Modes
 from modelgen.runtime.parameters.physical_parameters import Covariances
+from modelgen.runtime.results.answer import answer_html, answer_text
 from modelgen.runtime.results.checks import Checks
+from modelgen.runtime.results.estimate_document import estimate_document
 from modelgen.runtime.results.estimate_parts import (
-    FORMAT_VERSION,
     EstimatedFit,
     EstimatedModel,
     EstimatedParameters,
 )
-from modelgen.runtime.results.formats import data_frame, html_table, latex_table, markdown_table
+from modelgen.runtime.results.formats import data_frame, latex_table, markdown_table
 from modelgen.runtime.results.source import Source
 from modelgen.runtime.results.summary import summary_text
+from modelgen.runtime.results.verdict import Verdict, verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,63 +160,22 @@ class Estimate:
         """
         return self.modal
 
+    @property
+    def verdict(self) -> Verdict:
+        """A word (trust, check, measure again), why, and the one thing to do next."""
+        return verdict(self)
+
+    def answer(self) -> str:
+        """Return the short answer as plain text: parameters, modes, verdict, what to do next."""
+        return answer_text(self)
+
     def summary(self) -> str:
         """Return the whole estimate as plain text."""
         return summary_text(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the estimate in plain types, without the residual; what is not finite becomes None."""
-        identified, physical = self.parameters.identified, self.parameters.physical
-        intervals = self.conf_int()
-        plain = {
-            "format": "modelgen estimate",
-            "version": FORMAT_VERSION,
-            "chain": self.model.chain,
-            "sensor_set": self.model.sensor_set,
-            "title": self.model.title,
-            "method": self.fit.method,
-            "method_title": self.fit.method_title,
-            "records": self.records,
-            "params": self.params,
-            "bse": self.bse,
-            "relative_std": self.relative_std,
-            "conf_int_95": intervals,
-            "units": {entry.name: entry.unit for entry in identified + physical},
-            "physical": self.physical,
-            "physical_bse": {entry.name: entry.std for entry in physical},
-            "physical_noise_std": {entry.name: entry.noise_std for entry in physical},
-            "physical_drift_std": {entry.name: entry.drift_std for entry in physical},
-            "physical_printed_std": {entry.name: entry.printed_std for entry in physical},
-            "not_identifiable": self.not_identifiable,
-            "other_solutions": self.parameters.other_solutions,
-            "nuisance": self.parameters.nuisance,
-            "composites": self.model.composites,
-            "base": self.base.tolist(),
-            "noise_std": {entry.name: entry.noise_std for entry in identified},
-            "drift_std": {entry.name: entry.drift_std for entry in identified},
-            "printed_std": {entry.name: entry.printed_std for entry in identified},
-            "cov_params": self.covariances.total.tolist(),
-            "noise_covariance": self.covariances.noise.tolist(),
-            "drift_covariance": self.covariances.drift.tolist(),
-            "printed_covariance": self.covariances.printed.tolist(),
-            "covariance_kind": self.fit.covariance_kind,
-            "nobs": self.nobs,
-            "condition_number": self.condition_number,
-            "condition_number_raw": self.fit.condition_number_raw,
-            "relative_error": self.fit.relative_error,
-            "error_norm": self.fit.error_norm,
-            "sigma": self.fit.sigma,
-            "residual_dof": self.fit.residual_dof,
-            "delays": self.delays,
-            "delay_std": self.delay_std,
-            "rows": [asdict(row) for row in self.fit.rows],
-            "pruning": asdict(self.fit.pruning),
-            "filtering": asdict(self.fit.filtering),
-            "notes": self.fit.notes,
-            "checks": asdict(self.checks),
-            "modes": self.modal.to_dict(),
-        }
-        return {key: _plain(value) for key, value in plain.items()}
+        return estimate_document(self)
 
     def to_json(self) -> str:
         """Return `to_dict` as JSON, the same for the same estimate."""
@@ -263,19 +223,11 @@ class Estimate:
 
     def _repr_html_(self) -> str:
         details = f"<details><summary>everything</summary><pre>{html.escape(self.summary())}</pre></details>"
-        return html_table(self) + details
+        return answer_html(self) + details
+
+    def __str__(self) -> str:
+        return self.answer()
 
     def __repr__(self) -> str:
         numbers = ", ".join(f"{entry.name}={entry.value:.6g}" for entry in self.parameters.identified)
         return f"Estimate({self.model.chain}, {self.model.sensor_set}, {self.fit.method}: {numbers})"
-
-
-def _plain(value: Any) -> Any:
-    """Return a value in JSON's types; what is not finite becomes None."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

@@ -15,6 +15,7 @@ from modelgen.runtime.modes.modes import Modes
 from modelgen.runtime.parameters.pruning import Pruning
 from modelgen.runtime.results.checks import Checks
 from modelgen.runtime.results.estimate_parts import FORMAT_VERSION, RowDiagnostics
+from modelgen.runtime.results.verdict import Verdict
 from modelgen.typed_values import typed
 
 Holds = Callable[[Any], bool]
@@ -64,6 +65,7 @@ PARTS: Mapping[str, Any] = {
     "filtering": FilterChoice,
     "checks": Checks,
     "modes": Modes,
+    "verdict": Verdict,
 }
 DEVIATIONS = ("bse", "relative_std", "noise_std", "drift_std", "printed_std")
 OF_PHYSICAL = ("physical_bse", "physical_noise_std", "physical_drift_std", "physical_printed_std")
@@ -73,10 +75,12 @@ KEYS: Mapping[str, tuple[Holds, str]] = {
     "version": (lambda value: value == FORMAT_VERSION and _is_count(value), f"the number {FORMAT_VERSION}"),
     **dict.fromkeys(("chain", "sensor_set", "title", "method", "method_title"), TEXT),
     **dict.fromkeys(("covariance_kind", "residual_dof"), TEXT),
-    **dict.fromkeys(("records", "notes"), TEXTS),
+    **dict.fromkeys(("records", "notes", "unseen"), TEXTS),
     **dict.fromkeys(("params", "physical", "nuisance", "delays"), VALUES),
     **dict.fromkeys((*DEVIATIONS, *OF_PHYSICAL, "delay_std"), NUMBERS),
-    **dict.fromkeys(("units", "not_identifiable", "composites"), (_table_of(_is_text), "a table of texts")),
+    **dict.fromkeys(
+        ("units", "not_identifiable", "composites", "roles"), (_table_of(_is_text), "a table of texts")
+    ),
     "conf_int_95": (_table_of(_is_interval), "a table of pairs of numbers"),
     "other_solutions": (_list_of(_table_of(_is_real)), "a list of tables of numbers"),
     "base": (_list_of(_is_real), "a list of numbers"),

@@ -18,13 +18,17 @@ FORMAT_VERSION = 1  # of saved estimates
 class EstimatedModel:
     """Which generated model was identified: names of its chain and sensor set, and the chain's title.
 
-    `composites` maps base parameters that go by a short symbol to their formula in the physical ones.
+    `composites` maps base parameters that go by a short symbol to their formula in the physical ones, `roles`
+    physical parameters to what they are (inertia, stiffness, ...). `unseen` are those that these sensors
+    cannot tell, whatever the records hold.
     """
 
     chain: str
     sensor_set: str
     title: str
     composites: Mapping[str, str] = field(default_factory=dict)
+    roles: Mapping[str, str] = field(default_factory=dict)
+    unseen: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.chain}, sensors {self.sensor_set}"

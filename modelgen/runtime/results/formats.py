@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 import re
 from collections.abc import Sequence
@@ -55,20 +54,6 @@ def markdown_table(estimate: Estimate) -> str:
     lines += ["| " + " | ".join(row) + " |" for row in rows]
     refused = [f"- {_markdown(name)}: {_markdown(why)}" for name, why in estimate.not_identifiable.items()]
     return "\n".join([*lines, *(["", "Not identifiable:", "", *refused] if refused else [])]) + "\n"
-
-
-def html_table(estimate: Estimate) -> str:
-    """Return the parameters as an HTML table for notebooks; every text in it is escaped."""
-    head = "".join(f"<th>{html.escape(heading)}</th>" for heading in HEADINGS)
-    rows = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in _rows(estimate)
-    )
-    title = html.escape(f"{estimate.model}: {estimate.fit.method_title}")
-    refused = "".join(
-        f"<li>{html.escape(name)}: {html.escape(why)}</li>" for name, why in estimate.not_identifiable.items()
-    )
-    below = f"<p>Not identifiable:</p><ul>{refused}</ul>" if refused else ""
-    return f"<p>{title}</p><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{below}"
 
 
 def data_frame(estimate: Estimate) -> Any:

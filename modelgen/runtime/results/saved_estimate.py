@@ -27,6 +27,9 @@ LATER = (
     "noise_covariance",
     "drift_covariance",
     "modes",
+    "roles",
+    "unseen",
+    "verdict",
 )
 AGREEMENT = 1e-9  # relative: what is calculated again differs by rounding between machines
 CHANGED = "was changed by hand: identify again, or undo the change"
@@ -54,7 +57,14 @@ def estimate_parts(document: Mapping[str, Any], where: str) -> dict[str, Any]:
     if problems:
         raise DataError(*problems)
     return {
-        "model": EstimatedModel(saved["chain"], saved["sensor_set"], saved["title"], saved["composites"]),
+        "model": EstimatedModel(
+            saved["chain"],
+            saved["sensor_set"],
+            saved["title"],
+            saved["composites"],
+            saved.get("roles", {}),
+            tuple(saved.get("unseen", ())),
+        ),
         "records": tuple(saved["records"]),
         "fit": _fit(saved, parts),
         "covariances": _covariances(saved),

@@ -1,0 +1,60 @@
+"""The short answer: about ten lines, 80 columns, whatever the names, numbers and reasons are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from modelgen.runtime.modes.find_modes import modes_at
+from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.results.answer import answer_html, answer_text
+from tests.runtime.results.test_verdict import sound
+from tests.runtime.two_mass_records import SMALL, TRUTH
+
+GOLDEN = """\
+axis, sensors s, records chirp
+  J  0.002000 +- 0.000039 kg m^2 (95 %)
+  F  0.04000 +- 0.00078 N m s/rad (95 %)
+  K  15150 +- 300 N m/rad (95 %)
+  mode: free motion, time constant 0.5301 s
+  mode: 123.6 Hz (776.5 rad/s), damping ratio 0.03998
+  antiresonance of Gamma_m: 119.6 Hz
+Verdict: trust - the residual is no more than noise, no interval is wider than
+  +-20 %.
+"""
+
+
+def test_everything_is_said_in_ten_lines() -> None:
+    estimate = replace(sound(), modal=modes_at(SMALL, TRUTH))
+    assert answer_text(estimate) == GOLDEN
+    assert str(estimate) == estimate.answer() == GOLDEN
+    assert "<strong>Trust:</strong>" in estimate._repr_html_()
+    assert "<details>" in estimate._repr_html_()
+
+
+@pytest.mark.parametrize("count", [1, 8, 9, 40])
+def test_no_line_is_longer_than_a_terminal(count: int) -> None:
+    name = "x" * 200
+    entries = tuple(
+        Parameter(f"K_{i}" if count < 40 else f"{name}{i}", "N m/rad", 1.0 + i, 0.1, 0.0, 0.0, 0.0)
+        for i in range(count)
+    )
+    reasons = {f"S_{i}": "no motion at constant speed " * 9 for i in range(count)}
+    whole = sound()
+    parameters = replace(whole.parameters, identified=entries, physical=entries, not_identifiable=reasons)
+    text = answer_text(replace(whole, parameters=parameters, records=(name, "\x1b[2J", name)))
+    assert max(map(len, text.splitlines())) <= 80
+    assert text.count("No number for") == 1
+    assert text.isascii()
+    assert text.replace("\n", "").isprintable()
+    if count == 9:
+        assert "K_0 1.00 +- 0.20 N m/rad K_5 6.00 +- 0.20 N m/rad" in " ".join(text.split())
+
+
+def test_no_text_is_markup() -> None:
+    whole = sound()
+    evil = {"<script>": "<b>because</b>"}
+    told = answer_html(replace(whole, parameters=replace(whole.parameters, not_identifiable=evil)))
+    assert "<script>" not in told
+    assert "<b>because" not in told
