@@ -13,6 +13,7 @@ from modelgen.cli.arguments import compared_sensor_sets, load_chain
 from modelgen.errors import ModelgenError
 from modelgen.optional_library import optional_library
 from modelgen.report.page import report_page
+from modelgen.report.unmade import Unmade
 from modelgen.spec.chain import ChainSpec
 from modelgen.spec.load import catalog_path, load_spec
 
@@ -37,13 +38,29 @@ def report_text(
     """Return the report as the text of one HTML page.
 
     `spec` names the chain, which is otherwise looked for by its name and hash; with a `controller` the
-    records' closed loop is simulated and laid over what was measured.
+    records' closed loop is simulated and laid over what was measured. What cannot be made has a sentence in
+    its place.
     """
+    unmade = Unmade()
     chain = load_chain(spec) if spec else _spec_of(model, module)
-    sets = sensor_set_rows(chain) if chain is not None else []
+    sets: Sequence[Mapping[str, Any]] = ()
+    if chain is not None:
+        sets = unmade.attempt("sensors", lambda: sensor_set_rows(chain), ())
     given = {name: str(value) for name, value in options.items() if value not in (None, (), [])}
-    loops = closed_loops(model, readings, estimate, controller) if controller else ()
-    return report_page(model, readings, estimate, given, sets, loops)
+    loops: tuple[Validation, ...] = ()
+    if controller:
+        loops = unmade.attempt("loop", lambda: closed_loops(model, readings, estimate, controller), loops)
+    return report_page(model, readings, estimate, given, sets, loops, unmade)
+
+
+def check_inputs(spec: str | None, controller: Path | None) -> None:
+    """Read what a report is to be made with, before the work; raises as `report_text` would after it."""
+    from modelgen.runtime.simulation.controller_file import load_controller
+
+    if spec:
+        load_chain(spec)
+    if controller:
+        load_controller(controller)
 
 
 def write_figure(

@@ -31,6 +31,7 @@ from modelgen.report.plots import (
     zoomable,
 )
 from modelgen.report.scan_plot import scan_plots
+from modelgen.report.unmade import Unmade
 from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild
 from modelgen.runtime.curves.responses import moving_forces, responses
 from modelgen.runtime.model.model import Model
@@ -52,6 +53,7 @@ def report_page(
     options: Mapping[str, str] | None = None,
     sensor_sets: Sequence[Mapping[str, Any]] = (),
     validations: Sequence[Validation] = (),
+    unmade: Mapping[str, str] | None = None,
 ) -> str:
     """Return the report as HTML; the same inputs give the same bytes.
 
@@ -67,7 +69,10 @@ def report_page(
         The chain's sensor sets side by side: name, rows, order, identifiable, lost, as texts.
     validations : sequence of Validation, optional
         Closed loops, measured and simulated.
+    unmade : mapping of str to str, optional
+        Ids of sections that could not be made, with a sentence to stand in their place.
     """
+    left = Unmade(unmade or {})
     records = [item.record if isinstance(item, Reading) else item for item in readings]
     rows, singular = rebuild(model, records, estimate)
     script, style = _asset("report.js"), _asset("report.css")
@@ -91,12 +96,13 @@ def report_page(
             physical=_physical_rows(estimate),
             interval_kind=INTERVAL_KINDS[estimate.fit.covariance_kind],
             sensor_sets=sensor_sets,
-            residuals=_residuals(rows, estimate, records),
+            residuals=left.attempt("residuals", lambda: _residuals(rows, estimate, records), []),
             checks=check_tables(estimate.checks),
-            scans=scan_plots(estimate.checks.scan),
-            frequency=_frequency(model, records, estimate),
-            correlation=correlation_plot(estimate),
-            singular=singular_value_plot(singular),
+            scans=left.attempt("checks", lambda: scan_plots(estimate.checks.scan), []),
+            frequency=left.attempt("frequency", lambda: _frequency(model, records, estimate), []),
+            correlation=left.attempt("conditioning", lambda: correlation_plot(estimate), None),
+            singular=left.attempt("conditioning", lambda: singular_value_plot(singular), None),
+            unmade=left,
             singular_values=[f"{value:.4g}" for value in singular],
             readings=[_reading(item) for item in readings],
             validations=validations,

@@ -356,7 +356,7 @@ def test_identify_finds_the_simulated_parameters(identify: tuple[str | Path, ...
 
 
 def test_identify_tells_what_a_reader_needs(identify: tuple[str | Path, ...]) -> None:
-    printed = run(*identify, "--cutoff-hz", "180").stdout
+    printed = run(*identify, "--cutoff-hz", "180", "--details").stdout
     for word in (
         "K",
         "N m/rad",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 
 from generated import emps_rigid_qm
 from modelgen.cli.output_files import FIGURES, REPORTS, OutputFiles, check_output
-from modelgen.cli.write_report import _spec_of, sensor_set_rows, write_figure
+from modelgen.cli.write_report import _spec_of, check_inputs, sensor_set_rows, write_figure
 from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
@@ -71,6 +72,48 @@ def test_the_report_is_the_same_twice_and_lists_what_was_asked(
     with pytest.raises(ModelgenError, match="exists already"):
         report(tmp_path / "a.html", readings, estimate)
     assert report(tmp_path / "a.html", readings, estimate, overwrite=True) == first
+
+
+def test_what_cannot_be_made_is_a_sentence_in_its_place(
+    tmp_path: Path, readings: list[Reading], estimate: Estimate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A loop cannot be simulated where friction was refused; the rest of the report is as it was."""
+    (tmp_path / "loop.toml").write_text("[controller]\nkp = 500.0\nkv = 50.0\n", encoding="utf-8")
+    t = np.arange(6000) / 1000.0
+    record = readings[0].record
+    followed = Record({**record.signals, "reference": 0.05 * np.sin(t)}, record.fs, "run1")
+    whole = estimate.parameters
+    refused = replace(
+        estimate,
+        parameters=replace(
+            whole,
+            physical=tuple(entry for entry in whole.physical if entry.name != "Fc"),
+            not_identifiable={"Fc": "no constant-velocity motion of m"},
+        ),
+    )
+    page = report(
+        tmp_path / "a.html", [Reading(followed, (), (), ())], refused, controller=tmp_path / "loop.toml"
+    )
+    assert "Not made: parameters: Fc: is missing" in page.replace("\n", " ")
+    assert "no constant-velocity motion of m" in page
+
+    def fails(*_: object) -> list[object]:
+        raise np.linalg.LinAlgError("singular")
+
+    for section in ("_residuals", "_frequency", "scan_plots", "correlation_plot", "singular_value_plot"):
+        with monkeypatch.context() as broken:
+            broken.setattr(f"modelgen.report.page.{section}", fails)
+            assert "Not made: its numbers fail (singular)." in report(
+                tmp_path / "b.html", readings, estimate, overwrite=True
+            )
+
+
+def test_what_a_report_is_made_with_is_read_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "loop.toml").write_text("[controller]\nkp = 1.0\n", encoding="utf-8")
+    with pytest.raises(DataError, match="kv"):
+        check_inputs(None, tmp_path / "loop.toml")
+    with pytest.raises(ModelgenError, match="absent"):
+        check_inputs("absent.toml", None)
 
 
 def test_suspicions_stand_in_the_report(tmp_path: Path, readings: list[Reading]) -> None:

@@ -43,7 +43,8 @@ ReportSpec = Annotated[
     str | None, typer.Option(metavar="SPEC", help="The chain, for the report's table of sensor sets.")
 ]
 Details = Annotated[
-    bool, typer.Option("--details", help="Print everything: filters, tests, every warning.", show_default=False)
+    bool,
+    typer.Option("--details", help="Print everything: filters, tests, every warning.", show_default=False),
 ]
 Controller = Annotated[
     Path | None,
@@ -80,7 +81,7 @@ def identify(
     Prints parameters, modes, whether to trust them and what to do next. What is "chosen" is chosen from the
     records, unless it is given; --details explains it.
     """
-    from modelgen.cli.output_files import OutputFiles, check_inputs
+    from modelgen.cli.output_files import OutputFiles
     from modelgen.runtime.identification.identify import identify as run
     from modelgen.runtime.model.model import load_model
 
@@ -88,6 +89,8 @@ def identify(
     outputs = OutputFiles(output, report_file, figure, overwrite)
     outputs.check()  # before the work, not after it
     if report_file:
+        from modelgen.cli.write_report import check_inputs
+
         check_inputs(spec, controller)
     inputs = (REFERENCE, FURTHER_INPUTS) if controller and report_file else ()
     readings = tagged(read_files(data, [model], given, *inputs), tag or ())

@@ -50,9 +50,10 @@ def answer_html(estimate: Estimate) -> str:
     )
     below = [*(line.strip() for line in modes_lines(estimate)), *refused_lines(estimate)]
     said = "".join(f"<p>{html.escape(line)}</p>" for line in below)
+    why = html.escape(_sentence(judged.reasons[0]))
     action = f" Next: {html.escape(judged.action)}." if judged.action else ""
     return (
-        f"<p><strong>{judged.word.capitalize()}:</strong> {html.escape(_sentence(judged.reasons[0]))}{action}</p>"
+        f"<p><strong>{judged.word.capitalize()}:</strong> {why}{action}</p>"
         "<table><thead><tr><th>parameter</th><th>value, 95 %</th><th>unit</th></tr></thead>"
         f"<tbody>{rows}</tbody></table>{said}"
     )

@@ -16,6 +16,7 @@ from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import Covariances
 from modelgen.runtime.results.estimate_file import KEYS, PARTS, checked_estimate
 from modelgen.runtime.results.estimate_parts import EstimatedFit, EstimatedModel, EstimatedParameters
+from modelgen.runtime.results.thresholds import AGREEMENT
 from modelgen.typed_values import typed
 
 # keys that documents of version 1 did not always have
@@ -31,7 +32,6 @@ LATER = (
     "unseen",
     "verdict",
 )
-AGREEMENT = 1e-9  # relative: what is calculated again differs by rounding between machines
 CHANGED = "was changed by hand: identify again, or undo the change"
 
 

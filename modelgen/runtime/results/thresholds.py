@@ -11,3 +11,6 @@ EXPLAINED = 0.01
 COLUMNS, MANY = 80, 8
 # Characters of a reason in the short answer.
 REASON = 150
+
+# Relative: what is calculated again from a saved estimate differs by rounding between machines.
+AGREEMENT = 1e-9
