@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -15,6 +16,9 @@ from modelgen.runtime.exports.mechanics import mechanics
 from modelgen.runtime.exports.values import Values, export_values, with_samples
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.results.estimate import Estimate
+
+# what a spec's names are; a module may come from a stranger, and names become parts of programs here
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}\Z")
 
 
 @dataclass(frozen=True)
@@ -134,6 +138,7 @@ def export(
         remedy = f"did you mean {close}?" if close else f"choose one of {', '.join(TARGETS)}"
         raise DataError.at(f"to {to!r}", "is no format", remedy)
     target = TARGETS[to]
+    _refuse_names(model)
     if isinstance(source, str):
         if source not in model.parameter_sets:
             remedy = f"choose one of {', '.join(model.parameter_sets) or 'none'}, or give an estimate"
@@ -152,3 +157,13 @@ def export(
     write: Callable[[Case], Written] = import_module(f"modelgen.runtime.exports.{target.module}").write
     written = write(Case(model, mechanics(model), found))
     return Export(to, target.suffix, written.files, found, notes + written.notes)
+
+
+def _refuse_names(model: Model) -> None:
+    bodies = [body for role in model.roles.values() for body in role.bodies]
+    keys = [*(sensor.key for sensor in model.sensors), *(actuator.key for actuator in model.actuators)]
+    names = [model.chain, model.sensor_set, *model.parameters, *model.known, *model.roles, *bodies, *keys]
+    wrong = [name for name in dict.fromkeys(names) if not NAME.match(name)]
+    if wrong:
+        remedy = "generate the module from a spec (modelgen generate)"
+        raise DataError.at(f"model {wrong[0]!a}", "is no name that a spec can have", remedy)

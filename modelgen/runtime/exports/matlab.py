@@ -9,6 +9,23 @@ from modelgen.runtime.exports.case import Case, Written
 from modelgen.runtime.exports.plain_text import one_line
 from modelgen.runtime.exports.state_space_json import linear_notes, matrices
 
+# words of the language that are names in a spec: no fields of a structure
+WORDS = frozenset(
+    (
+        "case",
+        "catch",
+        "classdef",
+        "elseif",
+        "end",
+        "function",
+        "otherwise",
+        "parfor",
+        "persistent",
+        "spmd",
+        "switch",
+    )
+)
+
 
 def write(case: Case) -> Written:
     """Return the script; parameters of samples stand in the array `samples`, their models in `sampled`."""
@@ -48,7 +65,8 @@ def _lines(case: Case) -> Iterator[str]:
 
 
 def _structure(values: Mapping[str, float]) -> str:
-    return f"struct({', '.join(f'{name!r}, {value!r}' for name, value in values.items())})"
+    fields = (f"'{f'{name}_' if name in WORDS else name}', {value!r}" for name, value in values.items())
+    return f"struct({', '.join(fields)})"
 
 
 def _matrix(rows: list[list[Any]]) -> str:

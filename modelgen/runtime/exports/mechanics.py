@@ -111,7 +111,7 @@ def _body(model: Model, name: str) -> Body:
     viscous = own.get("viscous")
     ways = (viscous, viscous)
     if friction is not None and friction.asymmetric and viscous is not None:
-        stem = viscous.removesuffix("_minus").removesuffix("_plus")
+        stem = viscous.removesuffix("_minus" if viscous.endswith("_minus") else "_plus")
         ways = (f"{stem}_plus", f"{stem}_minus")
     motion: Literal["rotation", "translation"] = (
         "translation" if model.units[own["inertia"]] == "kg" else "rotation"

@@ -74,8 +74,8 @@ class _Names:
 
 
 def _unit(unit: str) -> str:
-    """Return a unit as Modelica writes it: N m s/rad is N.m.s/rad, kg m^2 is kg.m2."""
-    return unit.replace(" ", ".").replace("^", "")
+    """Return a unit as Modelica writes it: N m s/rad is "N.m.s/rad", kg m^2 is "kg.m2"."""
+    return quoted(unit.replace(" ", ".").replace("^", ""))
 
 
 def _model(case: Case, names: _Names, margin: str) -> Iterator[str]:
@@ -90,24 +90,24 @@ def _declarations(case: Case, names: _Names) -> Iterator[str]:
     for name, value in values.items():
         unit = _unit(model.units.get(name, ""))
         role = model.roles[name].role if name in model.roles else ""
-        attributes = f'unit = "{unit}"' + (", min = 0" if role in ("inertia", "coulomb") else "")
+        attributes = f"unit = {unit}" + (", min = 0" if role in ("inertia", "coulomb") else "")
         yield f"parameter Real {names.of(name)}({attributes}) = {value!r} {quoted(role)};"
     for body in _rubbing(case):
         speed = names.made(f"slow_{body.name}")
         size = slow_speed(body, values)
         unit = _unit(body.units["velocity"])
-        yield f'parameter Real {speed}(unit = "{unit}") = {size!r} "speed at which friction is at 76 %";'
+        yield f'parameter Real {speed}(unit = {unit}) = {size!r} "speed at which friction is at 76 %";'
     for push in case.mechanics.pushes:
-        yield f'input Real {names.of(push.key)}(unit = "{_unit(push.unit)}");'
+        yield f"input Real {names.of(push.key)}(unit = {_unit(push.unit)});"
     for reading in case.mechanics.readings:
-        yield f'output Real {names.of(reading.key)}(unit = "{_unit(reading.unit)}");'
+        yield f"output Real {names.of(reading.key)}(unit = {_unit(reading.unit)});"
     for body in case.mechanics.bodies:
         for kind, measure in (("position", "position"), ("speed", "velocity")):
             unit = _unit(body.units[measure])
-            yield f'Real {names.made(f"{kind}_{body.name}")}(unit = "{unit}", start = 0, fixed = true);'
+            yield f"Real {names.made(f'{kind}_{body.name}')}(unit = {unit}, start = 0, fixed = true);"
     for number, spring in enumerate(case.mechanics.springs, 1):
         first = case.mechanics.bodies[spring.lever[-1][0]]
-        yield f'Real {names.made(f"force_{number}")}(unit = "{_unit(first.units["force"])}");'
+        yield f"Real {names.made(f'force_{number}')}(unit = {_unit(first.units['force'])});"
 
 
 def _rubbing(case: Case) -> list[Body]:

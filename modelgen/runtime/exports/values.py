@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -147,6 +148,12 @@ def _problem(
         if isinstance(source, Estimate):
             reason = source.not_identifiable.get(name) or model.absent.get(name)
             why += f" ({reason})" if reason else ""
+            seen = [
+                a.where
+                for a in source.checks.advice
+                if a.kind == "dependent columns" and _is_in(name, a.where)
+            ]
+            remedy += f"; {listed(seen, most=3, width=200)}" if seen else ""
             sums = [
                 f"{base} = {source.params[base]:.6g}"
                 for base in source.params
@@ -163,6 +170,10 @@ def _problem(
         remedy = f"it must be {limit}: give --set {name}=NUMBER"
         return Problem(f"parameters: {name}", f"is {value:.6g} {unit}", remedy)
     return None
+
+
+def _is_in(name: str, text: str) -> bool:
+    return name in re.findall(r"\w+", text)
 
 
 def _names_in(model: Model, base: str) -> list[str]:

@@ -12,11 +12,13 @@ import pytest
 import modelgen
 from generated import emps300_qm_ac, emps300_qm_qc, tree_mixed
 from modelgen.errors import DataError
+from modelgen.render.writer import generate
 from modelgen.runtime.exports.export import TARGETS, export
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.model.model import Model, model_from_module, model_from_text
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import parse_spec
 from tests.runtime.exports.open_loop import model_of
 
 PLAIN = model_from_module(emps300_qm_qc)
@@ -143,6 +145,20 @@ a_c = { body = "c", measures = "acceleration" }
     made = export(model, estimate, "fmu", values={"O_c": 0.05})
     assert made.values.origin["O_m"].startswith("follows")
     assert made.values.nominal["O_m"] == pytest.approx(0.02, rel=1e-2)
+
+
+@pytest.mark.parametrize("to", TARGETS)
+@pytest.mark.parametrize("old", ["'q_c'", "'Gamma_m'", "'F_vmc'", "'c'"])
+def test_a_strangers_names_reach_no_program(to: str, old: str) -> None:
+    spec = (Path(modelgen.__file__).parent / "catalog" / "emps300.toml").read_text(encoding="utf-8")
+    text = generate(parse_spec(spec, "emps300.toml"), "qm_qc")
+    hostile = text.replace(old, "'x\"/><!--%-system(1)'").replace(
+        old.replace("'", '"'), '"x\\"/><!--%-system(1)"'
+    )
+    model = model_from_text(hostile, "stranger", trust=True)
+    values = {name: 1.0 for name in model.parameters}
+    with pytest.raises(DataError, match="no name that a spec can have"):
+        export(model, values, to)
 
 
 def test_the_public_name() -> None:

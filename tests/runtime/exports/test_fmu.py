@@ -6,6 +6,7 @@ import shutil
 import zipfile
 from io import BytesIO
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import fmpy
@@ -16,10 +17,12 @@ from fmpy.validation import validate_fmu
 
 from generated import emps_rigid_asymmetric_qm, tree_mixed
 from modelgen.array_types import FloatArray
+from modelgen.errors import ModelError
 from modelgen.runtime.exports.export import export
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.simulation.excitation import Excitation
 from tests.runtime.exports.open_loop import FS, GEARED, error, force, model_of, motion
+from tests.symbolic.random_chains import random_spec
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 
@@ -83,6 +86,25 @@ def test_it_moves_as_our_own_simulation(name: str, tmp_path: Path) -> None:
     rows = driven(fmu, references, model, push)
     for column, sensor in enumerate(model.sensors):
         assert error(rows[:, column], expected[sensor.key]) < 1e-6, sensor.key
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_chains_move_as_our_own_simulation(seed: int, tmp_path: Path) -> None:
+    random = Random(seed)
+    try:
+        model = model_of(random_spec(random, 4), "set")
+    except ModelError:
+        return
+    sizes = {"inertia": 1e-3, "stiffness": 50.0, "damping": 0.02, "viscous": 0.01, "coulomb": 0.05}
+    names = [name for name in (*model.parameters, *model.known) if name in model.roles]
+    values = {name: sizes.get(model.roles[name].role, 0.02) * random.uniform(0.5, 2.0) for name in names}
+    push = force(model, 0.4, 0.4)
+    expected = motion(model, values, push)
+    fmu, references = opened(export(model, values, "fmu").files[""], tmp_path)
+    rows = driven(fmu, references, model, push)
+    for column, sensor in enumerate(model.sensors):
+        if np.abs(expected[sensor.key]).max() > 1e-9 and sensor.measures != "acceleration":
+            assert error(rows[:, column], expected[sensor.key]) < 1e-5, sensor.key
 
 
 def test_parameters_can_be_set(tmp_path: Path) -> None:
