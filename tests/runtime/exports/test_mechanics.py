@@ -39,7 +39,7 @@ UNEVEN = """
 chain = { name = "uneven", motion = "translation" }
 bodies = [
     { name = "a", inertia = "M", viscous = "B_plus", coulomb = "F_minus", friction = "asymmetric" },
-    { name = "b", inertia = "M_b", viscous = "B_minus", coulomb = "F", friction = "asymmetric", actuator = "T" },
+    { name = "b", inertia = "M_b", viscous = "B_minus", coulomb = "F", friction = "asymmetric", DRIVEN },
 ]
 links = [{ bodies = ["a", "b"], stiffness = "K" }]
 [sensors.all]
@@ -47,7 +47,7 @@ v_a = { body = "a", measures = "velocity" }
 q_b = { body = "b", measures = "position" }
 """
 MODELS = {
-    "uneven": model_of(UNEVEN),
+    "uneven": model_of(UNEVEN.replace("DRIVEN", 'actuator = "T"')),
     "emps300": model_from_module(emps300_qm_ac),
     "asymmetric": model_from_module(emps_rigid_asymmetric_qm),
     "three masses": model_from_module(three_mass_qa_qb_ac),
