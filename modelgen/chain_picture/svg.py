@@ -74,8 +74,11 @@ class _Grid:
         return self.places[id(node)][1]
 
 
-def chain_svg(diagram: ChainDiagram) -> str:
-    """Return the picture; texts in it are escaped, and the same diagram gives the same bytes."""
+def chain_svg(diagram: ChainDiagram, alone: bool = True) -> str:
+    """Return the picture; texts in it are escaped, and the same diagram gives the same bytes.
+
+    `alone` makes it a file of its own; without it, it is an element of a page.
+    """
     nodes, loops = branches(diagram)
     grid = _grid(diagram, nodes)
     by_name = {node.name: node for node in nodes if not node.is_ground}
@@ -96,12 +99,13 @@ def chain_svg(diagram: ChainDiagram) -> str:
         wide = max(wide, right + MARGIN)
     bodies = {body.name: body for body in diagram.bodies}
     pieces += [_body(grid, node, bodies[node.name]) for node in by_name.values()]
-    return _page(diagram, wide, bottom + (2.0 * LANE if around else 0.0), pieces)
+    return _page(diagram, wide, bottom + (2.0 * LANE if around else 0.0), pieces, alone)
 
 
-def _page(diagram: ChainDiagram, wide: float, high: float, pieces: Sequence[str]) -> str:
+def _page(diagram: ChainDiagram, wide: float, high: float, pieces: Sequence[str], alone: bool) -> str:
     size = f'viewBox="0 0 {number(wide)} {number(high)}" width="{number(wide)}" height="{number(high)}"'
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" class="chain" role="img" {size}'
+    space = 'xmlns="http://www.w3.org/2000/svg" ' if alone else ""
+    head = f'<svg {space}class="chain" role="img" {size}'
     head += f' style="max-width:{number(wide)}px">'
     paper = f'<rect class="paper" width="{number(wide)}" height="{number(high)}"/>'
     title = f"<title>{escape(diagram.title)}</title>"

@@ -16,6 +16,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.model.model import Sensor as ModelSensor
 from modelgen.spec.chain import ChainSpec, Sensor
 
+MOST_BODIES = 60  # in a report; what is beyond is a page of its own
 NEGLIGIBLE = 1e-9  # of the largest entry of a spring's matrix
 
 
@@ -42,6 +43,14 @@ def draw_chain(chain: ChainSpec | Model, sensors: str | None = None) -> str:
     if isinstance(chain, Model):
         return chain_svg(diagram_of_model(chain))
     return chain_svg(diagram_of_spec(chain, sensors))
+
+
+def chain_section(model: Model) -> str:
+    """Return the picture as an element of the report; of a very long chain a sentence."""
+    bodies = sum(len(role.bodies) for role in model.roles.values() if role.role == "inertia")
+    if bodies > MOST_BODIES:
+        return f"<p>{bodies} bodies: modelgen show --svg draws them.</p>"
+    return chain_svg(diagram_of_model(model), alone=False)
 
 
 def diagram_of_spec(spec: ChainSpec, sensors: str | None = None) -> ChainDiagram:

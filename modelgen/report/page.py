@@ -20,6 +20,7 @@ from markupsafe import Markup, escape
 
 import modelgen
 from modelgen.render.environment import template_folder
+from modelgen.report.chain_drawing import chain_section
 from modelgen.report.mathml import row_equations, symbol
 from modelgen.report.plots import (
     autocorrelation_plot,
@@ -82,6 +83,7 @@ def report_page(
         .get_template("report.html.j2")
         .render(
             title=str(estimate.model),
+            picture=Markup(left.attempt("chain", lambda: chain_section(model), "")),
             estimate=estimate,
             model=model,
             style=Markup(style),

@@ -71,12 +71,12 @@ class Outline(HTMLParser):
 
 def test_every_part_is_there(page: str) -> None:
     outline = Outline(page)
-    parts = ["parameters", "forces", "residuals", "frequency", "conditioning", "loop", "filters"]
+    parts = ["chain", "parameters", "forces", "residuals", "frequency", "conditioning", "loop", "filters"]
     assert [name for name in outline.ids if name in parts] == parts
     assert {"equations", "sensors", "provenance"} <= set(outline.ids)
     assert outline.tags.count("math") >= 3 + 6
     assert outline.tags.count("canvas") == 3
-    assert outline.tags.count("svg") == 3 + 2 * 3 + 2
+    assert outline.tags.count("svg") == 1 + 3 + 2 * 3 + 2
 
 
 def test_nothing_is_loaded_from_anywhere(page: str) -> None:
