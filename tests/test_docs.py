@@ -95,7 +95,8 @@ def test_every_page_is_in_the_navigation() -> None:
     assert sorted(listed) == PAGES
 
 
-PROJECT = 'spec = "emps300"\nsensors = "qm_ac"\n[[records]]\nfiles = ["run1.csv"]\n'
+PROJECT = 'spec = "emps300"\nsensors = "qm_ac"\n'
+GROUPS = "".join(f'[[records]]\nfiles = ["run{k}.csv"]\n' for k in (1, 2))
 LOOP = "[controller]\nkp = 0.19\nkv = 1.7e-3\n"
 
 
@@ -113,12 +114,13 @@ def test_examples_of_the_help_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     run_command("modelgen generate emps300 --check")
     simulate = "modelgen simulate emps300 --sensors qm_ac --parameters light --excitation chirp"
     run_command(f"{simulate} --duration-s 3 -o run1.csv")
+    run_command(f"{simulate} --duration-s 3 --noise q_m=2e-6 -o run2.csv")
     for machine in ("axis1", "axis2"):
         Path(machine).mkdir()
     shutil.copy("chirp.npz", "axis1/run1.npz")
     noise = "--noise q_m=2e-6 --noise a_c=0.5 --noise Gamma_m=1e-4 --seed 2"
     run_command(f"{simulate} {noise} -o axis2/run1.npz")
-    Path("axis.project.toml").write_text(PROJECT, encoding="utf-8")
+    Path("axis.project.toml").write_text(PROJECT + GROUPS, encoding="utf-8")
     later = [
         command for command in EXAMPLES if command not in ("demo", "new", "show", "generate", "simulate")
     ]

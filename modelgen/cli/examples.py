@@ -8,7 +8,7 @@ PURPOSES: dict[str, tuple[str, ...]] = {
     "A chain and its models": ("new", "show", "generate"),
     "Plan an experiment": ("design", "simulate"),
     "From records to parameters": ("import", "identify", "run", "fleet"),
-    "Judge an estimate": ("validate", "compare"),
+    "Judge an estimate": ("validate", "compare", "trend"),
     "Use its numbers": ("export",),
 }
 
@@ -45,6 +45,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "modelgen compare emps300",
         "modelgen compare generated/emps300_qm_ac.py generated/emps300_qm_qc.py --parameters table_2",
     ),
+    "trend": ("modelgen trend axis.project.toml --plot trend.png",),
     "fleet": (
         "modelgen fleet axis1/run1.npz axis2/run1.npz --model generated/emps300_qm_ac.py --cutoff-hz 60",
     ),

@@ -1,4 +1,4 @@
-"""One picture of measured and rebuilt forces; needs matplotlib (the extra `plot`).
+"""Pictures in files, one of measured and rebuilt forces; needs matplotlib (the extra `plot`).
 
 PNG, SVG or PDF by the suffix; the same panels give the same bytes: no date, no random names inside.
 """
@@ -9,6 +9,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from modelgen.array_types import FloatArray
 from modelgen.atomic_write import write_whole
@@ -41,11 +42,8 @@ def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2, overwrite
     ImportError
         Without matplotlib.
     """
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    undated = UNDATED.get(path.suffix.lower(), {})
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(6.0 * columns, 3.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False)
@@ -56,6 +54,15 @@ def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2, overwrite
         axis.set_visible(False)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False)
+    write_picture(figure, path, overwrite)
+
+
+def write_picture(figure: Any, path: Path, overwrite: bool) -> None:
+    """Write a figure of matplotlib as PNG, SVG or PDF: the same figure gives the same bytes."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    undated = UNDATED.get(path.suffix.lower(), {})
     # names of clipping paths in an SVG are random unless they are salted
     with rc_context({"svg.hashsalt": "modelgen", "svg.fonttype": "path"}):
         drawn = io.BytesIO()

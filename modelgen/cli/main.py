@@ -31,6 +31,7 @@ COMMANDS = {
     "export": ("modelgen.cli.commands.export", "export"),
     "run": ("modelgen.cli.commands.run", "run"),
     "fleet": ("modelgen.cli.commands.fleet", "fleet"),
+    "trend": ("modelgen.cli.commands.trend", "trend"),
     "design": ("modelgen.cli.commands.design", "design"),
 }
 

@@ -19,6 +19,10 @@ MEND_HELP = "What to mend: duplicates, gaps, fill, uneven, clocks or offset=KEY;
 
 # what a command answers, and what it may do
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of tables.")]
+Details = Annotated[
+    bool,
+    typer.Option("--details", help="Print everything: filters, tests, every warning.", show_default=False),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace output files that exist.")]
 Trust = Annotated[
     bool, typer.Option("--trust", help="Execute the module even if modelgen did not write it like this.")

@@ -49,8 +49,8 @@ class Project:
         return self.path.parent / name
 
 
-def load_project(path: Path) -> Project:
-    """Read a project file.
+def load_project(path: Path, with_records: bool = True) -> Project:
+    """Read a project file; without its records, these need not be there any more.
 
     Raises
     ------
@@ -73,7 +73,8 @@ def load_project(path: Path) -> Project:
         problems += _number_problems(where, table)
         problems += _output_problems(where, project)
         problems += _model_problems(where, table) if len(table.records) else []
-        problems += _record_problems(where, project) if len(table.records) or not problems else []
+        if with_records and (len(table.records) or not problems):
+            problems += _record_problems(where, project)
     if problems:
         raise DataError(*problems)
     return project

@@ -48,7 +48,6 @@ FORMS = {
 # commands without --overwrite, and why
 NEVER_OVERWRITE = {
     "demo": "writes into a folder of its own",
-    "show": "writes nothing",
     "generate": "replaces what it wrote itself, and nothing else",
 }
 

@@ -27,7 +27,7 @@ from modelgen.cli.estimation_options import (
     ScanCutoffs,
     Tags,
 )
-from modelgen.cli.options import Data, Json, Module, Overwrite, Trust
+from modelgen.cli.options import Data, Details, Json, Module, Overwrite, Trust
 from modelgen.cli.output import note, print_json
 
 Output = Annotated[
@@ -41,10 +41,6 @@ FigureFile = Annotated[
 ]
 ReportSpec = Annotated[
     str | None, typer.Option(metavar="SPEC", help="The chain, for the report's table of sensor sets.")
-]
-Details = Annotated[
-    bool,
-    typer.Option("--details", help="Print everything: filters, tests, every warning.", show_default=False),
 ]
 Controller = Annotated[
     Path | None,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from modelgen.cli.options import Json, Overwrite, Trust
+from modelgen.cli.options import Details, Json, Overwrite, Trust
 from modelgen.cli.output import note, print_json
 
 ProjectFile = Annotated[
@@ -21,6 +21,7 @@ LockAgain = Annotated[
 def run(
     project: ProjectFile,
     lock: LockAgain = False,
+    details: Details = False,
     trust: Trust = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
@@ -44,4 +45,4 @@ def run(
     if as_json:
         print_json(facts_of(found, ran))
     else:
-        typer.echo(ran.estimate.summary(), nl=False)
+        typer.echo(ran.estimate.summary() if details else ran.estimate.answer(), nl=False)

@@ -1,0 +1,1 @@
+"""What has changed over the estimates of one machine, and since when."""
