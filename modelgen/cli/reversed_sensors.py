@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -45,7 +46,7 @@ def with_reversed(
         if together < AGAINST:
             entry = entries[sensor.key]
             why = f"it moves against {first.key} (correlation {together:.4f}), so negate it"
-            why = f"{entry.why}; {why}: --map {entry.key}=-{entry.column}"
+            why = f"{entry.why}; {why}: --map {shlex.quote(f'{entry.key}=-{entry.column}')}"
             entries[sensor.key] = replace(entry, negate=True, why=why)
     return tuple(entries[entry.key] for entry in proposed)
 
