@@ -36,9 +36,11 @@ from modelgen.report.unmade import Unmade
 from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild
 from modelgen.runtime.curves.responses import moving_forces, responses
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.modes.modes import cells
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.read_record import Reading
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.answer import asked_for, plus_minus
 from modelgen.runtime.results.check_tables import check_tables
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.results.summary import INTERVAL_KINDS
@@ -86,6 +88,9 @@ def report_page(
             picture=Markup(left.attempt("chain", lambda: chain_section(model), "")),
             estimate=estimate,
             model=model,
+            verdict=estimate.verdict,
+            asked=asked_for(estimate),
+            modes=estimate.modes(),
             style=Markup(style),
             script=Markup(script),
             policy=_policy(script),
@@ -123,6 +128,8 @@ def _environment() -> jinja2.Environment:
     )
     env.filters["number"] = _number
     env.filters["unit"] = _unit
+    env.filters["reached"] = lambda entry: _typeset(plus_minus(entry))
+    env.filters["cells"] = lambda one: [_typeset(text) for text in cells(one)]
     return env
 
 
@@ -147,6 +154,15 @@ def _number(value: float | None, digits: int = 5) -> Markup:
     mantissa, _, exponent = f"{value:.{digits}g}".replace("-", "−").partition("e")
     power = exponent.replace("+", "").replace("−0", "−").lstrip("0")
     return Markup("{}·10<sup>{}</sup>").format(mantissa, power) if exponent else Markup(mantissa)
+
+
+def _typeset(text: str) -> Markup:
+    """Return "(9.87 +- 0.02)e-06" with its signs and power as they are printed."""
+    mantissa, _, exponent = text.replace("+-", "±").replace("-", "−").partition(")e")
+    if not exponent:
+        return escape(mantissa)
+    power = exponent.replace("+", "").replace("−0", "−").lstrip("0")
+    return Markup("{})·10<sup>{}</sup>").format(mantissa, power)
 
 
 def _unit(text: str) -> Markup:

@@ -9,8 +9,8 @@ from modelgen.runtime.identification.options import values_of
 from tests.runtime.rigid_motion import ONE_WAY, RIGID, SETTINGS, TRUTH, rigid_record
 
 
-def section(page: str) -> str:
-    found = re.search(r'<section id="checks">(.*?)</section>', page, re.DOTALL)
+def section(page: str, name: str = "checks") -> str:
+    found = re.search(rf'<section id="{name}">(.*?)</section>', page, re.DOTALL)
     assert found is not None
     return found.group(1)
 
@@ -20,8 +20,9 @@ def test_warnings_tests_and_the_scan_are_in_the_report() -> None:
     estimate = identify(
         RIGID, record, **values_of("wls", scan_cutoffs=[20.0, 60.0], bounds="physical", **SETTINGS)
     )
-    found = section(report_page(RIGID, [record], estimate))
-    assert "No warning" in found
+    page = report_page(RIGID, [record], estimate)
+    assert "No warning" in section(page, "answer")
+    found = section(page)
     for title in ("Residual tests", "Physical bounds", "Scan of the filter"):
         assert f"<h3>{title}</h3>" in found
     # a curve for every parameter, over three cut-offs with their intervals
@@ -35,7 +36,8 @@ def test_warnings_tests_and_the_scan_are_in_the_report() -> None:
 def test_a_warning_is_printed_with_its_remedy() -> None:
     record = rigid_record(ONE_WAY[1.0])
     estimate = identify(RIGID, record, **values_of(**SETTINGS))
-    found = section(report_page(RIGID, [record], estimate))
+    found = section(report_page(RIGID, [record], estimate), "answer")
+    assert '<p class="verdict measure-again"><strong>Measure again:</strong>' in found
     assert "<strong>dependent columns</strong>: Fc and offset move together" in found.replace(
         "offset and Fc move", "Fc and offset move"
     )

@@ -71,7 +71,7 @@ class Outline(HTMLParser):
 
 def test_every_part_is_there(page: str) -> None:
     outline = Outline(page)
-    parts = ["chain", "parameters", "forces", "residuals", "frequency", "conditioning", "loop", "filters"]
+    parts = ["answer", "chain", "forces", "frequency", "loop", "parameters", "residuals", "conditioning"]
     assert [name for name in outline.ids if name in parts] == parts
     assert {"equations", "sensors", "provenance"} <= set(outline.ids)
     assert outline.tags.count("math") >= 3 + 6

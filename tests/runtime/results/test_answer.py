@@ -21,7 +21,7 @@ axis, sensors s, records chirp
   mode: 123.6 Hz (776.5 rad/s), damping ratio 0.03998
   antiresonance of Gamma_m: 119.6 Hz
 Verdict: trust - the residual is no more than noise, no interval is wider than
-  +-20 %.
+  20 % of the value either way.
 """
 
 
