@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import factorial
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.comparison.thresholds import RELATIVE_STEP, UNCERTAIN
+from modelgen.runtime.prediction.discretised import discretised
 from modelgen.runtime.simulation.plant import Plant
 
 Directions = tuple[int, ...]
 # values and slopes by the state, by the force, by the friction
 Linearised = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-
-# Value and derivatives at 0 of the cubic through values at -1, 0, 1 and 2.
-CUBIC = np.linalg.inv([[t**k / factorial(k) for k in range(4)] for t in (-1.0, 0.0, 1.0, 2.0)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,17 +138,7 @@ class KalmanModel:
         return self._made[directions]
 
     def _discretised(self, values: FloatArray, directions: Directions) -> tuple[FloatArray, FloatArray]:
-        from scipy.linalg import expm
-
-        model, n = self.plant.model, self.states
-        named = dict(zip(model.parameters, values.tolist(), strict=True))
-        by_body = {entry.body: sign for entry, sign in zip(model.friction, directions, strict=True)}
-        A, B, C, D, E, F = model.state_space({**self.plant.parameters, **named}, by_body)
-        m, r = B.shape[1], E.shape[1]
-        # over a step of 1: (x, u, its three derivatives, f), the friction constant
-        M = np.zeros((n + 4 * m + r,) * 2)
-        M[:n] = self._dt * np.hstack((A, B, np.zeros((n, 3 * m)), E))
-        M[n : n + 3 * m, n + m : n + 4 * m] = np.eye(3 * m)
-        moved = expm(M)[:n]
-        by_samples = moved[:, n : n + 4 * m] @ np.kron(CUBIC, np.eye(m))
-        return np.hstack((moved[:, :n], by_samples, moved[:, n + 4 * m :])), np.hstack((C, D, F))
+        named = dict(zip(self.plant.model.parameters, values.tolist(), strict=True))
+        friction = self.plant.model.friction
+        by_body = {entry.body: sign for entry, sign in zip(friction, directions, strict=True)}
+        return discretised(self.plant.model, {**self.plant.parameters, **named}, by_body, self._dt)

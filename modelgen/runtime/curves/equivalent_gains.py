@@ -21,6 +21,7 @@ from modelgen.runtime.curves.thresholds import (
     GAIN_POINTS,
     LARGEST_GAIN,
     LEAST_POWER,
+    RESTING,
     ROUNDS,
     SETTLED,
 )
@@ -152,6 +153,7 @@ class Motion:
         # beyond the cut-off nothing is known of the motion, and at 0 Hz nothing of what turns freely
         self._lines = np.flatnonzero((self.frequency_hz > 0.0) & (self.frequency_hz <= cutoff_hz))
         self.measured = _measured_velocities(plant.model, record, cutoff_hz)
+        self.noise = {key: _velocity_noise(plant.model, record, key, cutoff_hz) for key in self.measured}
         self._deflections = [
             _measured_deflection(plant, spring, record, cutoff_hz) for spring in plant.cubic_forces()
         ]
@@ -198,6 +200,15 @@ def _measured_velocities(model: Model, record: Record, cutoff_hz: float) -> dict
     return found
 
 
+def _velocity_noise(model: Model, record: Record, body: str, cutoff_hz: float) -> float:
+    """Return the standard deviation of a measured velocity that noise of its sensor makes."""
+    order, key = min((s.order, s.key) for s in model.sensors if s.body == body and s.key in record.signals)
+    density = record.facts.spectrum(key).noise
+    if order == 1:
+        return float(np.sqrt(density * cutoff_hz))
+    return float(2.0 * np.pi * np.sqrt(density * cutoff_hz**3 / 3.0))
+
+
 def _measured_deflection(
     plant: Plant, spring: CubicForce, record: Record, cutoff_hz: float
 ) -> FloatArray | None:
@@ -223,7 +234,9 @@ def _gains(plant: Plant, motions: list[Motion], before: EquivalentGains) -> Equi
         velocities, deflections = motion.of(before)
         for j, entry in enumerate(plant.model.friction):
             v = velocities[entry.body]
-            friction[j] += _balance(v, np.sign(v), motion.frequency_hz, at_hz)
+            # of a body at rest only the noise has a sign
+            direction = np.sign(v) * (np.abs(v) > RESTING * motion.noise.get(entry.body, 0.0))
+            friction[j] += _balance(v, direction, motion.frequency_hz, at_hz)
             forward[j] += float(np.mean(v > 0.0)) / len(motions)
         for j, d in enumerate(deflections):
             springs[j] += _balance(d, d**3, motion.frequency_hz, at_hz)

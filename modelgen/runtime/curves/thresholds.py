@@ -15,6 +15,8 @@ LEAST_POWER = 1e-4
 # Of a body that rests: stiff enough to hold it, small enough to calculate with.
 LARGEST_GAIN = 1e12
 ROUNDS, SETTLED = 12, 1e-3
+# A body rests where its velocity is less than so many standard deviations of its noise.
+RESTING = 4.0
 # Low-pass in front of a velocity, as in front of a derivative elsewhere.
 FILTER_ORDER = 4
 
