@@ -36,6 +36,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "validate": (
         "modelgen validate trapezoid.npz --model generated/emps300_qm_ac.py --estimate estimate.json "
         "--controller loop.toml",
+        "modelgen validate trapezoid.npz --model generated/emps300_qm_ac.py --estimate estimate.json "
+        "--horizon 10",
     ),
     "export": (
         "modelgen export estimate.json --model generated/emps300_qm_ac.py --to modelica -o emps300.mo",

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from modelgen.runtime.records.read_record import Reading
     from modelgen.runtime.records.record import Record
     from modelgen.runtime.results.estimate import Estimate
-    from modelgen.runtime.simulation.validate import Validation
+    from modelgen.runtime.simulation.validation import Validation
 
 
 def report_text(

@@ -44,7 +44,7 @@ from modelgen.runtime.results.answer import asked_for, plus_minus
 from modelgen.runtime.results.check_tables import check_tables
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.results.summary import INTERVAL_KINDS
-from modelgen.runtime.simulation.validate import Validation
+from modelgen.runtime.simulation.validation import Validation
 
 Description = dict[str, Any]
 

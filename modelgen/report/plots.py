@@ -17,7 +17,7 @@ from modelgen.runtime.curves.responses import ResponsePair
 from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.records.thresholds import LEAST_COHERENCE
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.simulation.validate import Validation
+from modelgen.runtime.simulation.validation import Validation
 
 # 16-bit values the page may carry in all: 3.2 MB of base64
 BUDGET = 1_200_000

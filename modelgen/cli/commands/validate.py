@@ -19,14 +19,20 @@ from modelgen.progress import step
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from modelgen.runtime.simulation.validate import Validation
+    from modelgen.runtime.records.record import Record
+    from modelgen.runtime.simulation.validation import Validation
 
 
 EstimateFile = Annotated[
     Path, typer.Option("--estimate", metavar="FILE.json", help="What identify -o wrote.")
 ]
 Controller = Annotated[
-    Path, typer.Option(metavar="FILE.toml", help="The loop: tables [controller] and [drive].")
+    Path | None,
+    typer.Option(metavar="FILE.toml", help="The loop: tables [controller] and [drive]; else open loop."),
+]
+Horizon = Annotated[
+    int | None,
+    typer.Option(metavar="K", help="Predict K samples ahead; else open loop over the record."),
 ]
 Cutoff = Annotated[
     float | None, typer.Option(help="Cut-off in Hz before a reading is differentiated; 0.1 fs.")
@@ -43,9 +49,10 @@ def validate(
     data: Data,
     module: Module,
     estimate: EstimateFile,
-    controller: Controller,
     given: DataOptions,
     estimation: EstimationOptions,
+    controller: Controller = None,
+    horizon: Horizon = None,
     value: Values = None,
     cutoff_hz: Cutoff = None,
     oversample: Annotated[int | None, typer.Option(help="Internal steps per sample; 8, sampled 1.")] = None,
@@ -56,14 +63,17 @@ def validate(
     *,
     result: ResultOptions,
 ) -> None:
-    """Validate an estimate in closed loop: simulate the records' reference, compare all signals.
+    """Validate an estimate: simulate the records with it, and compare all signals.
 
+    With a controller its loop follows the records' reference; without one the chain moves under the measured
+    forces, in open loop over the whole record, or --horizon samples ahead.
     A record is held out if its name is none of those that the estimate was identified from.
     """
     from modelgen.cli.arguments import amounts
     from modelgen.cli.tables import console
     from modelgen.runtime.identification.identify import identify
     from modelgen.runtime.model.model import load_model
+    from modelgen.runtime.prediction.compare import compare
     from modelgen.runtime.results.estimate_file import load_estimate
     from modelgen.runtime.simulation.controller_file import load_controller
     from modelgen.runtime.simulation.validate import parameters_of, split
@@ -73,15 +83,28 @@ def validate(
     if hold_out is None:
         refuse_given(estimation, "--hold-out", (method, identify_cutoff_hz))
     model = load_model(module, trust)
-    loop, drive = load_controller(controller)
+    if controller is not None and horizon is not None:
+        raise DataError.at("--horizon", "predicts without a loop", "leave out --controller, or --horizon")
+    if controller is None and (cutoff_hz, oversample) != (None, None):
+        remedy = "give --controller, or leave them out"
+        raise DataError.at("--cutoff-hz, --oversample", "are settings of a closed loop", remedy)
     saved = load_estimate(estimate)
     parameters = {**parameters_of(saved, model), **amounts("--set", value or ())}
-    readings = read_files(data, [model], given, REFERENCE, FURTHER_INPUTS)
+    readings = read_files(data, [model], given, *((REFERENCE, FURTHER_INPUTS) if controller else ()))
     note(reading_lines(data, readings))
     records = [reading.record for reading in readings]
-    options: dict[str, Any] = {"drive": drive, "cutoff_hz": cutoff_hz, "oversample": oversample}
+
+    def beside(
+        values: Mapping[str, float], records: Sequence[Record], used: Sequence[str] = ()
+    ) -> tuple[Validation, ...]:
+        if controller is None:
+            return compare(model, values, records, horizon, used)
+        loop, drive = load_controller(controller)
+        options: dict[str, Any] = {"drive": drive, "cutoff_hz": cutoff_hz, "oversample": oversample}
+        return run(model, values, records, loop, used=used, **options)
+
     step("simulating")
-    found = run(model, parameters, records, loop, used=tuple(saved.get("records", ())), **options)
+    found = beside(parameters, records, tuple(saved.get("records", ())))
     if hold_out is not None:
         if method is None and "method" not in saved:
             remedy = "give --method, or a file that modelgen identify -o wrote"
@@ -89,7 +112,7 @@ def validate(
         first, rest = zip(*(split(record, hold_out) for record in records), strict=True)
         settings = estimation.settings(method or saved["method"], given, cutoff_hz=identify_cutoff_hz)
         again = identify(model, first, **settings)
-        found += run(model, {**parameters, **again.physical}, rest, loop, **options)
+        found += beside({**parameters, **again.physical}, rest)
     described = describe(found)
     deliver(described, lambda: console().print(validation_tables(described)), result)
 
@@ -103,6 +126,8 @@ def describe(validations: Sequence[Validation]) -> dict[str, Any]:
                 "held_out": v.held_out,
                 "fs_hz": v.fs,
                 "cutoff_hz": v.cutoff_hz,
+                "comparison": v.kind,
+                "notes": list(v.notes),
                 "signals": [
                     {
                         "channel": c.channel,
@@ -124,10 +149,11 @@ def describe(validations: Sequence[Validation]) -> dict[str, Any]:
 def validation_tables(described: Mapping[str, Any]) -> Group:
     """Lay out what `describe` says, one table a record."""
     from rich.console import Group
+    from rich.text import Text
 
     from modelgen.cli.tables import table
 
-    parts = []
+    parts: list[Any] = []
     for entry in described["records"]:
         kind = "held out" if entry["held_out"] else "used"
         rows = [
@@ -139,7 +165,9 @@ def validation_tables(described: Mapping[str, Any]) -> Group:
             )
             for s in entry["signals"]
         ]
-        heading = f"{entry['record']}, {kind}; derivatives below {entry['cutoff_hz']:.4g} Hz"
+        below = f"; derivatives below {entry['cutoff_hz']:.4g} Hz"
+        derived = below if any(s["derived"] for s in entry["signals"]) else ""
+        heading = f"{entry['record']}, {kind}; {entry['comparison']}{derived}"
         columns: list[tuple[str, Literal["left", "right"]]] = [
             ("signal", "left"),
             ("error %", "right"),
@@ -147,4 +175,5 @@ def validation_tables(described: Mapping[str, Any]) -> Group:
             ("rms error", "right"),
         ]
         parts.append(table(heading, columns, rows))
+        parts += [Text(line) for line in entry["notes"]]
     return Group(*parts)

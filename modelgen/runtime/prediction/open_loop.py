@@ -24,8 +24,10 @@ from modelgen.runtime.simulation.plant import Plant, measured_forces
 NO_FEEDBACK = PositionVelocityController(0.0, 0.0)
 
 
-def open_loop_readings(plant: Plant, record: Record, start: FloatArray) -> dict[str, FloatArray]:
-    """Return what the sensors would read under the measured forces of a record, shape (n,) each, in SI.
+def open_loop_readings(
+    plant: Plant, record: Record, start: FloatArray
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return the state at the beginning, and what the sensors would read under the measured forces.
 
     Parameters
     ----------
@@ -34,6 +36,12 @@ def open_loop_readings(plant: Plant, record: Record, start: FloatArray) -> dict[
         With the forces of all actuators, and at least one sensor.
     start : array, shape (2 bodies,)
         Positions, then velocities, from which the state at the beginning is looked for.
+
+    Returns
+    -------
+    start : array, shape (2 bodies,)
+    readings : mapping of str to array, shape (n,)
+        Sensor to its reading in SI.
 
     Raises
     ------
@@ -72,7 +80,7 @@ def open_loop_readings(plant: Plant, record: Record, start: FloatArray) -> dict[
         start, found, error = tried, after, new
         if fell < SETTLED:
             break
-    return {key: found[key] for key in keys}
+    return start, {key: found[key] for key in keys}
 
 
 def _directions(plant: Plant, record: Record, force: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ STEP = 1e-3
 
 # Forces that drive what the model does not explain, in shares of the measured force: the likeliest is taken.
 DISTURBANCES = (1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 1.0)
-# On so many samples of the record.
+# On so many samples of the record, which the state at its beginning is found from, too.
 JUDGED_SAMPLES = 2000
 # A stationary filter exists with so little less memory than a chain that turns freely has.
 FADING = 1.0 - 1e-5

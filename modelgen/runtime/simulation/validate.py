@@ -7,7 +7,7 @@ and acceleration come from the same filter and differences on both sides, so tha
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
 from typing import Any, Protocol, TypedDict, Unpack
 
@@ -27,61 +27,9 @@ from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.runtime.simulation.thresholds import CUTOFF_SHARE, FILTER_ORDER, REACH_TOLERANCE, STEPS_A_SAMPLE
+from modelgen.runtime.simulation.validation import SignalCheck, Validation
 
 NAMES = ("position", "velocity", "acceleration")
-
-
-@dataclass(frozen=True, eq=False)
-class SignalCheck:
-    """One signal, measured and simulated, shape (n,) each, in `unit`, from sample `start` on.
-
-    `kind` is position, velocity, acceleration, force or tracking error; `derived` says that it was
-    differentiated from a sensor's reading.
-    """
-
-    channel: str
-    kind: str
-    unit: str
-    derived: bool
-    start: int
-    measured: FloatArray
-    simulated: FloatArray
-
-    @property
-    def relative_error(self) -> float:
-        """Norm of measured - simulated over norm of measured, in %."""
-        size = float(np.linalg.norm(self.measured))
-        return 100.0 * self._error / size if size else float("inf")
-
-    @property
-    def fit(self) -> float:
-        """100 (1 - norm of the error over norm of the measured variation), in %; 100 is perfect."""
-        size = float(np.linalg.norm(self.measured - self.measured.mean()))
-        return 100.0 * (1.0 - self._error / size) if size else float("-inf")
-
-    @property
-    def rms_error(self) -> float:
-        """Root mean square of measured - simulated, in `unit`."""
-        return self._error / float(np.sqrt(self.measured.size))
-
-    @property
-    def _error(self) -> float:
-        return float(np.linalg.norm(self.measured - self.simulated))
-
-
-@dataclass(frozen=True, eq=False)
-class Validation:
-    """All signals of one record; `held_out` says that the parameters were not identified from it."""
-
-    record: str
-    held_out: bool
-    fs: float
-    cutoff_hz: float
-    checks: tuple[SignalCheck, ...]
-
-    def check(self, channel: str, kind: str) -> SignalCheck:
-        """Return the check of a channel; `kind` distinguishes a sensor's reading from its derivatives."""
-        return next(c for c in self.checks if (c.channel, c.kind) == (channel, kind))
 
 
 class ValidationOptions(TypedDict, total=False):

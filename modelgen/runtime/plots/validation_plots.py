@@ -1,0 +1,50 @@
+"""`validation.plot()`: every signal of a record, measured and modelled, over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from modelgen.runtime.plots.axes import drawn, panels
+from modelgen.runtime.plots.row_plots import draw_pair
+
+if TYPE_CHECKING:
+    from modelgen.runtime.simulation.validation import Validation
+
+
+class ValidationPlot:
+    """Draws a validation; returns its axes."""
+
+    def __init__(self, validation: Validation) -> None:
+        self._validation = validation
+
+    def __call__(self, axes: Any = None) -> Any:
+        """Draw every signal over time in s, measured, modelled and their difference, with its fit in %.
+
+        Parameters
+        ----------
+        axes : Axes or sequence of Axes, optional
+            One a signal; by default those of a new figure.
+
+        Returns
+        -------
+        Axes, or array of Axes
+
+        Raises
+        ------
+        DataError
+            When another number of axes is given, or matplotlib is not installed.
+        """
+        found = self._validation
+        axes = panels(axes, len(found.checks))
+        for axis, check in zip(axes, found.checks, strict=True):
+            time_s = (check.start + np.arange(check.measured.size, dtype=float)) / found.fs
+            draw_pair(axis, time_s, check.measured, check.simulated, ("measured", found.kind))
+            axis.set_title(f"{check.channel}: {check.kind}, fit {check.fit:.4g} %", loc="left", fontsize=10)
+            axis.set_ylabel(f"{check.channel} in {check.unit}")
+            axis.margins(x=0.0)
+        axes[0].set_title(found.record, loc="right", fontsize=10)
+        axes[0].legend(frameon=False, fontsize=8, ncols=3, loc="upper right")
+        axes[-1].set_xlabel("time in s")
+        return drawn(axes)
