@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -19,7 +19,7 @@ from modelgen.progress import step
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from modelgen.runtime.records.record import Record
+    from modelgen.runtime.model.model import Model
     from modelgen.runtime.simulation.validation import Validation
 
 
@@ -73,36 +73,19 @@ def validate(
     from modelgen.cli.tables import console
     from modelgen.runtime.identification.identify import identify
     from modelgen.runtime.model.model import load_model
-    from modelgen.runtime.prediction.compare import compare
     from modelgen.runtime.results.estimate_file import load_estimate
-    from modelgen.runtime.simulation.controller_file import load_controller
     from modelgen.runtime.simulation.validate import parameters_of, split
-    from modelgen.runtime.simulation.validate import validate as run
 
     check_result(result)
     if hold_out is None:
         refuse_given(estimation, "--hold-out", (method, identify_cutoff_hz))
     model = load_model(module, trust)
-    if controller is not None and horizon is not None:
-        raise DataError.at("--horizon", "predicts without a loop", "leave out --controller, or --horizon")
-    if controller is None and (cutoff_hz, oversample) != (None, None):
-        remedy = "give --controller, or leave them out"
-        raise DataError.at("--cutoff-hz, --oversample", "are settings of a closed loop", remedy)
+    beside = _beside(model, controller, horizon, {"cutoff_hz": cutoff_hz, "oversample": oversample})
     saved = load_estimate(estimate)
     parameters = {**parameters_of(saved, model), **amounts("--set", value or ())}
     readings = read_files(data, [model], given, *((REFERENCE, FURTHER_INPUTS) if controller else ()))
     note(reading_lines(data, readings))
     records = [reading.record for reading in readings]
-
-    def beside(
-        values: Mapping[str, float], records: Sequence[Record], used: Sequence[str] = ()
-    ) -> tuple[Validation, ...]:
-        if controller is None:
-            return compare(model, values, records, horizon, used)
-        loop, drive = load_controller(controller)
-        options: dict[str, Any] = {"drive": drive, "cutoff_hz": cutoff_hz, "oversample": oversample}
-        return run(model, values, records, loop, used=used, **options)
-
     step("simulating")
     found = beside(parameters, records, tuple(saved.get("records", ())))
     if hold_out is not None:
@@ -115,6 +98,27 @@ def validate(
         found += beside({**parameters, **again.physical}, rest)
     described = describe(found)
     deliver(described, lambda: console().print(validation_tables(described)), result)
+
+
+def _beside(
+    model: Model, controller: Path | None, horizon: int | None, options: Mapping[str, Any]
+) -> Callable[..., tuple[Validation, ...]]:
+    """Return what simulates records with parameters: in the controller's loop, or under measured forces."""
+    from modelgen.runtime.prediction.compare import compare
+    from modelgen.runtime.simulation.controller_file import load_controller
+    from modelgen.runtime.simulation.validate import validate as run
+
+    if controller is None:
+        if any(value is not None for value in options.values()):
+            remedy = "give --controller, or leave them out"
+            raise DataError.at("--cutoff-hz, --oversample", "are settings of a closed loop", remedy)
+        return lambda values, records, used=(): compare(model, values, records, horizon, used)
+    if horizon is not None:
+        raise DataError.at("--horizon", "predicts without a loop", "leave out --controller, or --horizon")
+    loop, drive = load_controller(controller)
+    return lambda values, records, used=(): run(
+        model, values, records, loop, drive=drive, used=used, **options
+    )
 
 
 def describe(validations: Sequence[Validation]) -> dict[str, Any]:
