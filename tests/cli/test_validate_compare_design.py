@@ -100,20 +100,19 @@ def test_without_a_controller_it_is_open_loop_or_some_samples_ahead(here: Path) 
     chirp, trapezoid = simulated(here, "chirp"), simulated(here, "trapezoid")
     run("identify", chirp, trapezoid, "--model", AC, "--method", "wls", "-o", "estimate.json")
     common = ("--model", AC, "--estimate", "estimate.json")
-    fresh = (here / chirp).rename(here / "fresh.csv").name
     for horizon, kind in (((), "open loop"), (("--horizon", "10"), "10 samples ahead")):
-        (record,) = run_json("validate", fresh, *common, *horizon)["records"]
-        assert (record["comparison"], record["held_out"]) == (kind, True)
+        (record,) = run_json("validate", chirp, *common, *horizon)["records"]
+        assert (record["comparison"], record["held_out"]) == (kind, False)
         assert [s["channel"] for s in record["signals"]] == ["q_m", "a_c"]
         assert record["signals"][0]["fit_percent"] > 90.0
-        assert f"fresh, held out; {kind}" in run("validate", fresh, *common, *horizon)
-    rest = run_json("validate", fresh, *common, "--hold-out", "0.5")["records"][1]
-    assert (rest["record"], rest["comparison"]) == ("fresh_rest", "open loop")
+        assert f"chirp, used; {kind}" in run("validate", chirp, *common, *horizon)
+    rest = run_json("validate", chirp, *common, "--hold-out", "0.5")["records"][1]
+    assert (rest["record"], rest["held_out"], rest["comparison"]) == ("chirp_rest", True, "open loop")
     (here / "loop.toml").write_text(CONTROLLER)
-    refused = run("validate", fresh, *common, "--controller", "loop.toml", "--horizon", "3", code=2)
+    refused = run("validate", chirp, *common, "--controller", "loop.toml", "--horizon", "3", code=2)
     assert "--horizon: predicts without a loop" in refused
-    assert "are settings of a closed loop" in run("validate", fresh, *common, "--oversample", "4", code=2)
-    assert "horizon: is 0" in run("validate", fresh, *common, "--horizon", "0", code=2)
+    assert "are settings of a closed loop" in run("validate", chirp, *common, "--oversample", "4", code=2)
+    assert "horizon: is 0" in run("validate", chirp, *common, "--horizon", "0", code=2)
 
 
 def test_simulate_adds_the_bias_of_an_accelerometer(here: Path) -> None:
