@@ -13,7 +13,8 @@ from modelgen.atomic_write import check_place, write_whole
 from modelgen.errors import DataError, Problem, nearest
 from modelgen.runtime.exports.case import Case, Written
 from modelgen.runtime.exports.mechanics import mechanics
-from modelgen.runtime.exports.values import Values, export_values, with_samples
+from modelgen.runtime.exports.samples import with_samples
+from modelgen.runtime.exports.values import Values, export_values
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.results.estimate import Estimate
 

@@ -1,8 +1,7 @@
 """A generated module's direct model taken apart: bodies, springs, dampers, friction, sensors.
 
-A module states accelerations as sums of parameter times state, over the body's inertia. With every inertia 1
-and one other parameter at 1, A is what that parameter does; a spring or damper between bodies is a product of
-its lever with itself there, such as (1/N, -1) for the deflection q_1 / N - q_2.
+The matrix of a spring's or damper's parameter (`chain_matrices`) is the product of its lever with itself,
+such as (1/N, -1) for the deflection q_1 / N - q_2.
 """
 
 from __future__ import annotations
@@ -14,8 +13,9 @@ from typing import Literal
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.model.chain_matrices import ChainMatrices, chain_matrices
 from modelgen.runtime.model.model import Friction, Model
-from modelgen.runtime.simulation.plant import body_order, felt_accelerations
+from modelgen.runtime.simulation.plant import felt_accelerations
 
 NEGLIGIBLE = 1e-12  # of a lever's largest entry: what rounding leaves of a zero
 
@@ -92,10 +92,11 @@ class Mechanics:
 
 def mechanics(model: Model) -> Mechanics:
     """Return the mechanism of a model."""
-    names = body_order(model)
+    matrices = chain_matrices(model)
+    names = matrices.bodies
     return Mechanics(
         tuple(_body(model, name) for name in names),
-        tuple(_springs(model, len(names))),
+        tuple(_springs(model, matrices)),
         tuple(_readings(model, len(names))),
         tuple(Push(actuator.key, names.index(actuator.body), actuator.unit) for actuator in model.actuators),
     )
@@ -119,31 +120,21 @@ def _body(model: Model, name: str) -> Body:
     return Body(name, own["inertia"], motion, ways, friction)
 
 
-def _springs(model: Model, count: int) -> Iterator[Spring]:
+def _springs(model: Model, matrices: ChainMatrices) -> Iterator[Spring]:
     """Yield the springs and dampers; those of one lever are one."""
     found: dict[Lever, dict[str, str]] = {}
     for name, role in model.roles.items():
         if role.role in ("stiffness", "damping"):
-            for lever in _levers(_share(model, name, role.role, count)):
+            shares = matrices.stiffness if role.role == "stiffness" else matrices.damping
+            for lever in _levers(shares[name]):
                 # two elements of one role between the same bodies stay two
                 place = lever if role.role not in found.get(lever, {}) else (*lever, (-1, float(len(found))))
                 found.setdefault(place, {})[role.role] = name
     for spring in model.cubic_springs:
-        lever = _pointed(np.array([dict(spring.deflection).get(i, 0.0) for i in range(count)]))
+        lever = _pointed(np.array([dict(spring.deflection).get(i, 0.0) for i in range(len(matrices.bodies))]))
         found.setdefault(lever, {})["stiffness3"] = spring.parameter
     for lever, names in found.items():
         yield Spring(tuple(pair for pair in lever if pair[0] >= 0), **names)
-
-
-def _share(model: Model, name: str, role: str, count: int) -> FloatArray:
-    """Return what a parameter at 1 does to the accelerations of unit inertias, shape (bodies, bodies)."""
-    values = {
-        other: float(other == name or (other in model.roles and model.roles[other].role == "inertia"))
-        for other in (*model.parameters, *model.known)
-    }
-    space = model.state_space(values, {entry.body: 1 for entry in model.friction})
-    first = 0 if role == "stiffness" else count
-    return np.asarray(-space.A[count:, first : first + count])
 
 
 def _levers(share: FloatArray) -> list[Lever]:

@@ -145,6 +145,12 @@ a_c = { body = "c", measures = "acceleration" }
     made = export(model, estimate, "fmu", values={"O_c": 0.05})
     assert made.values.origin["O_m"].startswith("follows")
     assert made.values.nominal["O_m"] == pytest.approx(0.02, rel=1e-2)
+    # in every sample the sum is that of the sample
+    drawn = export(model, estimate, "state-space", values={"O_c": 0.05}, samples=2000)
+    both = next(name for name in model.base_parameters if "O_m" in name and "O_c" in name)
+    offsets = np.array([sample["O_m"] for sample in drawn.values.samples])
+    assert all(sample["O_c"] == 0.05 for sample in drawn.values.samples)
+    assert offsets.std() == pytest.approx(estimate.bse[both], rel=0.1)
 
 
 @pytest.mark.parametrize("to", TARGETS)
