@@ -13,7 +13,7 @@ import numpy as np
 from modelgen.cli.reversed_sensors import with_reversed
 from modelgen.errors import DataError, shortened
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
-from modelgen.runtime.files.formats import open_source
+from modelgen.runtime.files.joined.joined_source import SEPARATOR, open_record, paths_of
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import unit_from_text
 from modelgen.runtime.records.faults import Finding, clock_faults, time_faults, zero_faults
@@ -39,7 +39,7 @@ def describe_file(path: Path, model: Model | None) -> Description:
     DataError
         When the file cannot be read.
     """
-    source = open_source(path)
+    source = open_record(path)
     source_load = source.load
     loaded = _loaded(source)
     source = replace(source, load=lambda names: _again(source_load, loaded, names))
@@ -60,7 +60,7 @@ def describe_file(path: Path, model: Model | None) -> Description:
         "problems": problems,
         "channels": [vars(entry) for entry in proposed],
         "mapping": mapping_text(
-            path.name,
+            SEPARATOR.join(one.name for one in paths_of(path)),
             proposed,
             # where channels have times of their own, naming one column would give it to all of them
             None if source.clocks else source.clock,

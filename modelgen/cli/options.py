@@ -49,7 +49,11 @@ Values = Annotated[
 
 # data files
 Data = Annotated[
-    list[Path], typer.Argument(metavar="DATA", help="One data file a record: see modelgen import.")
+    list[Path],
+    typer.Argument(
+        metavar="DATA",
+        help="One data file a record, or several with commas between them: see modelgen import.",
+    ),
 ]
 Columns = Annotated[
     list[str] | None,

@@ -29,10 +29,12 @@ def import_file(
     """
     from modelgen.atomic_write import write_whole
     from modelgen.cli.import_file import describe_file, import_lines
+    from modelgen.runtime.files.joined.joined_source import paths_of
     from modelgen.runtime.model.model import load_model
 
     described = describe_file(data, load_model(module, trust) if module else None)
-    path = output or data.with_name(f"{data.stem}.map.toml")
+    first = paths_of(data)[0]
+    path = output or first.with_name(f"{first.stem}.map.toml")
     write_whole(path, described["mapping"].encode(), overwrite=overwrite)
     described["written"] = [str(path)]
     report(described, import_lines(described, path, module), as_json)

@@ -54,4 +54,5 @@ def open_parquet(path: Path) -> Source:
             raise unreadable(path, "Parquet file", error) from error
         return {name: elapsed_s(np.asarray(table.column(fields[name]).to_numpy())) for name in names}
 
-    return Source(path, tuple(fields), load, units=units, clocks=clocks)
+    dates = dict.fromkeys(stamps)
+    return Source(path, tuple(fields), load, units=units, clocks=clocks, starts=dates)

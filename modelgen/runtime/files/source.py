@@ -47,6 +47,10 @@ class Source:
         How the file was interpreted: sentences for its owner to check.
     of_matrices : frozenset of str
         Names that are columns of matrices: they are read where they are asked for by name.
+    starts : mapping of str to (int or None)
+        Column of dates to the ns since 1970 of its first, from which it counts; None where that is lost.
+    joined : bool
+        Whether its columns come from several files.
     load_numeric : callable, optional
         Returns those of the named columns that are numeric, where `load` would read the file once for each.
     """
@@ -63,6 +67,8 @@ class Source:
     took: tuple[str, ...] = ()
     load_numeric: Callable[[Sequence[str]], Columns] | None = None
     of_matrices: frozenset[str] = frozenset()
+    starts: Mapping[str, int | None] = field(default_factory=dict)
+    joined: bool = False
 
     @cached_property
     def known(self) -> frozenset[str]:

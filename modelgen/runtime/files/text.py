@@ -31,7 +31,7 @@ from modelgen.runtime.files.text_layout import (
     sniff,
 )
 from modelgen.runtime.files.text_lines import SEPARATORS, encoding_of, lines_of, opened_text
-from modelgen.runtime.files.timestamps import time_since
+from modelgen.runtime.files.timestamps import nanoseconds, time_since
 
 RECORD_MARK = "# modelgen record "  # followed by JSON: fs, name and tag of a record written by modelgen
 Table = FloatArray
@@ -75,6 +75,7 @@ def open_text(path: Path) -> Source:
         clocks=layout.clocks,
         took=layout.took,
         load_numeric=lambda names: _numeric(chosen, names),
+        starts={name: nanoseconds(first) for name, first in layout.stamps.items()},
     )
 
 

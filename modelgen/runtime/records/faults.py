@@ -102,6 +102,22 @@ def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> 
     return tuple(findings)
 
 
+def common_samples(times: Mapping[str, FloatArray]) -> dict[str, slice] | None:
+    """Return of every channel the samples at the times that all have, or None where no times are the same.
+
+    `times` holds the times in s of each channel, shape (n,) each; those that all have agree within a
+    thousandth of a step.
+    """
+    if any(t.size < 2 or not np.isfinite(t).all() or (np.diff(t) <= 0.0).any() for t in times.values()):
+        return None
+    margin = 0.5 * min(float(np.median(np.diff(t))) for t in times.values())
+    start = max(float(t[0]) for t in times.values()) - margin
+    stop = min(float(t[-1]) for t in times.values()) + margin
+    found = {key: slice(*np.searchsorted(t, (start, stop)).tolist()) for key, t in times.items()}
+    kept = [times[key][part] for key, part in found.items()]
+    return found if kept[0].size > 1 and all(same_clock(kept[0], other) for other in kept[1:]) else None
+
+
 def same_clock(first: FloatArray, other: FloatArray) -> bool:
     """Return whether two columns of times, shape (n,) each, in s, agree within a thousandth of a step."""
     if first.size != other.size or first.size < 2 or not np.all(np.isfinite(first)):

@@ -14,11 +14,18 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.keyword_options import with_defaults
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
-from modelgen.runtime.files.formats import open_source
+from modelgen.runtime.files.joined.joined_source import open_record
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import unit_from_text
 from modelgen.runtime.records.channel_checks import magnitude_problem
-from modelgen.runtime.records.faults import Finding, clock_faults, same_clock, time_faults, zero_faults
+from modelgen.runtime.records.faults import (
+    Finding,
+    clock_faults,
+    common_samples,
+    same_clock,
+    time_faults,
+    zero_faults,
+)
 from modelgen.runtime.records.picked_columns import Pick, pick_columns, taken_for
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.repair import Track, check_mends, join_clocks, mend_offsets, mend_times
@@ -113,8 +120,11 @@ def read(
     """
     given = with_defaults("read", options, DEFAULTS)
     needed, mend, units = given["needed"], given["mend"], given["units"] or {}
-    source = path if isinstance(path, Source) else open_source(Path(path))
+    time_unit = given["time_unit"]
+    source = path if isinstance(path, Source) else open_record(Path(path), time, time_unit)
     path = source.path
+    if source.joined:  # the times of its files are known by now
+        time = time_unit = None
     time = source.column(time) if time else time
     if needed is None:
         others = {time or source.clock, *source.clocks.values(), *source.of_matrices}
@@ -131,7 +141,7 @@ def read(
     loaded = _load(source, picks, [c for c in clocks.values() if c], time is None and stated is not None)
     _check_magnitudes(path, loaded)
     signals = {pick.key: _in_si(loaded[pick.column], pick.factor) for pick in picks}
-    factor = _time_factor(source, given["time_unit"], next(iter(clocks.values()), None))
+    factor = _time_factor(source, time_unit, next(iter(clocks.values()), None))
     as_float: Columns = {}  # once a column of times, however many channels have it
     times = {
         key: _times(source, loaded, as_float, c, signals[key], time is not None) for key, c in clocks.items()
@@ -228,6 +238,10 @@ def _together(
     findings = tuple(f for name, column in distinct.items() for f in time_faults(name, column))
     if all(same_clock(known[keys[0]], column) for column in distinct.values()):
         track = Track(known[keys[0]], signals)
+    elif source.joined and (common := common_samples(known)) is not None:
+        kept = known[keys[0]][common[keys[0]]]
+        said = f"cut to the {kept.size} samples that all files have, {kept[0]:.6g} to {kept[-1]:.6g} s"
+        track = Track(kept, {key: signals[key][part] for key, part in common.items()}, (said,))
     else:
         apart = clock_faults(known)
         findings = (*findings, *apart)

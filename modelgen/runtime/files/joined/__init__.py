@@ -1,0 +1,1 @@
+"""Signals of one record in several files."""
