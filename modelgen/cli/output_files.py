@@ -23,17 +23,19 @@ REPORTS = (".html", ".htm")
 
 @dataclass(frozen=True)
 class OutputFiles:
-    """The files of an estimate, of its report and of its figure; None for what was not asked for."""
+    """The files of an estimate, its report, its figure and its project; None for what was not asked for."""
 
     estimate: Path | None
     report: Path | None
     figure: Path | None
     overwrite: bool
+    project: Path | None = None
 
     @property
     def paths(self) -> list[Path]:
         """The files to write."""
-        return [path for path in (self.estimate, self.report, self.figure) if path is not None]
+        asked = (self.estimate, self.report, self.figure, self.project)
+        return [path for path in asked if path is not None]
 
     def check(self) -> None:
         """Check that every file can be written.
@@ -42,7 +44,8 @@ class OutputFiles:
         ------
         DataError
         """
-        for path, suffixes in ((self.estimate, ()), (self.report, REPORTS), (self.figure, FIGURES)):
+        places = ((self.estimate, ()), (self.report, REPORTS), (self.figure, FIGURES))
+        for path, suffixes in (*places, (self.project, (".toml",))):
             if path is not None:
                 check_output(path, suffixes, self.overwrite)
 
@@ -56,7 +59,7 @@ class OutputFiles:
         spec: str | None,
         controller: Path | None,
     ) -> None:
-        """Write the files; `spec` and `controller` as in `modelgen.cli.write_report.report_text`."""
+        """Write all but the project; `spec`, `controller` as in `modelgen.cli.write_report.report_text`."""
         if self.estimate is not None:
             write_whole(self.estimate, estimate.to_json().encode(), overwrite=self.overwrite)
         if self.report is not None:

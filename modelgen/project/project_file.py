@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from pathlib import Path, PurePath, PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from modelgen.documents import toml_document
@@ -162,11 +162,6 @@ def _record_problems(where: str, project: Project) -> list[Problem]:
             twice = seen.setdefault(path.resolve(), f"records[{index}].files[{place}]")
             if twice != f"records[{index}].files[{place}]":
                 problems.append(Problem(f"{key}.files[{place}]", f"is the file of {twice}", "name it once"))
-        names = [PurePath(name).stem for name in group.files]
-        for tag in group.tags:
-            if tag not in names:
-                what = f"tags {tag}, which is no record of this group"
-                problems.append(Problem(f"{key}.tags", what, f"choose from {', '.join(names)}"))
     return problems
 
 

@@ -139,7 +139,7 @@ def test_every_mistake_is_named_at_once(folder: Path) -> None:
         ('[[records]]\nfiles = ["."]', "records[0].files[0]"),
         ('[[records]]\nfiles = ["run.csv", "./run.csv"]', "records[0].files[1]"),
         ('[[records]]\nfiles = ["run.csv"]\n[[records]]\nfiles = ["run.csv"]', "records[1].files[0]"),
-        ('[[records]]\nfiles = ["run.csv"]\ntags = { walk = "chirp" }', "records[0].tags"),
+        ('[[records]]\nfiles = ["run.csv"]\ntags = { walk = 3 }', "records[0].tags.walk"),
         ('[[records]]\nfiles = ["run.csv"]\ndate = 2026-01-31T10:00:00', "records[0].date"),
         ('[[records]]\nfiles = ["run.csv"]\ndate = "2026-01-31"', "records[0].date"),
         (

@@ -46,6 +46,10 @@ Controller = Annotated[
     Path | None,
     typer.Option(metavar="FILE.toml", help="The loop, for the report's overlay; needs column reference."),
 ]
+SaveProject = Annotated[
+    Path | None,
+    typer.Option("--save-project", metavar="FILE.project.toml", help="Write these options for modelgen run."),
+]
 
 
 def identify(
@@ -67,6 +71,7 @@ def identify(
     figure: FigureFile = None,
     spec: ReportSpec = None,
     controller: Controller = None,
+    project_file: SaveProject = None,
     details: Details = False,
     trust: Trust = False,
     overwrite: Overwrite = False,
@@ -78,11 +83,12 @@ def identify(
     records, unless it is given; --details explains it.
     """
     from modelgen.cli.output_files import OutputFiles
+    from modelgen.cli.project.from_options import save_project
     from modelgen.runtime.identification.identify import identify as run
     from modelgen.runtime.model.model import load_model
 
     model = load_model(module, trust)
-    outputs = OutputFiles(output, report_file, figure, overwrite)
+    outputs = OutputFiles(output, report_file, figure, overwrite, project_file)
     outputs.check()  # before the work, not after it
     if report_file:
         from modelgen.cli.write_report import check_inputs
@@ -108,4 +114,5 @@ def identify(
     else:
         typer.echo(estimate.summary() if details else estimate.answer(), nl=False)
     outputs.write(model, module, readings, estimate, given_options(context), spec, controller)
+    save_project(outputs, context.params)
     note([f"wrote {path}" for path in outputs.paths])

@@ -88,7 +88,7 @@ def _rows(quantity: Mapping[str, Any]) -> list[tuple[str, ...]]:
     scatter = quantity["scatter_std"]
     spread = f"scatters by {scatter:.2g} beyond its intervals" if quantity["scatters"] else ""
     if not quantity["changes"]:
-        return [(name, last, spread or "none", f"{quantity['p_value']:.2g}")]
+        return [(name, last, spread or "none", _chance(quantity["p_value"]))]
     rows: list[tuple[str, ...]] = []
     for change in quantity["changes"]:
         by = with_interval(change["difference"], *change["interval_95"])
@@ -97,6 +97,10 @@ def _rows(quantity: Mapping[str, Any]) -> list[tuple[str, ...]]:
         since, until = change["since"], change["until"]
         when = f"since {since}" if until is None else f"{since} to {until}"
         when = f"at {since} only" if since == until else when
-        rows.append((name, last, f"{when}: {by}{share}", f"{change['p_value']:.2g}"))
+        rows.append((name, last, f"{when}: {by}{share}", _chance(change["p_value"])))
         name = last = ""
     return rows + ([("", "", spread, "")] if spread else [])
+
+
+def _chance(p_value: float) -> str:
+    return "< 1e-6" if p_value < 1e-6 else f"{p_value:.2g}"

@@ -61,9 +61,11 @@ def _quantities(estimate: Estimate) -> Iterator[tuple[str, str, float, float, fl
         yield entry.name, entry.unit, entry.value, noise, drift
     shared = max((_share(entry) for entry in estimate.parameters.identified), default=1.0)
     for number, mode in enumerate(estimate.modes(), 1):
+        slowest = mode.time_constants_s[0] if mode.frequency_hz is None and mode.time_constants_s else None
         for what, unit, value in (
             ("frequency", "Hz", mode.frequency_hz),
             ("damping ratio", "", mode.damping_ratio),
+            ("time constant", "s", slowest),
         ):
             if value is not None and value.std is not None:
                 noise, drift = value.std * math.sqrt(1.0 - shared), value.std * math.sqrt(shared)

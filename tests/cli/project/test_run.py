@@ -155,6 +155,10 @@ def test_a_module_in_place_of_the_spec_and_what_is_wrong_with_a_group(here: Path
     write(here, 2, head=head.replace("theta", "phi"))
     refused = run(here, code=2).stderr
     assert "records of 2026-02-28" in refused and "phi" in refused
+    write(here, 2, head=head)
+    path = here / "axis.project.toml"
+    path.write_text(path.read_text() + 'tags = { walk = "chirp" }\n')
+    assert "walk" in run(here, code=2).stderr
     assert len(load_history(here / "axis.history.jsonl")) == 1
 
 
@@ -175,3 +179,26 @@ def test_new_writes_a_project_that_is_read(tmp_path: Path, monkeypatch: pytest.M
     assert load_project(tmp_path / "axis.project.toml").table.identify.cutoff_hz == 200.0
     again = CliRunner().invoke(app, ["new", "axis", "--project"])
     assert again.exit_code == 2 and "exists already" in again.output
+
+
+def test_identify_saves_what_was_typed_as_a_project(
+    bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(bench, tmp_path / "data")
+    (tmp_path / "jobs").mkdir()
+    module = str(ROOT / "generated" / "emps_rigid_qm.py")
+    typed = ["--map", "q_m=theta", "--scale", "q_m=0.001", "--method", "wls", "--cutoff-hz", "50"]
+    typed += ["--hold-out", "0.3", "--keep", "M", "--delay", "none", "--period-s", "none", "--drop", "5"]
+    typed += ["--tag", "record=chirp", "-o", "jobs/e.json", "--report", "jobs/e.html"]
+    given = ["identify", "data/run1.csv", "--model", module, *typed, "--save-project", "jobs/a.project.toml"]
+    done = CliRunner().invoke(app, given)
+    assert done.exit_code == 0, done.output
+    first = (tmp_path / "jobs" / "e.json").read_bytes()
+    again = CliRunner().invoke(app, ["run", "jobs/a.project.toml"])
+    assert again.exit_code == 0, again.output
+    assert (tmp_path / "jobs" / "e.json").read_bytes() == first
+    assert again.stdout == done.stdout
+    refused = CliRunner().invoke(app, given)
+    assert refused.exit_code == 2
+    assert "exists already" in refused.stderr

@@ -1,0 +1,90 @@
+"""identify --save-project: what was typed on the command line, as the file of a project."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from modelgen.atomic_write import write_whole
+from modelgen.cli.arguments import cutoffs_from, delays_from, directions_from, hold_out_from, period_from
+from modelgen.cli.output_files import OutputFiles
+from modelgen.errors import DataError
+from modelgen.project.lock_file import Lock, file_hash, save_lock
+from modelgen.project.project_file import load_project
+from modelgen.project.project_text import project_text
+from modelgen.project.tables import DataTable, IdentifyTable, OutputTable, ProjectTable, RecordsTable
+
+# what these options say has a form of its own in a project file
+READ: Mapping[str, Any] = {
+    "delay": delays_from,
+    "period_s": period_from,
+    "hold_out": hold_out_from,
+    "scan_cutoffs": cutoffs_from,
+}
+
+
+def save_project(outputs: OutputFiles, typed: Mapping[str, Any]) -> None:
+    """Write the project file with which `modelgen run` does what `identify` did with what was typed.
+
+    Its lock holds the records that were read and the files that were written. Nothing is written where
+    `outputs` has none. Outputs that are not below its folder are left out: a project writes below its own.
+
+    Raises
+    ------
+    ModelgenError
+        When the file cannot be written, or a path is on another drive than it.
+    """
+    from modelgen.runtime.records.mapping_options import parse_mapping, parse_names, parse_scales
+
+    path = outputs.project
+    if path is None:
+        return
+    files = tuple(_relative(one, path) for one in typed["data"])
+    map_file = typed["map_file"]
+    identify = {one.name: _option(one.name, typed[one.name]) for one in fields(IdentifyTable)}
+    table = ProjectTable(
+        records=(RecordsTable(files, tags=parse_names("--tag", typed["tag"] or ())),),
+        model=_relative(typed["module"], path),
+        data=DataTable(
+            None if map_file is None else _relative(map_file, path),
+            parse_mapping(typed["mapping"] or ()),
+            parse_scales(typed["scale"] or ()),
+            typed["fs"],
+            typed["time"],
+            typed["time_unit"],
+            tuple(typed["mend"] or ()),
+            directions_from(typed["direction"] or ()),
+        ),
+        identify=IdentifyTable(**identify),
+        output=OutputTable(_below(outputs.estimate, path), _below(outputs.report, path)),
+    )
+    write_whole(path, project_text(table).encode(), overwrite=outputs.overwrite)
+    project = load_project(path)
+    written = [name for name in (table.output.estimate, table.output.report) if name is not None]
+    hashes = [{name: file_hash(project.place(name)) for name in names} for names in (files, written)]
+    save_lock(project.lock, Lock(records=hashes[0], written=hashes[1]))
+
+
+def _option(name: str, value: Any) -> Any:
+    """Return an option's value as a project file has it."""
+    if name in READ and value is not None:
+        value = READ[name](value)
+    elif name in ("held", "keep"):
+        value = value or ()
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _relative(place: Path, project: Path) -> str:
+    try:
+        return Path(os.path.relpath(place.resolve(), project.resolve().parent)).as_posix()
+    except ValueError as error:  # another drive of Windows
+        remedy = "save the project on the drive of its files"
+        raise DataError.at(str(place), f"cannot be reached from {project}", remedy) from error
+
+
+def _below(place: Path | None, project: Path) -> str | None:
+    name = None if place is None else _relative(place, project)
+    return None if name is None or name.startswith("..") else name
