@@ -28,6 +28,7 @@ BASES = {
     "compare": ["emps300"],
     "fleet": [*RECORD, "--cutoff-hz", "20"],
     "simulate": [*SIMULATE],
+    "export": ["e.json", "--model", MODULE, "--to", "state-space", "-o", "out.json"],
     "design": ["emps300", "--parameters", "light", "--noise", "q_m=1e-5"],
 }
 # options whose text holds numbers, and how they are written
