@@ -74,15 +74,13 @@ class HistoryEntry:
 
 
 def load_history(path: Path) -> tuple[HistoryEntry, ...]:
-    """Read all entries of a history; none where there is no file.
+    """Read all entries of a history.
 
     Raises
     ------
     DataError
-        With at least one problem per line that is no entry.
+        When the file cannot be read or is empty; with at least one problem per line that is no entry.
     """
-    if not path.exists():
-        return ()
     entries, problems = [], list[Problem]()
     for number, line in enumerate(read_text(path, HISTORY).split("\n"), 1):
         if line.strip():
@@ -90,6 +88,8 @@ def load_history(path: Path) -> tuple[HistoryEntry, ...]:
                 entries.append(_entry(line, f"{path}: line {number}"))
             except ModelgenError as error:
                 problems += error.problems
+    if not entries and not problems:
+        problems = [Problem(str(path), "holds no entry", HISTORY.remedy)]
     if problems:
         raise DataError(*problems)
     return tuple(entries)

@@ -32,15 +32,13 @@ class Lock:
 
 
 def load_lock(path: Path) -> Lock:
-    """Read a lock; an empty one where there is no file.
+    """Read a lock.
 
     Raises
     ------
     DataError
-        With one problem per mistake in it.
+        When the file cannot be read; with one problem per mistake in it.
     """
-    if not path.exists():
-        return Lock()
     problems: list[Problem] = []
     document = json_document(read_text(path, LOCK), str(path), LOCK.remedy)
     lock = typed(Lock, document, f"{path}: ", LOCK.remedy, problems)

@@ -155,7 +155,7 @@ def _record_problems(where: str, project: Project) -> list[Problem]:
             problems.append(Problem(f"{key}.date", "is missing", "date all groups of records, or none"))
         for place, name in enumerate(group.files):
             path = project.place(name)
-            if "\0" in name or not path.is_file():
+            if not _is_file(path):
                 what = f"names {name}, which is no file"
                 problems.append(Problem(f"{key}.files[{place}]", what, "paths start at the project file"))
                 continue
@@ -163,6 +163,13 @@ def _record_problems(where: str, project: Project) -> list[Problem]:
             if twice != f"records[{index}].files[{place}]":
                 problems.append(Problem(f"{key}.files[{place}]", f"is the file of {twice}", "name it once"))
     return problems
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, a null byte
+        return False
 
 
 def _output_problems(where: str, project: Project) -> list[Problem]:

@@ -68,5 +68,6 @@ def test_every_line_that_is_none_is_named(tmp_path: Path, entry: HistoryEntry) -
     assert {f"line {number}" for number in range(2, 9)} == named
 
 
-def test_none_where_there_is_no_file(tmp_path: Path) -> None:
-    assert load_history(tmp_path / "none.jsonl") == ()
+def test_a_history_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"none\.jsonl"):
+        load_history(tmp_path / "none.jsonl")

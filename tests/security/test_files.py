@@ -15,6 +15,9 @@ import pytest
 
 from modelgen.cli.candidates import load_candidates
 from modelgen.errors import DataError, ModelgenError
+from modelgen.project.history import load_history
+from modelgen.project.lock_file import load_lock
+from modelgen.project.project_file import load_project
 from modelgen.read_file import DATA, open_file
 from modelgen.render.target import user_files
 from modelgen.runtime.files.formats import SUFFIXES, open_source
@@ -37,6 +40,9 @@ ENTRIES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "controller": ("a.toml", load_controller),
     "instruments": ("a.toml", lambda path: load_candidates(path, CHAIN)),
     "estimate": ("a.json", load_estimate),
+    "project": ("a.toml", load_project),
+    "history": ("a.jsonl", load_history),
+    "lock": ("a.lock", load_lock),
     "template": ("a.txt.j2", lambda path: user_files(CHAIN, "qm", path.parent)),
     "npy": ("a.npy", lambda path: open_npy({"q_m": path}, 1000.0)),
     **{f"record{suffix}": (f"a{suffix}", read_record) for suffix in SUFFIXES},

@@ -55,12 +55,14 @@ def run_project(project: Project, renew: bool, overwrite: bool, trust: bool) -> 
     ------
     ModelgenError
     """
-    lock, output = load_lock(project.lock), project.table.output
+    lock = load_lock(project.lock) if project.lock.exists() else Lock()
+    output = project.table.output
     names = [name for name in (output.estimate, output.report) if name is not None]
     own_outputs(project, lock, names, overwrite)
     hashes = record_hashes(project, lock, renew)
     prepared = prepare(project, trust)
-    known = {entry.inputs: entry for entry in load_history(project.history)}
+    before = load_history(project.history) if project.history.exists() else ()
+    known = {entry.inputs: entry for entry in before}
     entries: list[tuple[HistoryEntry, bool]] = []
     readings: list[Reading] = []
     groups = project.table.records

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date as Date
@@ -37,7 +38,7 @@ def machines_of(sources: Sequence[Path]) -> tuple[Machine, ...]:
     problems = [
         Problem(str(source), "is given twice", "give it once")
         for k, source in enumerate(sources)
-        if source.resolve() in [other.resolve() for other in sources[:k]]
+        if os.path.abspath(source) in map(os.path.abspath, sources[:k])
     ]
     if problems:
         raise DataError(*problems)
@@ -72,8 +73,6 @@ def _history_of(source: Path) -> Path:
         return project.history
     if source.suffix != ".jsonl":
         raise DataError.at(str(source), "is no history", REMEDY)
-    if not source.is_file():
-        raise DataError.at(str(source), "is no file", REMEDY)
     return source
 
 

@@ -91,7 +91,8 @@ def verdict(estimate: Estimate) -> Verdict:
     """Return what is to be thought of an estimate, from what it holds itself."""
     found = sorted(_findings(estimate), key=lambda one: one.rank)
     if not found:
-        why = f"the residual is no more than noise, no interval is wider than {2 * WIDE_PERCENT:.0f} % of the value either way"
+        widest = f"no interval is wider than {2 * WIDE_PERCENT:.0f} % of the value either way"
+        why = f"the residual is no more than noise, {widest}"
         return Verdict(TRUST, (why,))
     return Verdict(found[0].word, tuple(one.why for one in found), found[0].action)
 

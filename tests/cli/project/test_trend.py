@@ -101,7 +101,7 @@ def test_what_is_no_history_is_explained(history: Path, tmp_path: Path) -> None:
     )
     assert "axis: changed: K" in run(tmp_path / "axis.toml").stdout  # its records need not be there
     for given, words in (
-        ([tmp_path / "none.jsonl"], "is no file"),
+        ([tmp_path / "none.jsonl"], "cannot be read"),
         ([tmp_path / "a.csv"], "is no history"),
         ([alone], "has 1 estimate"),
         ([history, history], "is given twice"),
