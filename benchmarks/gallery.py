@@ -1,6 +1,8 @@
 """The pictures of the gallery, drawn anew into docs/; needs chromium and matplotlib.
 
-    python benchmarks/gallery.py
+    python benchmarks/gallery.py [--plots]
+
+--plots draws those of docs/gallery.md's own code alone, in light and dark; these need no chromium.
 
 The paper's bench, lightly damped, with encoder and accelerometer: identified from a chirp and a trapezoid,
 simulated in closed loop, for comparison.
@@ -8,11 +10,16 @@ simulated in closed loop, for comparison.
 
 from __future__ import annotations
 
+import io
+import re
 import shutil
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from PIL import Image, ImageChops
 
 from modelgen.cli.figure import draw_forces
@@ -39,7 +46,30 @@ SHOTS = (
 )
 
 
+def draw_plots() -> None:
+    """Run the Python of docs/gallery.md, and write the axes after each block to the picture below it."""
+    from matplotlib import style
+
+    page = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```\n(?:\n!\[[^\]]*\]\(plot-(\w+)-light)?", page, re.M | re.S)
+    for ground in ("light", "dark"):
+        names: dict[str, Any] = {}
+        with style.context("dark_background" if ground == "dark" else "default"):
+            for code, name in blocks:
+                exec(code, names)
+                if not name:
+                    continue
+                drawn = io.BytesIO()
+                np.ravel(names["axes"])[0].figure.savefig(drawn, dpi=90, format="png")
+                path = DOCS / f"plot-{name}-{ground}.png"
+                Image.open(drawn).convert("RGB").quantize(48).save(path, optimize=True)
+                print(path.name)
+
+
 def main() -> None:
+    draw_plots()
+    if "--plots" in sys.argv:
+        return
     spec = load_spec(catalog_path("emps300"))
     model = model_from_text(generate(spec, "qm_ac"), "emps300_qm_ac")
     records = [

@@ -228,10 +228,10 @@ def band_trial(sensors: str, parameters: str, case: str, method: str, seed: int)
     records = [measured(record, rng, case == "encoder") for record in clean]
     try:
         estimate = identify(model, records, method)
+        chain, cutoff_hz = estimated_chain(model, estimate), estimate.fit.filtering.cutoff_hz
+        gains = chain.gains(records[0], cutoff_hz)
     except ModelgenError:
         return None
-    chain, cutoff_hz = estimated_chain(model, estimate), estimate.fit.filtering.cutoff_hz
-    gains = chain.gains(records[0], cutoff_hz)
     plant = make_plant(model, model.parameter_sets[parameters])
     # the response is that at the amplitude that the record shows
     true = linear_chain(plant, equivalent_gains(plant, records[0], cutoff_hz), BAND_HZ)

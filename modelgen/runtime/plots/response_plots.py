@@ -51,15 +51,17 @@ class ResponsePlot:
 
 
 def draw_measured(axes: list[Any], found: FrequencyResponse) -> None:
-    """Draw a measured response into three axes; its phase where that is no mere chance."""
+    """Draw a measured response into three axes: pale where it is mere chance, and there without a phase."""
     colour, f = colours(axes[0]).measured, found.frequency_hz
     size, reach = np.abs(found.response), Z_95 * found.std
     mark = "o" if f.size < 60 else None
     style = {"color": colour, "linewidth": 1.6, "marker": mark, "markersize": 3.0}
-    axes[0].loglog(f, size, label="measured", **style)
+    told = found.coherence >= LEAST_COHERENCE
+    axes[0].loglog(f, size, color=colour, linewidth=0.6, alpha=0.4)
+    axes[0].loglog(f, np.where(told, size, np.nan), label="measured", **style)
     low = np.maximum(size - reach, size / 100.0)
-    axes[0].fill_between(f, low, size + reach, color=colour, alpha=0.25, linewidth=0.0)
-    phase = wrapped_phase(found.response, found.coherence >= LEAST_COHERENCE)
+    axes[0].fill_between(f, low, size + reach, where=told, color=colour, alpha=0.25, linewidth=0.0)
+    phase = wrapped_phase(found.response, told)
     axes[1].semilogx(f, phase, **style)
     axes[2].semilogx(f, found.coherence, **{**style, "color": colours(axes[2]).residual, "linewidth": 1.0})
 

@@ -30,7 +30,7 @@ def test_bode_shows_measured_and_modelled_with_a_band(geared: bool) -> None:
     assert labels == ["measured", "modelled, Coulomb friction at the record's amplitude", "95 %"]
     f, size = axes[0].lines[0].get_data()
     coherent = axes[2].lines[0].get_ydata() > 0.99
-    modelled = np.interp(f, *axes[0].lines[1].get_data())
+    modelled = np.interp(f, *axes[0].lines[2].get_data())
     # the record says what the model says, where it says anything
     assert np.median(np.abs(np.log(size / modelled))[coherent]) < 0.1
 
