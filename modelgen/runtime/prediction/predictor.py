@@ -1,8 +1,9 @@
 """Predictions some samples ahead: a stationary Kalman filter, then the chain under the measured forces.
 
 The filter knows the noise of the sensors from the record; of the forces that drive what the model does not
-explain it takes the size under which the record is likeliest. Coulomb friction holds a body over a step as
-long as it can, and no longer; cubes of deflections enter with their values at both ends of a step.
+explain it takes the size with which it predicts best, none at all (open loop) included. Coulomb friction
+holds a body over a step as long as it can, and no longer; cubes of deflections enter with their values at
+both ends of a step.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from modelgen.runtime.prediction.thresholds import (
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import vibration
 from modelgen.runtime.simulation.plant import Plant, felt_accelerations, measured_forces
+
+TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,15 +178,9 @@ def predicted_readings(
     u = np.column_stack([every[a.key] for a in plant.model.actuators])
     z = np.column_stack([record.signals[key] for key in keys])
     chain = SampledChain(plant, record.dt, u)
-    states = Filtering(chain, rows, z, start, float(np.std(force))).likeliest(record.fs)
-    # the state at sample k + 1 from readings up to k, carried on
-    at = np.arange(1, len(z) - horizon + 1)
-    x = states[at]
-    for _ in range(horizon - 1):
-        x, _ = chain.step(x, at)
-        at = at + 1
-    _, read = chain.step(x, at)
-    return {key: read[:, row] for key, row in zip(keys, rows, strict=True)}
+    filtering = Filtering(chain, rows, z, start, float(np.std(force)))
+    read = filtering.ahead(filtering.run(filtering.best_gain(record.fs, horizon), len(z)), horizon)
+    return {key: read[:, i] for i, key in enumerate(keys)}
 
 
 class Filtering:
@@ -197,40 +194,47 @@ class Filtering:
     ) -> None:
         self._chain, self._rows, self._z, self._start, self._force = chain, rows, z, start, force or 1.0
 
-    def likeliest(self, fs: float) -> FloatArray:
-        """Return the states predicted one sample ahead, shape (n + 1, states), with the likeliest filter."""
+    def best_gain(self, fs: float, horizon: int) -> FloatArray:
+        """Return the gain, shape (states, sensors), that predicts the beginning of the record best.
+
+        Each sensor's error counts by the logarithm of its size.
+        """
         noise = np.array([_noise(column, fs) for column in self._z.T])
         judged = min(len(self._z), JUDGED_SAMPLES)
-        best: tuple[float, FloatArray] | None = None
-        for share in DISTURBANCES:
-            gain, spread = self._gain(share, noise)
-            if gain is None or spread is None:
+        horizon = min(horizon, judged // 2)
+        best, least = np.zeros((len(self._start), len(self._rows))), np.inf
+        for gain in (best, *(self._gain(share, noise) for share in DISTURBANCES)):
+            if gain is None:
                 continue
-            _, innovations = self.run(gain, judged)
-            tried = innovations[judged // 10 :]
-            cost = float(np.linalg.slogdet(spread)[1]) + float(
-                np.mean(np.einsum("ti,ti->t", tried, np.linalg.solve(spread, tried.T).T))
-            )
-            if np.isfinite(cost) and (best is None or cost < best[0]):
-                best = cost, gain
-        if best is None:
-            remedy = "compare in open loop, or give the record a sensor of position"
-            raise DataError.at("prediction", "has no filter for these sensors and parameters", remedy)
-        return self.run(best[1], len(self._z))[0]
+            with np.errstate(all="ignore"):  # what a wrong model lets grow is not the best
+                read = self.ahead(self.run(gain, judged), horizon)
+                errors = (self._z[horizon:judged] - read)[judged // 10 :]
+                cost = float(np.sum(np.log(np.maximum(np.mean(errors**2, axis=0), TINY))))
+            if cost < least:
+                best, least = gain, cost
+        return best
 
-    def run(self, gain: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return predicted states, shape (count + 1, states), and innovations, shape (count, sensors)."""
+    def run(self, gain: FloatArray, count: int) -> FloatArray:
+        """Return the states predicted one sample ahead, shape (count + 1, states)."""
         states = np.empty((count + 1, len(self._start)))
-        innovations = np.empty((count, len(self._rows)))
         states[0] = self._start
         for k in range(count):
             after, read = self._chain.step(states[k], k)
-            innovations[k] = self._z[k] - read[self._rows]
-            states[k + 1] = after + gain @ innovations[k]
-        return states, innovations
+            states[k + 1] = after + gain @ (self._z[k] - read[self._rows])
+        return states
 
-    def _gain(self, share: float, noise: FloatArray) -> tuple[FloatArray | None, FloatArray | None]:
-        """Return the stationary gain of the one-step predictor and the covariance of its innovations."""
+    def ahead(self, states: FloatArray, horizon: int) -> FloatArray:
+        """Return the readings so many samples ahead, shape (samples - horizon, sensors)."""
+        # the state at sample k + 1 from readings up to k, carried on
+        at = np.arange(1, len(states) - horizon)
+        x = states[at]
+        for _ in range(horizon - 1):
+            x, _ = self._chain.step(x, at)
+            at = at + 1
+        return self._chain.step(x, at)[1][:, self._rows]
+
+    def _gain(self, share: float, noise: FloatArray) -> FloatArray | None:
+        """Return the stationary gain of the one-step predictor; None where there is none."""
         from scipy.linalg import solve_discrete_are
 
         plant, steps = self._chain.plant, self._chain.forward
@@ -246,9 +250,8 @@ class Filtering:
         try:
             P = solve_discrete_are(Phi.T, C.T, Q, R, s=S)
         except (np.linalg.LinAlgError, ValueError):
-            return None, None
-        spread = C @ P @ C.T + R
-        return np.linalg.solve(spread, (Phi @ P @ C.T + S).T).T, spread
+            return None
+        return np.asarray(np.linalg.solve(C @ P @ C.T + R, (Phi @ P @ C.T + S).T).T)
 
 
 def _noise(samples: FloatArray, fs: float) -> float:

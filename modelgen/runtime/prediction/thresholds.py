@@ -7,7 +7,7 @@ ROUNDS, SETTLED = 6, 1e-4
 # Steps of the state for its slopes, in shares of how far each mode moves.
 STEP = 1e-3
 
-# Forces that drive what the model does not explain, in shares of the measured force: the likeliest is taken.
+# Forces that drive what the model does not explain, in shares of the measured force.
 DISTURBANCES = (1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 1.0)
 # On so many samples of the record, which the state at its beginning is found from, too.
 JUDGED_SAMPLES = 2000
