@@ -51,6 +51,7 @@ from modelgen.runtime.identification.thresholds import CALM
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import BoundCost, bound_advice
 from modelgen.runtime.parameters.dependence import dependences
 from modelgen.runtime.records.channels import Edit
@@ -170,7 +171,8 @@ def examine(
     """Return all checks of an estimate and of the fit behind it; `drift` has the shape (c, c)."""
     model, records, choice = task.model, task.records, task.choice
     method, fit, percent = task.method, solution.as_measured, estimate.fit.pruning.percent
-    identified = estimate.parameters.identified
+    identified, hidden = estimate.parameters.identified, _hidden(model, estimate)
+    asked = [entry for entry in identified if entry.name not in hidden]
     noise = hac_covariance(fit)
     signals = signal_to_noise(model, records, choice)
     residuals = residual_tests(model, records, choice, fit, task.period_s) if method.matched else ()
@@ -189,9 +191,9 @@ def examine(
         *negative_values(model, identified),
         *dependence_advice(
             dependences(fit, noise + drift),
-            identified,
+            asked,
             percent,
-            dependent_columns(fit, (), drift),
+            {*dependent_columns(fit, (), drift)} - hidden,
         ),
         *uncertain_parameters(model, fit, identified, percent, slowest_hz, choice.dynamics_hz),
         *(() if method.consistent else noisy_derivatives(model, signals)),
@@ -211,6 +213,15 @@ def examine(
         bounds,
         tuple(task.checks.keep),
     )
+
+
+def _hidden(model: Model, estimate: Estimate) -> frozenset[str]:
+    """Return the composites in place of which physical parameters are told, all of them.
+
+    That composites move together is no matter then: what a user asked for has intervals of its own.
+    """
+    told = {entry.name for entry in estimate.parameters.physical}
+    return frozenset(model.composites) if told and told >= {*model.identifiable} else frozenset()
 
 
 def _alarming(

@@ -98,7 +98,7 @@ def _parameters(entries: Sequence[Parameter]) -> list[str]:
     right = [*lines[rows:], ""]
     return [
         "  with 95 % intervals:",
-        *(f"{a.ljust(half)}{b}".rstrip() for a, b in zip(lines, right, strict=False)),
+        *(f"{a.ljust(half)}{b}".rstrip() for a, b in zip(lines[:rows], right, strict=False)),
     ]
 
 

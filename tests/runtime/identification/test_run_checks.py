@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from generated import emps300_qm_qc
+from modelgen.cli.candidates import spec_model
 from modelgen.errors import DataError
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
@@ -19,6 +20,7 @@ from modelgen.runtime.parameters.pruning import prune
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import parse_spec
 from tests.runtime.identification.test_assemble_estimate import TRUTH, observation
 from tests.runtime.measured_records import bench, emps
 from tests.runtime.rigid_motion import ONE_WAY, RIGID, SETTINGS, kinds, rigid_record, swings
@@ -55,6 +57,53 @@ def test_a_trapezoid_alone_leaves_combinations_and_says_which() -> None:
     both = identify(TWO_MASS, [chirp, trapezoid], "wls")
     assert set(both.params) == set(TWO_MASS.base_parameters)
     assert kinds(both) == []
+
+
+HOIST = """
+[chain]
+name = "hoist"
+motion = "rotation"
+[[bodies]]
+name = "m"
+inertia = "J_m"
+viscous = "F_vm"
+coulomb = "F_sm"
+actuator = "T"
+[[bodies]]
+name = "g"
+inertia = "J_g"
+[[bodies]]
+name = "d"
+inertia = "J_d"
+viscous = "F_vd"
+[[links]]
+bodies = ["m", "g"]
+stiffness = "K_1"
+damping = "D_1"
+ratio = "21/2"
+[[links]]
+bodies = ["g", "d"]
+stiffness = "K_2"
+damping = "D_2"
+[sensors.s]
+q_m = { body = "m", measures = "position" }
+q_d = { body = "d", measures = "position" }
+"""
+
+
+def test_composites_may_move_together_where_physical_parameters_are_told() -> None:
+    model = spec_model(parse_spec(HOIST, "hoist.toml"), "s")
+    truth = {"J_m": 2e-3, "F_vm": 1e-2, "F_sm": 0.3, "J_g": 0.08, "J_d": 0.5, "F_vd": 0.4}
+    truth |= {"K_1": 9000.0, "D_1": 3.0, "K_2": 20000.0, "D_2": 6.0}
+    noise = {"q_m": 1e-4, "q_d": 1e-5, "T": 0.01}
+    records = [
+        simulate(model, truth, kind, fs=4000.0, duration_s=4.0, noise=noise).record
+        for kind in ("chirp", "trapezoid")
+    ]
+    estimate = identify(model, records)
+    assert {entry.name for entry in estimate.parameters.physical} == {*truth}
+    assert max(entry.relative_std for entry in estimate.parameters.identified) > 10.0
+    assert "dependent columns" not in kinds(estimate)
 
 
 def test_what_only_the_drift_leaves_without_a_value_is_refused_late() -> None:

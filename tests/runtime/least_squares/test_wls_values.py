@@ -275,6 +275,13 @@ def test_columns_of_zeros_are_all_named() -> None:
     )
 
 
+def test_no_samples_at_all_are_one_mistake() -> None:
+    assert refusal(block(np.zeros((0, 2)), np.zeros(0))) == (
+        "records: no sample is left: a change of direction is within the filters' reach of every one; "
+        "move without reversing for longer, or give a higher cut-off"
+    )
+
+
 def test_too_few_samples_and_no_force_are_explained() -> None:
     W = np.random.default_rng(18).standard_normal((9, 2))
     assert refusal(block(W[:2], np.ones(2))) == (

@@ -33,7 +33,7 @@ def test_everything_is_said_in_ten_lines() -> None:
     assert "<details>" in estimate._repr_html_()
 
 
-@pytest.mark.parametrize("count", [1, 8, 9, 40])
+@pytest.mark.parametrize("count", [1, 8, 9, 10, 40])
 def test_no_line_is_longer_than_a_terminal(count: int) -> None:
     name = "x" * 200
     entries = tuple(
@@ -46,6 +46,7 @@ def test_no_line_is_longer_than_a_terminal(count: int) -> None:
     text = answer_text(replace(whole, parameters=parameters, records=(name, "\x1b[2J", name)))
     assert max(map(len, text.splitlines())) <= 80
     assert text.count("No number for") == 1
+    assert [text.count(f" K_{i} ") for i in range(count)] == [int(count < 40)] * count
     assert text.isascii()
     assert text.replace("\n", "").isprintable()
     if count == 9:
