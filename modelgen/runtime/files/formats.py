@@ -12,7 +12,7 @@ from modelgen.runtime.files.size_limits import check_columns
 from modelgen.runtime.files.source import Source
 
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
-SUFFIXES = (*TEXT_SUFFIXES, ".npz", ".mat", ".parquet", ".h5", ".hdf5", ".mf4", ".mdf", ".tdms")
+SUFFIXES = (*TEXT_SUFFIXES, ".npz", ".mat", ".parquet", ".h5", ".hdf5", ".mf4", ".mdf", ".tdms", ".mcap")
 
 
 def open_source(path: Path) -> Source:
@@ -55,6 +55,10 @@ def _opener(suffix: str) -> Callable[[Path], Source]:
         from modelgen.runtime.files.child_process.mdf import open_mdf
 
         return open_mdf
+    if suffix == ".mcap":
+        from modelgen.runtime.files.child_process.mcap import open_mcap
+
+        return open_mcap
     if suffix == ".parquet":
         from modelgen.runtime.files.parquet import open_parquet
 

@@ -27,10 +27,12 @@ PLAIN = "biufcSUmM"  # kinds of arrays whose bytes are all there is
 Call = Callable[..., Iterator[Any]]
 BUFFER = 1 << 20  # bytes of a pipe
 PATIENCE_S, BYTES_PER_S = 2, 2_000_000  # of processor time for a file, and more for a large one
+SLOW = {"mcap": 50_000}  # bytes/s where the library decodes message by message, from packed files
 # the module that answers a kind of call, and the library that it needs
 MODULES = {
     "hdf5": ("modelgen.runtime.files.child_process.hdf5_calls", "h5py"),
     "mdf": ("modelgen.runtime.files.child_process.mdf_calls", "asammdf"),
+    "mcap": ("modelgen.runtime.files.child_process.mcap_calls", "mcap_ros2"),
 }
 
 
@@ -53,7 +55,7 @@ def _answer(asked: dict[str, Any], answers: BinaryIO) -> None:
     try:
         reader_library(library, path)  # how long that takes is not the file's fault
         call: Call = getattr(import_module(module), name)
-        _limit(path.stat().st_size)
+        _limit(path.stat().st_size, SLOW.get(kind, BYTES_PER_S))
         for part in call(path, **asked["arguments"]):
             if isinstance(part, np.ndarray):
                 if part.dtype.kind not in PLAIN:
@@ -74,14 +76,14 @@ def _say(answers: BinaryIO, what: dict[str, Any]) -> None:
     answers.write(json.dumps(what).encode() + b"\n")
 
 
-def _limit(size: int) -> None:
+def _limit(size: int, bytes_per_s: int) -> None:
     """Let the system end this process when a file of this size takes too long or too much memory."""
     with suppress(ImportError, OSError, ValueError):  # where the system has such limits
         import resource
 
         _, hard = resource.getrlimit(resource.RLIMIT_CPU)
         used = resource.getrusage(resource.RUSAGE_SELF)
-        allowed = int(used.ru_utime + used.ru_stime) + PATIENCE_S + size // BYTES_PER_S
+        allowed = int(used.ru_utime + used.ru_stime) + PATIENCE_S + size // bytes_per_s
         resource.setrlimit(resource.RLIMIT_CPU, (allowed, hard))
         _, hard = resource.getrlimit(resource.RLIMIT_AS)
         pages = int(Path("/proc/self/statm").read_text().split()[0])

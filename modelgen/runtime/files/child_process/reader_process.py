@@ -33,7 +33,11 @@ START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from modelgen.runtime.files.child_process.reader_child import serve; serve()"
 )
-KINDS = {"hdf5": ("HDF5 file", "h5py"), "mdf": ("MDF file", "asammdf")}
+KINDS = {
+    "hdf5": ("HDF5 file", "h5py"),
+    "mdf": ("MDF file", "asammdf"),
+    "mcap": ("MCAP file", "mcap_ros2"),
+}
 MORE_ARGUMENTS: tuple[str, ...] = ()
 
 

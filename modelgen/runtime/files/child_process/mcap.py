@@ -1,0 +1,52 @@
+"""Recordings of robots (.mcap, what ROS 2 records) -> Source; needs mcap and mcap-ros2-support."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from modelgen.errors import listed
+from modelgen.runtime.files.child_process.reader_process import ask
+from modelgen.runtime.files.size_limits import check_columns
+from modelgen.runtime.files.source import Columns, Source
+
+
+def open_mcap(path: Path) -> Source:
+    """Return the source of an MCAP file: a column a number of a message, a column of times a topic.
+
+    Raises
+    ------
+    DataError
+        When the libraries are missing, the file is none or damaged, or holds too many columns.
+    """
+    topics, left_out = ask("mcap.listing", path)
+    names: dict[str, None] = {}
+    places: dict[str, tuple[str, str]] = {}
+    times: dict[str, str] = {}
+    clocks: dict[str, str] = {}
+    for entry in topics:
+        topic = entry["topic"]
+        clock = "time" if not times else f"time ({topic})"
+        names[clock], times[clock] = None, topic
+        for field in entry["fields"]:
+            name = f"{topic}.{field}"
+            names[name], places[name], clocks[name] = None, (topic, field), clock
+    check_columns(path, len(names))
+
+    def load(asked: Sequence[str]) -> Columns:
+        samples = [name for name in asked if name in places]
+        stamps = [name for name in asked if name in times]
+        # every topic's times are counted from one instant
+        every = list(dict.fromkeys([*(times[clock] for clock in stamps), *times.values()]))
+        read = ask("mcap.columns", path, wanted=[places[name] for name in samples], clocks=every)
+        found = dict(zip(samples, read, strict=False))
+        of_topic = dict(zip(every, read[len(samples) :], strict=True))
+        return {name: found[name] if name in places else of_topic[times[name]] for name in asked}
+
+    took = [f"an MCAP file of {len(times)} topic(s), times of the messages' headers, or of logging"]
+    if left_out:
+        took.append("left out: " + listed(f"{topic} ({why})" for topic, why in left_out.items()))
+    units = dict.fromkeys(times, "s")
+    several = clocks if len(times) > 1 else {}
+    dates: dict[str, int | None] = dict.fromkeys(times)
+    return Source(path, tuple(names), load, units=units, clocks=several, took=tuple(took), starts=dates)
