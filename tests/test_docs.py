@@ -73,6 +73,22 @@ def test_every_snippet_runs(page: str, tmp_path: Path, monkeypatch: pytest.Monke
             tomllib.loads(block.text)
 
 
+def test_the_first_page_shows_what_is_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Word by word; the last digits of numbers may differ from machine to machine."""
+    monkeypatch.chdir(tmp_path)
+    spec, commands = blocks_of("index.md")
+    Path("axis.toml").write_text(spec.text, encoding="utf-8")
+    for line in commands.text.splitlines():
+        printed = run_command(line.removeprefix("$ "))
+    text = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^```\n(axis, .*?)^```$", text, re.MULTILINE | re.DOTALL)[0]
+    digits = r"[\d.]+"
+    assert re.sub(digits, "#", shown) in re.sub(digits, "#", printed)
+    for here, there in zip(re.findall(digits, shown), re.findall(digits, printed), strict=False):
+        if here.strip(".") and there.strip("."):
+            assert float(here) == pytest.approx(float(there), rel=0.05)
+
+
 def test_the_tutorial_ends_with_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     commands = [line for block in blocks_of("tutorial.md") for line in block.text.splitlines()]
     steps = [line for line in commands if line.startswith(("$ modelgen import", "$ modelgen identify"))]

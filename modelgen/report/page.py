@@ -36,7 +36,7 @@ from modelgen.report.unmade import Unmade
 from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild
 from modelgen.runtime.curves.responses import moving_forces, responses
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.modes.modes import cells
+from modelgen.runtime.modes.modes import cells, peak_hz
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.read_record import Reading
 from modelgen.runtime.records.record import Record
@@ -129,6 +129,7 @@ def _environment() -> jinja2.Environment:
     env.filters["number"] = _number
     env.filters["unit"] = _unit
     env.filters["reached"] = lambda entry: _typeset(plus_minus(entry))
+    env.filters["peak"] = lambda mode: _typeset(peak_hz(mode))
     env.filters["cells"] = lambda one: [_typeset(text) for text in cells(one)]
     return env
 

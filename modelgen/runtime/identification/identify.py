@@ -17,6 +17,7 @@ from modelgen.runtime.identification.run_checks import compared, examine, more_t
 from modelgen.runtime.identification.solution import fitted, settings_drift
 from modelgen.runtime.identification.task import prepared
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.modes.measured_peaks import with_peaks
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
@@ -98,4 +99,5 @@ def _identified(
     fixed = dict.fromkeys(solution.at_bounds, 0.0)
     solved = Solved(solution.job, chosen, solution.observation, fit, no_number, drift, fixed, keep)
     estimate = judge(solved, chosen.residual_dof, task.checks.prune_percent)
-    return replace(estimate, checks=examine(estimate, task, solution, drift, refused, extras))
+    modes = with_peaks(estimate.modes(), task.model, task.records)
+    return replace(estimate, modal=modes, checks=examine(estimate, task, solution, drift, refused, extras))

@@ -12,6 +12,21 @@ from modelgen.runtime.parameters.rounded import with_interval
 
 
 @dataclass(frozen=True)
+class Peak:
+    """The peak of a measured frequency response at `frequency_hz`, with lines `resolution_hz` apart.
+
+    `rise` is its height over the higher valley beside it, as an acceleration over the force `input`.
+    """
+
+    frequency_hz: float
+    resolution_hz: float
+    rise: float
+    record: str
+    output: str
+    input: str
+
+
+@dataclass(frozen=True)
 class Mode(PairValues):
     """A motion that the chain makes by itself, linear about rest.
 
@@ -28,9 +43,13 @@ class Mode(PairValues):
     shape : mapping of str to float
         How far each body moves, in its own unit (rad or m), in the undamped mode; 1 for the body that has
         most of the energy.
+    measured : Peak or None
+        The peak nearest to it in the measured frequency responses of the records, which knows nothing of the
+        model; None where they show none.
     """
 
     shape: Mapping[str, float] = field(default_factory=dict)
+    measured: Peak | None = None
 
     @property
     def name(self) -> str:
@@ -74,8 +93,8 @@ class Modes(Sequence[Mode]):
 
     def __str__(self) -> str:
         """Return a table of the modes, with 95 % intervals, their shapes, antiresonances and notes."""
-        rows = [("mode", "Hz (95 %)", "rad/s", "damping ratio", "time constants s")]
-        rows += [(str(k + 1), *cells(mode)) for k, mode in enumerate(self.modes)]
+        rows = [("mode", "Hz (95 %)", "rad/s", "damping ratio", "time constants s", "peak Hz")]
+        rows += [(str(k + 1), *cells(mode), peak_hz(mode)) for k, mode in enumerate(self.modes)]
         lines = _aligned(rows) if self.modes else []
         if any(len(mode.shape) > 1 for mode in self.modes):
             bodies = list(self.modes[0].shape)
@@ -99,6 +118,15 @@ def cells(one: PairValues) -> tuple[str, str, str, str]:
     radians = 2.0 * math.pi * one.frequency_hz.value
     damping = "-" if one.damping_ratio is None else shown(one.damping_ratio)
     return shown(one.frequency_hz), f"{radians:.4g}", damping, constants
+
+
+def peak_hz(mode: Mode) -> str:
+    """Return the measured peak in Hz with half a line either way."""
+    one = mode.measured
+    if one is None:
+        return "-"
+    half = 0.5 * one.resolution_hz
+    return with_interval(one.frequency_hz, one.frequency_hz - half, one.frequency_hz + half)
 
 
 def shown(value: ModalValue) -> str:

@@ -27,3 +27,13 @@ FULLY_OPEN = 1.0 - 1e-9
 ROUNDING = 1e-9
 # Two real rates nearer than this share of their sum are taken as so far apart, for the direction of a slope.
 SHARPEST = 1e-6
+
+# A mode with a larger damping ratio shows no peak to compare with.
+PEAK_DAMPING = 0.3
+# A peak belongs to a mode within this factor of its frequency; it is the highest line within it, stands out
+# of the valleys beside it by so much, and the force explains at least so much of the reading there.
+PEAK_RANGE, PEAK_RISE, LEAST_COHERENCE = 1.15, 1.5, 0.9
+# The force has at least this share of its largest density of power there: less is leakage, or noise.
+EXCITED = 0.02
+# Records that are looked at, and samples of the longest one.
+MOST_PEAK_RECORDS, LONGEST_RECORD = 4, 10_000_000

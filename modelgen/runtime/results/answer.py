@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from modelgen.errors import listed, shortened, visible
 from modelgen.runtime.modes.mode_values import PairValues
-from modelgen.runtime.modes.modes import Antiresonance, Mode, cells, shown
+from modelgen.runtime.modes.modes import Antiresonance, Mode, cells, peak_hz, shown
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.results.thresholds import COLUMNS, MANY, REASON
@@ -105,7 +105,7 @@ def _parameters(entries: Sequence[Parameter]) -> list[str]:
 def modes_lines(estimate: Estimate) -> list[str]:
     """Return a line for every mode, one for the antiresonances, and what is to be said of them."""
     found = estimate.modes()
-    lines = [f"  mode: {_mode(mode)}" for mode in found]
+    lines = [line for mode in found for line in _wrapped(f"  mode: {_mode(mode)}", "    ")]
     by_actuator: dict[str, list[Antiresonance]] = {}
     for zero in found.antiresonances:
         by_actuator.setdefault(zero.actuator, []).append(zero)
@@ -119,7 +119,7 @@ def _mode(mode: Mode) -> str:
     constants = ", ".join(shown(value) for value in mode.time_constants_s)
     if mode.frequency_hz is None:
         return f"free motion, time constant {constants} s" if constants else "free motion, 0 Hz"
-    text = _frequency(mode)
+    text = _frequency(mode) + (f", measured peak {peak_hz(mode)}" if mode.measured else "")
     return f"{text}; creeps, {constants} s" if constants else text
 
 
