@@ -54,12 +54,12 @@ def test_every_option_reaches_the_estimate(records: list[str]) -> None:
 def test_a_share_can_be_held_out(records: list[str]) -> None:
     found = checks(run(*records, "--hold-out", "0.3", "--json"))
     assert found["held_out"]["records"] == ["one (held out)", "two (held out)"]
-    text = run(*records, "--hold-out", "0.3")
+    text = run(*records, "--hold-out", "0.3", "--details")
     assert "Held-out records:" in text
 
 
 def test_total_least_squares_is_a_method(records: list[str]) -> None:
-    assert "total least squares, for comparison" in run(records[0], "--method", "tls")
+    assert "total least squares, for comparison" in run(records[0], "--method", "tls", "--details")
 
 
 @pytest.mark.parametrize(
