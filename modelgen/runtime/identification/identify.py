@@ -7,7 +7,11 @@ from dataclasses import replace
 from functools import partial
 from types import ModuleType
 
+import numpy as np
+
+from modelgen.errors import IdentifiabilityError, shortened
 from modelgen.progress import heard, step
+from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.friction_asymmetry import asymmetries, asymmetry_notes
 from modelgen.runtime.identification.assemble_estimate import Solved, judge
 from modelgen.runtime.identification.methods import Method
@@ -20,6 +24,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.measured_peaks import with_peaks
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.checks import Checks
 from modelgen.runtime.results.estimate import Estimate
 
 
@@ -100,4 +105,15 @@ def _identified(
     solved = Solved(solution.job, chosen, solution.observation, fit, no_number, drift, fixed, keep)
     estimate = judge(solved, chosen.residual_dof, task.checks.prune_percent)
     modes = with_peaks(estimate.modes(), task.model, task.records)
-    return replace(estimate, modal=modes, checks=examine(estimate, task, solution, drift, refused, extras))
+    try:
+        found = examine(estimate, task, solution, drift, refused, extras)
+    except (ArithmeticError, IdentifiabilityError, np.linalg.LinAlgError) as error:
+        # the estimate stands; what could not be tested is said, and no more trusted than that
+        found = Checks((*solution.advice, untested(error)), kept=keep)
+    return replace(estimate, modal=modes, checks=found)
+
+
+def untested(error: Exception) -> Advice:
+    """Return what is said of an estimate whose checks failed."""
+    what = f"could not be checked ({shortened(str(error) or type(error).__name__)})"
+    return Advice("not checked", "the estimate", what, "compare with another method, or with other records")

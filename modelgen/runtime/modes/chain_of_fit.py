@@ -78,4 +78,9 @@ def chain_of_fit(
 
 def modes_of_fit(model: Model, known: tuple[UncertainChain, Again] | None) -> Modes:
     """Return the modes with their intervals of what `chain_of_fit` gives."""
-    return Modes(notes=(f"No modes: {NO_CHAIN}.",)) if known is None else find_modes(model, *known)
+    if known is None:
+        return Modes(notes=(f"No modes: {NO_CHAIN}.",))
+    try:
+        return find_modes(model, *known)
+    except (ArithmeticError, np.linalg.LinAlgError) as error:  # the parameters stand without them
+        return Modes(notes=(f"No modes: their numbers fail ({error}).",))

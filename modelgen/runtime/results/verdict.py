@@ -52,6 +52,7 @@ MODEL = {
     "held-out records disagree": CHECK,
     "periods differ": CHECK,
     "more than noise": CHECK,
+    "not checked": CHECK,
 }
 KINDS: Mapping[str, str] = {**DATA, **EXPERIMENT, **MODEL}
 FIRST, SECOND, REFUSED, LATER, LAST = range(5)

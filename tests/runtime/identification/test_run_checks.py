@@ -255,3 +255,15 @@ def test_warnings_say_what_to_do() -> None:
     for advice in estimate.checks.advice:
         assert advice.remedy
         assert advice.sentence.startswith(advice.kind)
+
+
+def test_checks_that_fail_take_no_answer_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> None:
+        raise np.linalg.LinAlgError("did not converge")
+
+    monkeypatch.setattr("modelgen.runtime.identification.identify.examine", fails)
+    estimate = identify(RIGID, rigid_record(), **values_of(**SETTINGS))
+    assert estimate.params
+    assert estimate.checks.advice[-1].kind == "not checked"
+    assert "did not converge" in estimate.checks.advice[-1].what
+    assert estimate.verdict.word == "check"
