@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from modelgen.cli.options import Details, Json, Overwrite, Trust
-from modelgen.cli.output import note, print_json
+from modelgen.cli.output import explain_all, note, print_json
 
 ProjectFile = Annotated[
     Path, typer.Argument(metavar="PROJECT.toml", help="What modelgen new --project starts.")
@@ -46,3 +46,7 @@ def run(
         print_json(facts_of(found, ran))
     else:
         typer.echo(ran.estimate.summary() if details else ran.estimate.answer(), nl=False)
+    for error in ran.failed:
+        explain_all(error.problems)
+    if ran.failed:
+        raise typer.Exit(max(error.exit_code for error in ran.failed))

@@ -24,9 +24,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Ran:
-    """What a run did: entries and whether each is new; the last group's readings and files; new hashes."""
+    """What a run did.
+
+    Entries and whether each is new, why groups have no estimate; files and readings of the last group; names
+    of the files that were written, and of records that are new in the lock.
+    """
 
     entries: tuple[tuple[HistoryEntry, bool], ...]
+    failed: tuple[ModelgenError, ...]
     paths: tuple[Path, ...]
     readings: tuple[Reading, ...]
     written: tuple[str, ...]
@@ -61,17 +66,25 @@ def run_project(project: Project, renew: bool, overwrite: bool, trust: bool) -> 
     own_outputs(project, lock, names, overwrite)
     hashes = record_hashes(project, lock, renew)
     prepared = prepare(project, trust)
+    save_lock(project.lock, Lock(records=hashes, written=lock.written))
     before = load_history(project.history) if project.history.exists() else ()
     known = {entry.inputs: entry for entry in before}
     entries: list[tuple[HistoryEntry, bool]] = []
     readings: list[Reading] = []
+    failed: list[ModelgenError] = []
     groups = project.table.records
     for group in groups:
         inputs = prepared.inputs(group, hashes)
         if inputs in known and group is not groups[-1]:
             entries.append((known[inputs], False))
             continue
-        estimate, readings = _identified(prepared, group)
+        try:
+            estimate, readings = _identified(prepared, group)
+        except ModelgenError as error:
+            failed.append(error)  # the other months are not lost with this one
+            if group is groups[-1]:
+                raise type(error)(*(problem for one in failed for problem in one.problems)) from error
+            continue
         own = {name: hashes[name] for name in group.files}
         entry = HistoryEntry(project.name, group.date, own, inputs, estimate)
         entries.append((entry, append(project.history, entry)))
@@ -80,7 +93,7 @@ def run_project(project: Project, renew: bool, overwrite: bool, trust: bool) -> 
     save_lock(project.lock, Lock(records=hashes, written=after))
     paths = tuple(project.place(name) for name in groups[-1].files)
     new = tuple(name for name, one in hashes.items() if lock.records.get(name) != one)
-    return Ran(tuple(entries), paths, tuple(readings), tuple(written), new)
+    return Ran(tuple(entries), tuple(failed), paths, tuple(readings), tuple(written), new)
 
 
 def _identified(prepared: Prepared, group: RecordsTable) -> tuple[Estimate, list[Reading]]:
@@ -139,6 +152,7 @@ def facts_of(project: Project, ran: Ran) -> Mapping[str, object]:
             {"label": entry.label, "records": dict(entry.records), "added": added}
             for entry, added in ran.entries
         ],
+        "failed": [str(problem) for error in ran.failed for problem in error.problems],
         "locked": list(ran.locked),
         "written": [str(project.place(name)) for name in ran.written],
         "estimate": ran.estimate.to_dict(),
