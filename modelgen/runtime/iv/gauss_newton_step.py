@@ -134,11 +134,15 @@ def in_base_columns(step: Step, delays: Mapping[str, float], rounds: int) -> Fit
     white, parameters = step.white, step.slope.shape[1]
     free = [place for place in step.free if place < parameters]
     slope, c = step.slope if len(free) == parameters else step.slope[:, free], len(free)
+    sums = np.zeros((len(slope), len(white.columns)))
+    sums[:, :c] = slope
     solution = replace(
         white.solution,
         x=step.rows.solution.x,
         inverse=slope @ white.solution.inverse[:c, :c] @ slope.T,
-        undetermined=np.zeros(len(slope), dtype=bool),
+        undetermined=white.solution.unseen(sums),
+        null=np.zeros((0, len(slope))),
+        scale=np.ones(len(slope)),
     )
     rms = [float(np.sqrt(np.mean(residual**2))) for residual in step.rows.residuals]
     weights = tuple(1.0 / max(size, float(np.finfo(float).tiny)) for size in rms)

@@ -23,6 +23,8 @@ class LeastSquares:
     """X = argmin |Y - W X|: x, inverse = (W^T W)^-1; `undetermined` marks columns the rows cannot separate.
 
     `condition_number` is that of W with columns of unit length, `condition_number_raw` that of W itself.
+    `null` are the directions, shape (k, c), that W does not see with columns of unit length, and `scale` the
+    lengths of its columns, shape (c,).
     """
 
     x: FloatArray
@@ -30,6 +32,15 @@ class LeastSquares:
     undetermined: BoolArray
     condition_number: float
     condition_number_raw: float
+    null: FloatArray
+    scale: FloatArray
+
+    def unseen(self, sums: FloatArray) -> BoolArray:
+        """Tell which weighted sums of X, shape (m, c), move along what the rows do not see, shape (m,)."""
+        scaled = sums / self.scale
+        size = np.linalg.norm(scaled, axis=1)
+        along = np.abs(scaled @ self.null.T)
+        return np.asarray(np.any(along > NULL_SHARE * size[:, None], axis=1))
 
 
 def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
@@ -64,10 +75,11 @@ def polished(triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]
     V = Vt[kept].T
     x = V @ (U[:, kept].T @ triangle[:c, c] / s[kept]) / scale
     inverse = (V / s[kept] ** 2) @ V.T / np.outer(scale, scale)
-    undetermined = np.any(np.abs(Vt[~kept]) > NULL_SHARE, axis=0)
+    null = Vt[~kept]
+    undetermined = np.any(np.abs(null) > NULL_SHARE, axis=0)
     condition = float(s[0] / s[-1]) if s[-1] > 0.0 else np.inf
     if not parts:
-        return LeastSquares(x, inverse, undetermined, condition, np.nan)
+        return LeastSquares(x, inverse, undetermined, condition, np.nan, null, scale)
     if s[-1] * REFINABLE > s[0]:
         # corrected seminormal equations (Björck, Linear Algebra Appl. 88, 1987, 31-48): undoes what rounding
         # in QR, and with it the order of the rows, has moved
@@ -79,7 +91,7 @@ def polished(triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]
         if sum(len(Y) for _, Y in parts) <= FEW_ROWS or rounding > ROUNDING:
             x = refined(parts, x, inverse)
     raw = float(np.linalg.cond(triangle[:c, :c]))
-    return LeastSquares(x, inverse, undetermined, condition, raw)
+    return LeastSquares(x, inverse, undetermined, condition, raw, null, scale)
 
 
 def _rounding(s: FloatArray, size: float, residual: float) -> float:

@@ -233,3 +233,26 @@ def test_model_error_reaches_the_physical_parameters() -> None:
         assert entries[name].drift_std > 3.0 * entries[name].noise_std
     assert "J_m" not in note
     assert entries["J_m"].drift_std < 1e-3 * entries["J_m"].noise_std
+
+
+@pytest.mark.parametrize(("ratio", "motor", "load"), [(1.0, 0.05, 0.016), ("-7/2", 0.02, 0.1)])
+def test_frictions_that_act_as_one_get_no_number_each(ratio: float | str, motor: float, load: float) -> None:
+    spec = f"""
+    chain = {{ name = "drive", motion = "rotation" }}
+    bodies = [
+        {{ name = "m", inertia = "J_m", viscous = "F_vm", coulomb = "F_sm", actuator = "T" }},
+        {{ name = "t", inertia = "J_t", viscous = "F_vt", coulomb = "F_st" }},
+    ]
+    links = [{{ bodies = ["m", "t"], stiffness = "K", damping = "D", ratio = {ratio!r} }}]
+    sensors.s = {{ q_m = {{ body = "m", measures = "position" }} }}
+    """
+    model = spec_model(parse_spec(spec, "drive.toml"), "s")
+    truth = {"J_m": 1e-4, "F_vm": 1e-3, "F_sm": motor, "J_t": 5e-5, "F_vt": 1.3e-4, "F_st": load}
+    truth |= {"K": 25.0, "D": 2.5e-3}
+    records = [simulate(model, truth, kind, noise={"q_m": 1e-6}).record for kind in ("chirp", "trapezoid")]
+    estimate = identify(model, records)
+    # the motor's encoder sees one direction for both
+    for entry in estimate.parameters.physical:
+        assert abs(entry.value - truth[entry.name]) < 5.0 * entry.std, entry.name
+    assert not {"F_sm", "F_st"} & {entry.name for entry in estimate.parameters.physical}
+    assert {"F_sm", "F_st"} <= {*estimate.not_identifiable}
