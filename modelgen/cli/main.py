@@ -56,9 +56,9 @@ def application(names: Iterable[str] = COMMANDS) -> typer.Typer:
 
 def _show_version(asked: bool) -> None:
     if asked:
-        from modelgen import __version__
+        import modelgen
 
-        typer.echo(f"modelgen {__version__}")
+        typer.echo(f"modelgen {modelgen.__version__}")
         raise typer.Exit
 
 

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modelgen import __version__
+import modelgen
 from modelgen.cli.data_arguments import DataOptions
 from modelgen.project.project_file import Project
 from modelgen.project.tables import DataTable, RecordsTable
@@ -39,7 +39,7 @@ class Prepared:
         """Return the SHA-256 of everything that a group's estimate depends on, this program included."""
         table, map_file = self.project.table, self.given.map_file
         told = {
-            "program": __version__,
+            "program": modelgen.__version__,
             "module": self.text,
             "data": asdict(table.data),
             "mapping": read_text(map_file, MAPPING) if map_file else None,
