@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Iterator
 
 # before NumPy is imported: each process of pytest-xdist has a core of its own
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -41,3 +43,12 @@ def emps(shared_data: Path) -> Record:
 def bench(shared_data: Path) -> Record:
     """The two-mass bench: both angles in rad, the current in A, 2.5 kHz."""
     return measured_records.bench(shared_data)[1]
+
+
+@pytest.fixture(autouse=True)
+def no_figures_left() -> Iterator[None]:
+    """Close what a test has drawn: matplotlib warns of many open figures, of whichever test comes next."""
+    yield
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot is not None:
+        pyplot.close("all")

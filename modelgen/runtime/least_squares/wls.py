@@ -153,8 +153,8 @@ def _used(
         nonzero[touched] |= np.any(row.summary.triangle[:, 1:-1], axis=0)
     count = sum(row.summary.count for row in used)
     if not count:
-        what = "no sample is left: a change of direction is within the filters' reach of every one"
-        remedy = "move without reversing for longer, or give a higher cut-off"
+        what = "no sample is left: rest or a change of direction is within the filters' reach of every one"
+        remedy = "move for longer without reversing, or give a higher cut-off"
         raise IdentifiabilityError.at("records", what, remedy)
     if not nonzero.any():
         what, remedy = "its column is zero in every sample used", "move the body, or mask less"

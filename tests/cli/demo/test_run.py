@@ -73,10 +73,12 @@ def test_the_demo_prints_the_papers_digits_without_matplotlib(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     monkeypatch.setattr("modelgen.cli.demo.bench.DURATION_S", 3.0)
+    monkeypatch.setenv("COLUMNS", "80")
     result = CliRunner().invoke(app, ["demo"])
     assert result.exit_code == 0, result.output
     lines = [" ".join(line.split()) for line in result.stdout.splitlines()]
     assert any(line.startswith("J_m kg m^2 9.87e-06 2.98e-08 0.1510 ") for line in lines)
     assert any(line.startswith("K N m/rad 3.80e-01 3.40e-02 4.4696 ") for line in lines)
+    assert max(map(len, result.stdout.split("Try: ")[0].splitlines())) <= 80
     assert "matplotlib is missing" in result.stdout
     assert not list(Path("modelgen_demo").glob("*.png"))

@@ -277,8 +277,8 @@ def test_columns_of_zeros_are_all_named() -> None:
 
 def test_no_samples_at_all_are_one_mistake() -> None:
     assert refusal(block(np.zeros((0, 2)), np.zeros(0))) == (
-        "records: no sample is left: a change of direction is within the filters' reach of every one; "
-        "move without reversing for longer, or give a higher cut-off"
+        "records: no sample is left: rest or a change of direction is within the filters' reach of every "
+        "one; move for longer without reversing, or give a higher cut-off"
     )
 
 

@@ -346,7 +346,7 @@ def test_from_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         )
     told = run_command(
         *("identify", "chirp.csv", "trapezoid.csv", "--model", "generated/three_mass_qa_qb_qc.py"),
-        *("--method", "iv", "-o", "estimate.json"),
+        *("--method", "iv", "--details", "-o", "estimate.json"),
     )
     for force in ("Gamma_a", "Gamma_c"):
         assert f"Delay of {force}: " in told
