@@ -39,10 +39,10 @@ LOOP = PositionVelocityController(0.02, 5e-4)
 WIDTH, HEIGHT = 1300, 8000
 # what of the page is shown: picture, dark or light, first heading and the one that is no longer shown
 SHOTS = (
-    ("report-light", False, "parameters", "residuals"),
-    ("report-dark", True, "residuals", "conditioning"),
-    ("report-loop", False, "conditioning", "filters"),
-    ("report-equations", False, "filters", "end"),
+    ("report-light", False, "answer", "forces"),
+    ("report-dark", True, "frequency", "loop"),
+    ("report-loop", False, "loop", "parameters"),
+    ("report-equations", False, "equations", "provenance"),
 )
 
 
@@ -106,7 +106,8 @@ def shoot(page: str, dark: bool, first: str, after: str, path: Path) -> None:
     )
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "page.html"
-        source.write_text(page.replace("</head>", f"{style}</head>"), encoding="utf-8")
+        opened = page.replace("</head>", f"{style}</head>").replace("<details>", "<details open>")
+        source.write_text(opened, encoding="utf-8")
         command = [
             chromium,
             "--headless=new",
