@@ -113,6 +113,7 @@ def test_bench_agrees_with_its_frequency_response(bench: Record) -> None:
     assert 130.0 < (estimate.fit.filtering.dynamics_hz or 0.0) < 137.0
 
 
+@pytest.mark.slow
 def test_bench_friction_and_offsets_are_refused(bench: Record) -> None:
     estimate = identify(BENCH, bench)
     assert sorted(estimate.not_identifiable) == ["Fsc", "Fsm", "Fvc", "Fvm", "Oc", "Om"]
@@ -125,6 +126,7 @@ def test_bench_friction_and_offsets_are_refused(bench: Record) -> None:
     assert np.isnan(estimate.base[[1, 2, 3, 5, 6, 7]]).all()
 
 
+@pytest.mark.slow
 def test_bench_intervals_hold_what_other_cutoffs_give(bench: Record) -> None:
     estimate = identify(BENCH, bench)
     low, high = estimate.conf_int()["K"]

@@ -127,7 +127,9 @@ def test_files_chunks_and_threads_change_nothing(
     check_chunks_and_threads(seed, tmp_path, monkeypatch, "wls")
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    "seed", [0, 1, 6, 7, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 6))]
+)
 def test_nor_do_they_change_the_default(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # its rounds end within a tenth of a standard deviation of where they would come to rest: rounding shows
     check_chunks_and_threads(seed, tmp_path, monkeypatch, "auto", 1e-6)
