@@ -129,15 +129,23 @@ def _frequency(one: PairValues) -> str:
 
 
 def refused_lines(estimate: Estimate) -> list[str]:
-    """Return what has no number: names with one reason share a line."""
-    reasons: dict[str, list[str]] = {}
+    """Return what has no number: names with one kind of reason share a line, with the reason of the first."""
+    kinds: dict[str, dict[str, str]] = {}
     for name, why in estimate.not_identifiable.items():
-        reasons.setdefault(shortened(why, REASON), []).append(name)
-    return [
-        line
-        for why, names in reasons.items()
-        for line in _wrapped(f"No number for {listed(names)}: {why}", "  ")
-    ]
+        kinds.setdefault(_kind(why), {})[name] = shortened(why, REASON)
+    lines = []
+    for reasons in kinds.values():
+        (first, why), *others = reasons.items()
+        alike = listed([first, *(name for name, other in others if other == why)])
+        likewise = [name for name, other in others if other != why]
+        further = f" ({listed(likewise)} likewise)" if likewise else ""
+        lines += _wrapped(f"No number for {alike}{further}: {why}", "  ")
+    return lines
+
+
+def _kind(why: str) -> str:
+    """Return how a reason begins; reasons of one kind differ in bodies, records and figures."""
+    return re.sub(r"\d\S*", "#", re.split(r"[:;,(]| of | in ", why, maxsplit=1)[0])
 
 
 def _sentence(text: str) -> str:

@@ -53,6 +53,24 @@ def test_no_line_is_longer_than_a_terminal(count: int) -> None:
         assert "K_0 1.00 +- 0.20 N m/rad K_5 6.00 +- 0.20 N m/rad" in " ".join(text.split())
 
 
+def test_reasons_of_one_kind_share_a_line() -> None:
+    whole = sound()
+    reasons = {
+        "F_a": "no constant-velocity motion of a in record one: 3 % of its power",
+        "F_b": "no constant-velocity motion of b in record one: 40 % of its power",
+        "K": "its standard deviation is 46.8 % of its value",
+        "S": "its standard deviation is 46.8 % of its value",
+        "J": "its standard deviation is 2e+03 % of its value",
+        "D": "cannot be told from M (W is short of rank)",
+    }
+    text = answer_text(replace(whole, parameters=replace(whole.parameters, not_identifiable=reasons)))
+    said = " ".join(text.split())
+    assert text.count("No number for") == 3
+    assert "No number for D: cannot be told from M" in said
+    assert "No number for F_a (F_b likewise): no constant-velocity motion of a in record one: 3 %" in said
+    assert "No number for K, S (J likewise): its standard deviation is 46.8 % of its value" in said
+
+
 def test_no_text_is_markup() -> None:
     whole = sound()
     evil = {"<script>": "<b>because</b>"}
