@@ -21,7 +21,6 @@ from modelgen.runtime.identification.run_checks import compared, examine, more_t
 from modelgen.runtime.identification.solution import fitted, settings_drift
 from modelgen.runtime.identification.task import prepared
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.modes.measured_peaks import with_peaks
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.checks import Checks
@@ -104,13 +103,12 @@ def _identified(
     fixed = dict.fromkeys(solution.at_bounds, 0.0)
     solved = Solved(solution.job, chosen, solution.observation, fit, no_number, drift, fixed, keep)
     estimate = judge(solved, chosen.residual_dof, task.checks.prune_percent)
-    modes = with_peaks(estimate.modes(), task.model, task.records)
     try:
         found = examine(estimate, task, solution, drift, refused, extras)
     except (ArithmeticError, IdentifiabilityError, np.linalg.LinAlgError) as error:
         # the estimate stands; what could not be tested is said, and no more trusted than that
         found = Checks((*solution.advice, untested(error)), kept=keep)
-    return replace(estimate, modal=modes, checks=found)
+    return replace(estimate, checks=found)
 
 
 def untested(error: Exception) -> Advice:

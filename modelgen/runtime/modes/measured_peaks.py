@@ -25,29 +25,28 @@ from modelgen.runtime.records.record import Record
 
 def with_peaks(modes: Modes, model: Model, records: Sequence[Record]) -> Modes:
     """Return modes with the peak nearest to each, where a record shows one; a peak belongs to one mode."""
-    wanted = [mode for mode in modes if _swings(mode)]
+    swings = [(mode, _swing_hz(mode)) for mode in modes]
+    wanted = [(mode, hertz) for mode, hertz in swings if hertz is not None]
     if not wanted:
         return modes
     nearest: dict[int, Peak] = {}
     for peak in _peaks(model, records):
-        away = [abs(np.log(peak.frequency_hz / _hertz(mode))) for mode in wanted]
+        away = [abs(np.log(peak.frequency_hz / hertz)) for _, hertz in wanted]
         k = int(np.argmin(away))
         # a higher peak above the valleys beside it shows more
         higher = k not in nearest or peak.rise > nearest[k].rise
         if away[k] < np.log(PEAK_RANGE) and higher:
             nearest[k] = peak
-    found = {id(wanted[k]): peak for k, peak in nearest.items()}
+    found = {id(wanted[k][0]): peak for k, peak in nearest.items()}
     return replace(modes, modes=tuple(replace(one, measured=found.get(id(one))) for one in modes))
 
 
-def _swings(mode: Mode) -> bool:
-    damping = mode.damping_ratio
-    return mode.frequency_hz is not None and damping is not None and abs(damping.value) < PEAK_DAMPING
-
-
-def _hertz(mode: Mode) -> float:
-    assert mode.frequency_hz is not None
-    return mode.frequency_hz.value
+def _swing_hz(mode: Mode) -> float | None:
+    """Return the frequency in Hz of a mode that may show a peak; None for one that hardly swings."""
+    frequency, damping = mode.frequency_hz, mode.damping_ratio
+    if frequency is None or damping is None or abs(damping.value) >= PEAK_DAMPING:
+        return None
+    return frequency.value
 
 
 def _peaks(model: Model, records: Sequence[Record]) -> Iterator[Peak]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.power_spectrum import quick_length
-from modelgen.runtime.records.channels import READ_SAMPLES, in_stretches
+from modelgen.runtime.records.channels import READ_SAMPLES, Channels, in_stretches
 from modelgen.runtime.records.thresholds import (
     FEWEST_PERIODS,
     FOUND_CORRELATION,
@@ -27,7 +27,7 @@ def found_period(record: Record, forces: Sequence[str]) -> float | None:
     for key in forces:
         if record.facts.extent(key).span == 0.0:
             continue
-        lag = _first_lag(record, key)
+        lag = record.facts.lag(key)
         if lag is not None and all(
             lag_correlation(record, other, lag) >= FOUND_CORRELATION for other in forces
         ):
@@ -35,12 +35,13 @@ def found_period(record: Record, forces: Sequence[str]) -> float | None:
     return None
 
 
-def _first_lag(record: Record, key: str) -> int | None:
-    """Return the smallest lag, in samples, after which a force repeats itself; None where it does not.
+def first_lag(record: Channels, key: str, mean: float) -> int | None:
+    """Return the smallest lag, in samples, after which a channel repeats itself; None where it does not.
 
-    In a long record it is found on means of neighbouring samples, and then sharpened on the samples.
+    `mean` is the channel's. In a long record the lag is found on means of neighbouring samples, and then
+    sharpened on the samples.
     """
-    every, mean = -(-record.n // WHOLE), record.facts.extent(key).mean
+    every = -(-record.n // WHOLE)
     lag = _first_peak(np.concatenate(list(_means(record, key, every))) - mean)
     if lag is None or every == 1:
         return lag
@@ -52,7 +53,7 @@ def _first_lag(record: Record, key: str) -> int | None:
     return low + int(np.argmax(products[: 2 * every + 1]))
 
 
-def _means(record: Record, key: str, every: int) -> Iterator[FloatArray]:
+def _means(record: Channels, key: str, every: int) -> Iterator[FloatArray]:
     """Yield the means of so many neighbouring samples each, stretch by stretch."""
     left = np.zeros(0)
     for part in in_stretches(record, key):

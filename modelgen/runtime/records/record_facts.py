@@ -17,6 +17,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, mean_spectrum, reading_spectrum
 from modelgen.runtime.filters.power_spectrum import power_spectrum
 from modelgen.runtime.records.channels import Channels, in_stretches
+from modelgen.runtime.records.period import first_lag
 from modelgen.runtime.records.thresholds import ACTIVE, PIECES, WHOLE
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -42,13 +43,14 @@ class Extent:
 
 
 class RecordFacts:
-    """The spectra and extents of a record's channels. Reached as `Record.facts`."""
+    """The spectra, extents and periods of a record's channels. Reached as `Record.facts`."""
 
     def __init__(self, source: Channels) -> None:
         self._source = source
         self._spectra: dict[str, ReadingSpectrum] = {}
         self._powers: dict[tuple[str, int, bool], tuple[FloatArray, FloatArray]] = {}
         self._extents: dict[str, tuple[Extent, FloatArray]] = {}
+        self._lags: dict[str, int | None] = {}
         self._lines: dict[str, tuple[ComplexArray, ...]] = {}
         self._stretches: dict[str, tuple[FloatArray, ...]] = {}
 
@@ -114,6 +116,12 @@ class RecordFacts:
             extent = Extent(min(least), max(greatest), sum(sums) / self._source.n)
             self._extents[channel] = extent, np.array(steps)
         return self._extents[channel]
+
+    def lag(self, channel: str) -> int | None:
+        """Return after how many samples a channel repeats itself; None where it does not."""
+        if channel not in self._lags:
+            self._lags[channel] = first_lag(self._source, channel, self.extent(channel).mean)
+        return self._lags[channel]
 
     def spectrum(self, channel: str) -> ReadingSpectrum:
         """Return the density of a reading and of its own noise, see `reading_spectrum`."""

@@ -6,6 +6,7 @@ import html
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -19,6 +20,7 @@ from modelgen.documents import json_document
 from modelgen.errors import DataError
 from modelgen.lazy_accessor import LazyAccessor
 from modelgen.read_file import ESTIMATE, read_text
+from modelgen.runtime.modes.measured_peaks import with_peaks
 from modelgen.runtime.modes.modes import Modes
 from modelgen.runtime.parameters.physical_parameters import Covariances
 from modelgen.runtime.results.answer import answer_html, answer_text
@@ -55,7 +57,7 @@ class Estimate:
     checks : Checks
         What the guards and the tests of the residual say, and the comparisons that were asked for.
     modal : Modes
-        What `modes` returns.
+        What the fit says of the modes; `modes` adds what the records show of them.
     source : Source or None
         Model and records, for plots and comparisons; None where the estimate was loaded or pickled.
     """
@@ -160,7 +162,18 @@ class Estimate:
 
         Linear about rest. Where the records leave a mode open its notes say which parameters it needs.
         """
-        return self.modal
+        return self._modes
+
+    @cached_property
+    def _modes(self) -> Modes:
+        # responses of whole records: only for those who ask
+        if self.source is None:
+            return self.modal
+        return with_peaks(self.modal, self.source.model, self.source.records)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # records are not pickled: what they show of the modes goes along
+        return {**vars(self), "modal": self._modes}
 
     @property
     def verdict(self) -> Verdict:

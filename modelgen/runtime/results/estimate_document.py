@@ -65,7 +65,7 @@ def estimate_document(estimate: Estimate) -> dict[str, Any]:
         "filtering": asdict(estimate.fit.filtering),
         "notes": estimate.fit.notes,
         "checks": asdict(estimate.checks),
-        "modes": estimate.modal.to_dict(),
+        "modes": estimate.modes().to_dict(),
         "verdict": asdict(estimate.verdict),
     }
     return {key: _plain(value) for key, value in plain.items()}

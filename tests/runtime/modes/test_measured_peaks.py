@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
 from generated import three_mass_qa_qb_qc
+from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.modes.find_modes import modes_at
 from modelgen.runtime.modes.measured_peaks import with_peaks
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
 
 MODEL = model_from_module(three_mass_qa_qb_qc)
@@ -47,3 +51,13 @@ def test_noise_and_what_leaks_make_no_peaks(seed: int) -> None:
     )
     still = Record({key: np.zeros(8000) for key in NOISE}, 2000.0)
     assert with_peaks(modes, MODEL, [still]) == modes
+
+
+def test_an_estimate_takes_its_peaks_along() -> None:
+    estimate = identify(MODEL, record("chirp"), "wls")
+    assert any(mode.measured for mode in estimate.modes())
+    fresh = identify(MODEL, record("chirp"), "wls")
+    back = pickle.loads(pickle.dumps(fresh))
+    assert back.source is None
+    assert back.modes() == estimate.modes()
+    assert Estimate.from_json(fresh.to_json()).modes() == estimate.modes()
