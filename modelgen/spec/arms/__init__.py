@@ -1,0 +1,1 @@
+"""Arms: the description of a robot, from TOML or URDF, as frozen values."""
