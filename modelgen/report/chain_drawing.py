@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from fractions import Fraction
 
-import numpy as np
-
-from modelgen.array_types import FloatArray
 from modelgen.chain_picture.diagram import GROUND, ChainDiagram, DrawnBody, DrawnDeflection, DrawnLink
 from modelgen.chain_picture.svg import chain_svg
 from modelgen.errors import SpecError, listed
 from modelgen.runtime.model.chain_matrices import ChainMatrices, chain_matrices
+from modelgen.runtime.model.link_couplings import NEGLIGIBLE, couplings
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.model.model import Sensor as ModelSensor
 from modelgen.spec.chain import ChainSpec, Sensor
 
 MOST_BODIES = 60  # in a report; what is beyond is a page of its own
-NEGLIGIBLE = 1e-9  # of the largest entry of a spring's matrix
 
 
 def draw_chain(chain: ChainSpec | Model, sensors: str | None = None) -> str:
@@ -100,8 +97,11 @@ def _named(model: Model, kind: str, body: str) -> tuple[str, ...]:
 def _links(model: Model, matrices: ChainMatrices) -> tuple[DrawnLink, ...]:
     """Return the links: every pair of bodies, or body and ground, that a stiffness couples."""
     found: dict[tuple[str, str], DrawnLink] = {}
-    for name, K in matrices.stiffness.items():
-        for first, second, ratio in _couplings(matrices.bodies, K, model.roles[name].bodies):
+    for name in matrices.stiffness:
+        for link in couplings(model, matrices, name):
+            first = matrices.bodies[link.first]
+            second = GROUND if link.second is None else matrices.bodies[link.second]
+            ratio = _ratio(1.0 / link.factor)
             ends = tuple(body for body in (first, second) if body != GROUND)
             damping = _of_link(model, "damping", ends)
             cubes = _of_link(model, "stiffness3", ends)
@@ -109,41 +109,6 @@ def _links(model: Model, matrices: ChainMatrices) -> tuple[DrawnLink, ...]:
             springs = (*(known.springs if known else ()), name, *(() if known else cubes))
             found[first, second] = DrawnLink(first, second, springs, next(iter(damping), None), ratio)
     return tuple(found.values())
-
-
-def _couplings(
-    bodies: tuple[str, ...], K: FloatArray, ends: tuple[str, ...]
-) -> list[tuple[str, str, str | None]]:
-    """Return (first, second, ratio) of the links of one stiffness with the matrix K per unit.
-
-    A link of ratio r has 1 / r^2 and 1 on the diagonal and -1 / r beside it; its first body is the one with
-    1 / r^2. Bodies whose diagonal holds more than their links are tied to the ground.
-    """
-    place = {body: index for index, body in enumerate(bodies)}
-    limit: float = NEGLIGIBLE * np.abs(K).max()
-    left = {body: float(K[place[body], place[body]]) for body in ends}
-    coupled = [
-        (one, other, float(-K[place[one], place[other]]))
-        for k, one in enumerate(ends)
-        for other in ends[k + 1 :]
-        if abs(K[place[one], place[other]]) > limit
-    ]
-    links: list[tuple[str, str, str | None]] = []
-    while coupled:
-        # the body with the fewest links says which end of one it is: a leaf of a tree has one
-        count = {body: sum(body in pair[:2] for pair in coupled) for pair in coupled for body in pair[:2]}
-        leaf = min(count, key=lambda body: count[body])
-        pair = next(pair for pair in coupled if leaf in pair[:2])
-        coupled.remove(pair)
-        first, second, coupling = pair
-        is_first = abs(left[leaf] - coupling**2) < abs(left[leaf] - 1.0)
-        if len(ends) > 2 and is_first != (leaf == first) and abs(coupling - 1.0) > NEGLIGIBLE:
-            first, second = second, first
-        left[first] -= coupling**2
-        left[second] -= 1.0
-        links.append((first, second, _ratio(1.0 / coupling)))
-    links.sort(key=lambda link: sorted(map(ends.index, link[:2])))
-    return [*links, *((body, GROUND, _ratio(left[body] ** -0.5)) for body in ends if left[body] > limit)]
 
 
 def _of_link(model: Model, kind: str, ends: tuple[str, ...]) -> tuple[str, ...]:

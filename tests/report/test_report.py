@@ -232,6 +232,30 @@ def test_chromium_runs_no_name(chromium: str, tmp_path: Path, case: tuple[Model,
     assert "<title>emps300, sensors qm_ac</title>" in shown
 
 
+def test_print_shows_what_is_behind_folds(chromium: str, tmp_path: Path, page: str) -> None:
+    pypdf = pytest.importorskip("pypdf")
+    (tmp_path / "report.html").write_text(page, encoding="utf-8")
+    command = [
+        *(chromium, "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-background-networking"),
+        *(f"--user-data-dir={tmp_path / 'profile'}", f"--print-to-pdf={tmp_path / 'report.pdf'}"),
+        (tmp_path / "report.html").as_uri(),
+    ]
+    subprocess.run(command, capture_output=True, check=True, timeout=120)
+    printed = "".join(leaf.extract_text() for leaf in pypdf.PdfReader(tmp_path / "report.pdf").pages)
+    # one thing of every fold
+    for text in (
+        "noise",
+        "Residual tests",
+        "lag in ms",
+        "Condition number",
+        "Order ",
+        "row by row",
+        "SHA-256 of",
+    ):
+        assert text in printed, text
+    assert page.count("<details") == 8
+
+
 @pytest.mark.parametrize("dark", [False, True])
 def test_chromium_draws_the_plots_in_the_colours_of_the_scheme(
     chromium: str, tmp_path: Path, page: str, dark: bool

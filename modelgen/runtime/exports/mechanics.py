@@ -14,6 +14,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.chain_matrices import ChainMatrices, chain_matrices
+from modelgen.runtime.model.link_couplings import couples_as, couplings
 from modelgen.runtime.model.model import Friction, Model
 from modelgen.runtime.simulation.plant import felt_accelerations
 
@@ -126,7 +127,7 @@ def _springs(model: Model, matrices: ChainMatrices) -> Iterator[Spring]:
     for name, role in model.roles.items():
         if role.role in ("stiffness", "damping"):
             shares = matrices.stiffness if role.role == "stiffness" else matrices.damping
-            for lever in _levers(shares[name]):
+            for lever in _levers(model, matrices, name, shares[name]):
                 # two elements of one role between the same bodies stay two
                 place = lever if role.role not in found.get(lever, {}) else (*lever, (-1, float(len(found))))
                 found.setdefault(place, {})[role.role] = name
@@ -137,26 +138,14 @@ def _springs(model: Model, matrices: ChainMatrices) -> Iterator[Spring]:
         yield Spring(tuple(pair for pair in lever if pair[0] >= 0), **names)
 
 
-def _levers(share: FloatArray) -> list[Lever]:
-    """Return levers whose squares add up to the share: one for one link, one a link for links alike."""
-    largest = int(np.argmax(np.diag(share)))
-    single = share[largest] / np.sqrt(share[largest, largest])
-    if np.allclose(np.outer(single, single), share, rtol=1e-9, atol=0.0):
-        return [_pointed(single)]
-    pairs = [(i, j) for i in range(len(share)) for j in range(i) if share[i, j]]
-    rest = np.diag(share).copy()
-    levers = []
-    if all(abs(share[pair]) == 1.0 for pair in pairs):
-        for i, j in pairs:
-            lever = np.zeros(len(share))
-            lever[i], lever[j] = 1.0, share[i, j]
-            rest[[i, j]] -= 1.0
-            levers.append(lever)
-        levers += [np.sqrt(left) * np.eye(len(share))[i] for i, left in enumerate(rest) if left > NEGLIGIBLE]
-    else:  # one parameter in links of different ratios: any levers whose squares add up will do
-        sizes, shapes = np.linalg.eigh(share)
-        levers = [np.sqrt(s) * shapes[:, i] for i, s in enumerate(sizes) if s > NEGLIGIBLE * sizes[-1]]
-    return [_pointed(lever) for lever in levers]
+def _levers(model: Model, matrices: ChainMatrices, name: str, share: FloatArray) -> list[Lever]:
+    """Return levers whose squares add up to the share: one a link where its links are found."""
+    links = couplings(model, matrices, name)
+    if couples_as(links, share):
+        return [_pointed(link.lever(len(share))) for link in links]
+    # one parameter in links of a ring with different ratios: any levers whose squares add up will do
+    sizes, shapes = np.linalg.eigh(share)
+    return [_pointed(np.sqrt(s) * shapes[:, i]) for i, s in enumerate(sizes) if s > NEGLIGIBLE * sizes[-1]]
 
 
 def _pointed(lever: FloatArray) -> Lever:
