@@ -204,18 +204,45 @@ def gathered(
     results, failed = {}, {}
     watch = Watch(list(futures.values()))
     for name, future in counted(list(futures.items()), what):
-        try:
-            results[name] = _result(future, watch)
-        except GivenUpError:
-            raise
-        except ModelgenError as error:
-            failed[name] = str(error)
-        except Exception as error:  # whatever a worker died of
-            failed[name] = f"{name}: was lost ({type(error).__name__}: {error}); run it again by itself"
-        else:
-            if each is not None:
-                each(name, results[name])
+        result, reason = _waited_for(name, future, watch)
+        if reason is not None:
+            failed[name] = reason
+            continue
+        results[name] = result
+        if each is not None:
+            each(name, result)
     return results, failed
+
+
+def lost_alone(submissions: Mapping[str, Callable[[], Any]], what: str) -> dict[str, str]:
+    """Return the reasons of those that have no result, each submitted when the one before has ended.
+
+    A worker that dies takes along what waits there; what ran alone has itself to blame.
+    """
+    failed = {}
+    for name, submit in counted(list(submissions.items()), what):
+        future = submit()
+        _, reason = _waited_for(name, future, Watch([future]))
+        if reason is not None:
+            failed[name] = reason
+    return failed
+
+
+def _waited_for(name: str, future: Any, watch: Watch) -> tuple[Any, str | None]:
+    """Return the result, or None and why there is none.
+
+    Raises
+    ------
+    GivenUpError
+    """
+    try:
+        return _result(future, watch), None
+    except GivenUpError:
+        raise
+    except ModelgenError as error:
+        return None, str(error)
+    except Exception as error:  # whatever a worker died of
+        return None, f"{name}: was lost ({type(error).__name__}: {error}); run it again by itself"
 
 
 @dataclass

@@ -14,7 +14,7 @@ from typing import Any
 
 from modelgen.errors import DataError
 from modelgen.runtime.fleet.checkpoint import Checkpoint
-from modelgen.runtime.fleet.dask_cluster import gathered
+from modelgen.runtime.fleet.dask_cluster import gathered, lost_alone
 from modelgen.runtime.fleet.pooled import PooledParameter, pooled_parameters
 from modelgen.runtime.fleet.worker import (
     FleetRecord,
@@ -137,9 +137,12 @@ def _without_deadly(
     client: Any, model: Model, fleet: Mapping[str, Sequence[FleetRecord]]
 ) -> tuple[dict[str, list[FleetRecord]], dict[str, dict[str, str]]]:
     """Return machines whose worker died, without the records that no worker survives, and these."""
-    members = {record.name: record for one in fleet.values() for record in one}
-    probes = {name: client.submit(probe, one, model.channels, pure=False) for name, one in members.items()}
-    _, deadly = gathered(probes, "records read")
+    probes = {
+        record.name: partial(client.submit, probe, record, model.channels, pure=False)
+        for records in fleet.values()
+        for record in records
+    }
+    deadly = lost_alone(probes, "records read")
     without = {
         machine: [record for record in records if record.name not in deadly]
         for machine, records in fleet.items()

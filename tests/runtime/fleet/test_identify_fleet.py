@@ -259,6 +259,17 @@ def test_a_record_that_no_worker_survives_is_named(
 
 
 @pytest.mark.slow
+def test_a_record_that_shares_a_worker_with_a_deadly_one_is_not_blamed(sources: list[NpyChannels]) -> None:
+    """With one process, whatever waits there is lost as often as what kills it."""
+    bad = [Deadly(sources[0].columns, sources[0].fs, f"bad {k}", sources[0].n) for k in range(2)]
+    fleet = [FleetRecord("a", one) for one in (bad[0], sources[0], bad[1], *sources[1:])]
+    with fleet_client(workers=1) as only:
+        found = identify_fleet(only, TEXT, fleet, SETTINGS)
+    assert (list(found.failed), found.refused) == (["bad 0", "bad 1"], {})
+    assert found.machines["a"] == alone(sources, **SETTINGS)
+
+
+@pytest.mark.slow
 def test_what_no_worker_survived_is_not_tried_again_from_a_checkpoint(
     client: Any, sources: list[NpyChannels], tmp_path: Path
 ) -> None:
