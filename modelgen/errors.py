@@ -1,7 +1,7 @@
 """All errors of modelgen, in one tree.
 
     ModelgenError                 anything modelgen can explain; exit code 2
-    +-- SpecError                 the chain's TOML file is wrong
+    +-- SpecError                 the TOML file of a chain or an arm is wrong
     +-- ModelError                the chain is well written, but no model can be derived from it
     +-- RenderError               a module cannot be generated or written
     +-- DataError                 a record, a mapping or an option of the estimation is wrong
@@ -94,7 +94,7 @@ class ModelgenError(Exception):
 
 
 class SpecError(ModelgenError):
-    """The chain's TOML file is wrong."""
+    """The TOML file of a chain or an arm is wrong, or the URDF that it names."""
 
 
 class ModelError(ModelgenError):

@@ -8,7 +8,6 @@ second one is the ChainSpec.
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Mapping
 from fractions import Fraction
@@ -16,12 +15,13 @@ from importlib.resources import files
 from pathlib import Path, PurePath
 from typing import Any
 
-from modelgen.documents import Document, toml_document
-from modelgen.errors import Problem, SpecError
+from modelgen.documents import Document
+from modelgen.errors import SpecError
 from modelgen.read_file import SPEC, read_text
 from modelgen.spec.chain import GROUND, LINK_ROLES, Body, ChainSpec, Friction, Link, Parameter, Sensor
 from modelgen.spec.number_expression import PI
 from modelgen.spec.references import check_references
+from modelgen.spec.spec_file import SpecFile, describes_arm, in_file, spec_file
 from modelgen.spec.tables import check_tables
 from modelgen.spec.units import Motion
 from modelgen.spec.words import shown, suggest
@@ -59,18 +59,21 @@ def parse_spec(text: str, source: str) -> ChainSpec:
     SpecError
         If the text is wrong; one problem for every mistake in it.
     """
-    source = PurePath(source).name
-    if not source.isprintable():  # it becomes part of a comment in generated modules
-        raise SpecError.at(ascii(source), "has a file name with control characters", "rename the file")
-    content = text.encode(errors="surrogatepass")
-    if len(content) > SPEC.largest:
-        raise SpecError.at(source, "is larger than 1 MB", "check that this is a chain's TOML file")
-    document = toml_document(text, source, SpecError)
+    file = spec_file(text, source)
+    if describes_arm(file.document):
+        what = "describes an arm, and what was asked for is of chains"
+        raise SpecError.at(f"{file.source}: arm", what, "modelgen show takes arms; see its help")
+    return chain_of(file)
+
+
+def chain_of(file: SpecFile) -> ChainSpec:
+    """Return the chain that a file describes; the errors are those of `parse_spec`."""
+    document = file.document
     problems = check_tables(document)
-    spec = _draft(document, source, hashlib.sha256(content).hexdigest())
+    spec = _draft(document, file.source, file.sha256)
     problems += check_references(document, spec)
     if problems:
-        raise SpecError(*(Problem(f"{source}: {p.where}", p.what, p.remedy) for p in problems))
+        raise in_file(file.source, problems)
     return spec
 
 

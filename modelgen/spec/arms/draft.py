@@ -1,0 +1,156 @@
+"""An arm's document -> ArmSpec, of what is readable; contradictions are looked for afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from heapq import heapify, heappop, heappush
+from typing import Any, cast
+
+from modelgen.documents import Document
+from modelgen.spec.arms.angles import read_angle
+from modelgen.spec.arms.arm import Angle, ArmSpec, Joint, JointKind, Length, Shift
+from modelgen.spec.arms.drives import with_drive
+from modelgen.spec.arms.lengths import read_length
+from modelgen.spec.arms.parameters import arm_parameters
+from modelgen.spec.arms.placements import ROW_ANGLES, ROW_LENGTHS, origin_placement, row_placement
+from modelgen.spec.arms.tables import BASE, SYMBOLIC
+from modelgen.spec.number_expression import exact_number
+
+GRAVITY = (0, 0, -9.81)
+#: Name of the parameter set that the inertials of a URDF make.
+URDF_SET = "urdf"
+
+
+@dataclass(frozen=True)
+class Described:
+    """Joints that another file describes, without drives, and values of parameters by (joint, role)."""
+
+    joints: tuple[Joint, ...]
+    values: Mapping[tuple[str, str], float]
+
+
+def draft_arm(document: Document, source: str, sha256: str, described: Described | None) -> ArmSpec:
+    """Build the arm; a zero or an empty tuple stands for what cannot be read."""
+    arm: Document = document.get("arm") or {}
+    joints = draft_joints(document, described)
+    ordered = parents_first(joints)
+    values = {name: draft_values(table) for name, table in (document.get("parameters") or {}).items()}
+    lengths = draft_values(document.get("lengths"))
+    gravity = [exact(value or 0) for value in arm.get("gravity") or GRAVITY]
+    return ArmSpec(
+        name=arm.get("name") or "",
+        title=arm.get("title") or arm.get("name") or "",
+        joints=ordered,
+        gravity=(gravity[0], gravity[1], gravity[2]),
+        transmission=_transmission(document, [joint for joint in ordered if joint.kind != "fixed"]),
+        lengths={name: lengths.get(name) for name in names_of_lengths(joints)},
+        known=draft_values(document.get("known")),
+        parameter_sets={**(_set_of(described, joints) if described else {}), **values},
+        source=source,
+        sha256=sha256,
+    )
+
+
+def draft_joints(document: Document, described: Described | None) -> tuple[Joint, ...]:
+    """Return all joints in the order of the files, those of a table for each table."""
+    arm: Document = document.get("arm") or {}
+    tables = [table or {} for table in document.get("joints") or ()]
+    if described is None:
+        frames = [_frame(table, tables[:k]) for k, table in enumerate(tables)]
+        return tuple(with_drive(frame, table, arm) for frame, table in zip(frames, tables, strict=True))
+    own = {str(table.get("name")): table for table in tables}
+    joints = [_with_table(joint, own.get(joint.name, {}), arm) for joint in described.joints]
+    names = {joint.name for joint in joints}
+    added = [table for table in tables if table.get("name") not in names]
+    return (*joints, *(with_drive(_frame(table, []), table, arm) for table in added))
+
+
+def _with_table(joint: Joint, table: Document, arm: Document) -> Joint:
+    """Return a joint of a URDF with what the arm's file changes: its drive, or that it does not move."""
+    if table.get("type") == "fixed":
+        joint = Joint(joint.name, joint.parent, "fixed", joint.placement, joint.link)
+    return with_drive(joint, {"massless": not joint.link, **table}, arm)
+
+
+def _frame(table: Document, before: Sequence[Document]) -> Joint:
+    parent = table.get("parent") or (before[-1].get("name") if before else None)
+    given: dict[str, Angle | Length] = {
+        key: read_angle(table[key]) for key in ROW_ANGLES if _there(table, key)
+    }
+    given |= {key: read_length(table[key]) for key in ROW_LENGTHS if _there(table, key)}
+    if table.keys() & {"xyz", "rpy"}:
+        xyz = [read_length(0 if value is None else value) for value in table.get("xyz") or ()]
+        rpy = [read_angle(0 if value is None else value) for value in table.get("rpy") or ()]
+        placement = origin_placement(xyz, rpy, given)
+    else:
+        placement = row_placement(given)
+    name, kind = str(table.get("name") or ""), cast("JointKind", table.get("type") or "revolute")
+    return Joint(name, None if parent == BASE else parent, kind, placement, ())
+
+
+def _there(table: Document, key: str) -> bool:
+    return table.get(key) is not None
+
+
+def parents_first(joints: Sequence[Joint]) -> tuple[Joint, ...]:
+    """Return the joints so that each comes after its parent, else in their order.
+
+    Those of a cycle, or whose parent is nowhere, come last.
+    """
+    places = {joint.name: k for k, joint in reversed([*enumerate(joints)])}
+    children: dict[int, list[int]] = {}
+    ready = []
+    for k, joint in enumerate(joints):
+        if joint.parent is None:
+            ready.append(k)
+        elif joint.parent in places:
+            children.setdefault(places[joint.parent], []).append(k)
+    heapify(ready)
+    done: dict[int, None] = {}
+    while ready:
+        k = heappop(ready)
+        done[k] = None
+        for child in children.get(k, ()):
+            heappush(ready, child)
+    return tuple(joints[k] for k in (*done, *(k for k in range(len(joints)) if k not in done)))
+
+
+def _transmission(document: Document, moving: Sequence[Joint]) -> tuple[tuple[Fraction, ...], ...]:
+    places = {joint.name: k for k, joint in reversed([*enumerate(moving)])}
+    rows = [[Fraction(int(i == j)) for j in range(len(moving))] for i in range(len(moving))]
+    for table in document.get("joints") or ():
+        place = places.get(str((table or {}).get("name")))
+        if place is not None and table.get("gear"):
+            rows[place][place] = exact(table["gear"])
+    for table in document.get("couplings") or ():
+        motor, joint = (places.get(str((table or {}).get(key))) for key in ("motor", "joint"))
+        if motor is not None and joint is not None and motor != joint and table.get("ratio"):
+            rows[motor][joint] = exact(table["ratio"])
+    return tuple(tuple(row) for row in rows)
+
+
+def names_of_lengths(joints: Iterable[Joint]) -> tuple[str, ...]:
+    """Return the names of lengths in the placements, in the order of their first use."""
+    steps = (step for joint in joints for step in joint.placement)
+    named = (step.length.name for step in steps if isinstance(step, Shift))
+    return tuple(dict.fromkeys(name for name in named if name is not None))
+
+
+def _set_of(described: Described, joints: Iterable[Joint]) -> dict[str, dict[str, float]]:
+    """Return the values that a URDF gives, by the names that the parameters have."""
+    values = described.values
+    named = {p.name: values[p.joint, p.role] for p in arm_parameters(joints) if (p.joint, p.role) in values}
+    return {URDF_SET: named}
+
+
+def draft_values(table: Document | None) -> dict[str, float]:
+    """Return the readable numbers of a table."""
+    given = {name: value for name, value in (table or {}).items() if value not in (None, SYMBOLIC)}
+    return {name: float(exact(value)) for name, value in given.items()}
+
+
+def exact(value: Any) -> Fraction:
+    """Return the number that was written, as decimal or as text, not its nearest double."""
+    return exact_number(value) if isinstance(value, str) else Fraction(str(value))

@@ -1,0 +1,1 @@
+"""Arms described in URDF: XML of strangers -> joints and the values of their links."""

@@ -1,0 +1,55 @@
+"""Origins and axes of a URDF -> steps; angles near a multiple of 90 degrees are that multiple."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+
+from modelgen.spec.arms.angles import RIGHT_ANGLE_RAD, angle_of
+from modelgen.spec.arms.arm import Length, Step, Turn
+from modelgen.spec.arms.placements import Y, Z, inverse, origin_placement, simplified
+from modelgen.spec.arms.urdf.attributes import Attributes, without_dust
+from modelgen.spec.arms.urdf.xml_tree import Element
+from modelgen.spec.number_expression import PI
+
+_NONE = (Fraction(0),) * 3
+#: Of a joint that has no axis; so the format says.
+USUAL_AXIS = (Fraction(1), Fraction(0), Fraction(0))
+Numbers = tuple[Fraction, ...]
+
+
+def origin_numbers(origin: Element | None, read: Attributes, of: str) -> tuple[Numbers, Numbers]:
+    """Return xyz (m) and rpy (rad) of an origin, zeros where it says nothing."""
+    return without_dust(read.numbers(origin, "xyz", _NONE, of)), read.numbers(origin, "rpy", _NONE, of)
+
+
+def turns(rpy: Sequence[Fraction]) -> tuple[Step, ...]:
+    """Return the steps of roll, pitch and yaw (rad)."""
+    return origin_placement((), [angle_of(angle * 180 / PI) for angle in rpy])
+
+
+def placement(
+    before: Sequence[Step], origin: Element | None, axis: Sequence[Step], read: Attributes, of: str
+) -> tuple[Step, ...]:
+    """Return the steps from the frame of a joint to that of the next.
+
+    `before` leads from the link's frame of the first to its joint's frame, `axis` likewise of the next.
+    """
+    xyz, rpy = origin_numbers(origin, read, of)
+    steps = origin_placement([Length(value) for value in xyz], ())
+    return simplified([*inverse(before), *steps, *turns(rpy), *axis])
+
+
+def axis_steps(joint: Element, read: Attributes, of: str) -> tuple[Step, ...]:
+    """Return the steps from a link's frame to one with the same origin whose z is the joint's axis."""
+    element = joint.first("axis")
+    x, y, z = (float(value) for value in read.numbers(element, "xyz", USUAL_AXIS, of))
+    size = math.hypot(x, y, z)
+    if size == 0.0:
+        read.report(element or joint, of, "has an axis without a direction", 'write for example xyz="0 0 1"')
+        return ()
+    aside = math.hypot(x, y)
+    azimuth = math.atan2(y, x) if aside > RIGHT_ANGLE_RAD * size else 0.0
+    about_z, about_y = (angle_of(Fraction(math.degrees(a))) for a in (azimuth, math.atan2(aside, z)))
+    return simplified((Turn(Z, about_z), Turn(Y, about_y)))
