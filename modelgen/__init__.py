@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from modelgen.runtime.identification.options import CheckOptions, Filters
     from modelgen.runtime.identification.sklearn_estimator import ChainEstimator
     from modelgen.runtime.model.control_export import control_system
+    from modelgen.runtime.model.known_parameters import with_known
     from modelgen.runtime.model.model import load_model, model_from_module
     from modelgen.runtime.records.dataframe import record_from_frame
     from modelgen.runtime.records.read_record import read_record
@@ -72,6 +73,7 @@ __all__ = [
     "read_record",
     "record_from_frame",
     "simulate",
+    "with_known",
 ]
 
 _HOMES = {
@@ -97,6 +99,7 @@ _HOMES = {
     "draw_chain": "modelgen.report.chain_drawing",
     "generate": "modelgen.render.writer",
     "identify": "modelgen.runtime.identification.identify",
+    "with_known": "modelgen.runtime.model.known_parameters",
     "load_model": "modelgen.runtime.model.model",
     "load_spec": "modelgen.spec.load",
     "model_from_module": "modelgen.runtime.model.model",

@@ -43,7 +43,7 @@ Module = Annotated[Path, typer.Option("--model", metavar="MODULE.py", help="A ge
 Values = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", "--known", metavar="NAME=VALUE", help="A parameter the estimate lacks, SI; repeatable."
+        "--set", "--known", metavar="NAME=VALUE", help="A parameter's value, SI, not estimated; repeatable."
     ),
 ]
 

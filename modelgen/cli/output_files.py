@@ -37,8 +37,8 @@ class OutputFiles:
         asked = (self.estimate, self.report, self.figure, self.project)
         return [path for path in asked if path is not None]
 
-    def check(self) -> None:
-        """Check that every file can be written.
+    def check(self, spec: str | None = None, controller: Path | None = None) -> None:
+        """Check that every file can be written, and read what the report is to be made with.
 
         Raises
         ------
@@ -48,6 +48,10 @@ class OutputFiles:
         for path, suffixes in (*places, (self.project, (".toml",))):
             if path is not None:
                 check_output(path, suffixes, self.overwrite)
+        if self.report is not None:
+            from modelgen.cli.write_report import check_inputs
+
+            check_inputs(spec, controller)
 
     def write(
         self,

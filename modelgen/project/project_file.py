@@ -135,10 +135,9 @@ def _model_problems(where: str, table: ProjectTable) -> list[Problem]:
         problems.append(Problem(f"{where}spec", what, remedy))
     if table.spec is not None and table.sensors is None:
         problems.append(Problem(f"{where}sensors", "is missing", "name a sensor set of the spec"))
-    for key in ("sensors", "known"):
-        if table.model is not None and getattr(table, key):
-            remedy = "give spec in place of model: a module has its sensors and known values in it"
-            problems.append(Problem(f"{where}{key}", "does nothing beside model", remedy))
+    if table.model is not None and table.sensors:
+        remedy = "give spec in place of model: a module has its sensors in it"
+        problems.append(Problem(f"{where}sensors", "does nothing beside model", remedy))
     return problems
 
 

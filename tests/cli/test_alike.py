@@ -20,7 +20,7 @@ from modelgen.project.tables import DataTable, IdentifyTable
 GROUP: Any = typer.main.get_command(app)
 FURTHER = ("method", "cutoff_hz", "tag", "pairing", "prune_percent", "period_s", "hold_out", "scan_cutoffs")
 ESTIMATING = {*(one.name for one in fields(EstimationOptions)), *FURTHER}
-READING = {one.name for one in fields(DataOptions)}
+READING = {one.name for one in fields(DataOptions)} | {"value", "overwrite"}
 # commands that read records -> options of `identify` that they lack, and why
 LACKING: dict[str, dict[str, str]] = {
     "identify": {},
@@ -67,7 +67,7 @@ def test_a_project_file_has_the_options_of_identify() -> None:
     assert ESTIMATING - of_identify == {"tag"}  # which is `tags` of a group of records
     assert of_identify <= ESTIMATING
     words = {"columns": "mapping", "scales": "scale", "fs_hz": "fs", "directions": "direction"}
-    assert {words.get(one.name, one.name) for one in fields(DataTable)} == READING
+    assert {words.get(one.name, one.name) for one in fields(DataTable)} | {"value", "overwrite"} == READING
 
 
 def test_every_command_that_reads_records_is_in_the_table() -> None:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modelgen.cli.arguments import period_from
+from modelgen.cli.arguments import amounts, period_from
 from modelgen.cli.data_arguments import DataOptions, read_files, reading_lines, tagged
 from modelgen.cli.estimation_options import Cutoff, EstimationOptions, Method, Pairing, Periods, Tags
-from modelgen.cli.options import ResultOptions, SensorSet, Trust, refuse_given
+from modelgen.cli.options import ResultOptions, SensorSet, Trust, Values, refuse_given
 from modelgen.cli.output import deliver, note
 from modelgen.cli.output_files import check_result
 from modelgen.errors import DataError, ModelgenError
@@ -56,6 +56,7 @@ def compare(
     tag: Tags = None,
     pairing: Pairing = "all",
     period_s: Periods = None,
+    value: Values = None,
     yardsticks: Yardsticks = False,
     trust: Trust = False,
     *,
@@ -77,6 +78,7 @@ def compare(
         refuse_given(estimation, "--data", (cutoff_hz, tag, pairing != "all", period_s))
     saved = {source: Estimate.load(source) for source in sources if Path(source).suffix == ".json"}
     models = _models([source for source in sources if source not in saved], sensors, trust)
+    models = _known(models, amounts("--set", value or ()))
     if len(models) + len(saved) < (1 if yardsticks and data else 2):
         remedy = "give two or more models or estimates: modules, specs with sensor sets, saved estimates"
         raise DataError.at("SOURCE", f"names {len(models) + len(saved)} model", remedy)
@@ -116,6 +118,31 @@ def _models(sources: Sequence[str], sensors: str | None, trust: bool) -> dict[st
             title = module_name(chain, name)
             found[title] = model_from_text(generate(chain, name), title)
     return found
+
+
+def _known(models: Mapping[str, Model], values: Mapping[str, float]) -> dict[str, Model]:
+    """Return the models with these values known, each with those of its parameters.
+
+    Raises
+    ------
+    DataError
+        Also for a name that no model has.
+    """
+    from modelgen.runtime.model.known_parameters import with_known
+    from modelgen.runtime.records.record import missing_name
+
+    names = list(dict.fromkeys(n for model in models.values() for n in (*model.parameters, *model.known)))
+    problems = [missing_name("--set", "parameter", name, names) for name in values if name not in names]
+    if problems:
+        raise DataError(*problems)
+    return {
+        title: with_known(
+            model,
+            {n: v for n, v in values.items() if n in model.parameters or n in model.known},
+            f"--set: {title}",
+        )
+        for title, model in models.items()
+    }
 
 
 def describe(models: dict[str, Model], parameters: str | None, fs_hz: float) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modelgen.cli.arguments import cutoffs_from, hold_out_from, period_from
+from modelgen.cli.arguments import amounts, cutoffs_from, hold_out_from, period_from
 from modelgen.cli.data_arguments import DataOptions, reading_options
 from modelgen.cli.estimation_options import (
     Cutoff,
@@ -23,7 +23,7 @@ from modelgen.cli.estimation_options import (
     PrunePercent,
     ScanCutoffs,
 )
-from modelgen.cli.options import Module, ResultOptions, Trust
+from modelgen.cli.options import Module, ResultOptions, Trust, Values
 from modelgen.cli.output import deliver, note, report
 from modelgen.cli.output_files import check_result
 from modelgen.errors import DataError
@@ -71,6 +71,7 @@ def fleet(
     period_s: Periods = None,
     hold_out: HoldOut = None,
     scan_cutoffs: ScanCutoffs = None,
+    value: Values = None,
     scheduler: Scheduler = None,
     tls_ca_file: TlsCaFile = None,
     tls_cert: TlsCert = None,
@@ -88,6 +89,7 @@ def fleet(
     """
     from modelgen.runtime.fleet.dask_cluster import check_cluster, fleet_client
     from modelgen.runtime.fleet.identify_fleet import identify_fleet
+    from modelgen.runtime.model.known_parameters import with_known
     from modelgen.runtime.model.model import model_from_text
     from modelgen.runtime.model.module_file import read_module
 
@@ -97,7 +99,8 @@ def fleet(
     if scheduler is not None and not scheduler.startswith("tls://"):
         note([f"warning: {scheduler} is not encrypted: whoever reaches it can run code on its workers"])
     text = read_module(module)  # once: what was checked is what the workers get
-    model = model_from_text(text, str(module), trust)
+    known = amounts("--set", value or ())
+    model = with_known(model_from_text(text, str(module), trust), known, "--set")
     records = _records(data, model, given)
     settings = estimation.settings(
         method,
@@ -111,7 +114,7 @@ def fleet(
     )
     step("starting the workers" if scheduler is None else f"asking {scheduler}")
     with fleet_client(scheduler, workers, certificates=certificates) as client:
-        found = identify_fleet(client, text, records, settings, checkpoint, trust)
+        found = identify_fleet(client, text, records, settings, checkpoint, trust, known)
     facts = {
         "machines": dict(found.machines),
         "pooled": [asdict(one) for one in found.pooled],

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from modelgen.cli.arguments import cutoffs_from, given_options, hold_out_from, period_from
+from modelgen.cli.arguments import amounts, cutoffs_from, given_options, hold_out_from, period_from
 from modelgen.cli.data_arguments import (
     FURTHER_INPUTS,
     REFERENCE,
@@ -27,7 +27,7 @@ from modelgen.cli.estimation_options import (
     ScanCutoffs,
     Tags,
 )
-from modelgen.cli.options import Data, Details, Json, Module, Overwrite, Trust
+from modelgen.cli.options import Data, Details, Json, Module, Overwrite, Trust, Values
 from modelgen.cli.output import note, print_json
 
 Output = Annotated[
@@ -66,6 +66,7 @@ def identify(
     period_s: Periods = None,
     hold_out: HoldOut = None,
     scan_cutoffs: ScanCutoffs = None,
+    value: Values = None,
     output: Output = None,
     report_file: ReportFile = None,
     figure: FigureFile = None,
@@ -85,15 +86,12 @@ def identify(
     from modelgen.cli.output_files import OutputFiles
     from modelgen.cli.project.from_options import save_project
     from modelgen.runtime.identification.identify import identify as run
+    from modelgen.runtime.model.known_parameters import with_known
     from modelgen.runtime.model.model import load_model
 
-    model = load_model(module, trust)
+    model = with_known(load_model(module, trust), amounts("--set", value or ()), "--set")
     outputs = OutputFiles(output, report_file, figure, overwrite, project_file)
-    outputs.check()  # before the work, not after it
-    if report_file:
-        from modelgen.cli.write_report import check_inputs
-
-        check_inputs(spec, controller)
+    outputs.check(spec, controller)  # before the work, not after it
     inputs = (REFERENCE, FURTHER_INPUTS) if controller and report_file else ()
     readings = tagged(read_files(data, [model], given, *inputs), tag or ())
     settings = estimation.settings(

@@ -72,6 +72,7 @@ def validate(
     from modelgen.cli.arguments import amounts
     from modelgen.cli.tables import console
     from modelgen.runtime.identification.identify import identify
+    from modelgen.runtime.model.known_parameters import as_identified
     from modelgen.runtime.model.model import load_model
     from modelgen.runtime.results.estimate_file import load_estimate
     from modelgen.runtime.simulation.validate import parameters_of, split
@@ -82,7 +83,8 @@ def validate(
     model = load_model(module, trust)
     beside = _beside(model, controller, horizon, {"cutoff_hz": cutoff_hz, "oversample": oversample})
     saved = load_estimate(estimate)
-    parameters = {**parameters_of(saved, model), **amounts("--set", value or ())}
+    given_values = amounts("--set", value or ())
+    parameters = {**parameters_of(saved, model), **given_values}
     readings = read_files(data, [model], given, *((REFERENCE, FURTHER_INPUTS) if controller else ()))
     note(reading_lines(data, readings))
     records = [reading.record for reading in readings]
@@ -94,7 +96,8 @@ def validate(
             raise DataError.at(f"{estimate}: method", "is missing", remedy)
         first, rest = zip(*(split(record, hold_out) for record in records), strict=True)
         settings = estimation.settings(method or saved["method"], given, cutoff_hz=identify_cutoff_hz)
-        again = identify(model, first, **settings)
+        held = {**saved.get("known", {}), **given_values}
+        again = identify(as_identified(model, held), first, **settings)
         found += beside({**parameters, **again.physical}, rest)
     described = describe(found)
     deliver(described, lambda: console().print(validation_tables(described)), result)

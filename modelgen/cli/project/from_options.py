@@ -9,7 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from modelgen.atomic_write import write_whole
-from modelgen.cli.arguments import cutoffs_from, delays_from, directions_from, hold_out_from, period_from
+from modelgen.cli.arguments import (
+    amounts,
+    cutoffs_from,
+    delays_from,
+    directions_from,
+    hold_out_from,
+    period_from,
+)
 from modelgen.cli.output_files import OutputFiles
 from modelgen.errors import DataError
 from modelgen.project.lock_file import Lock, file_hash, save_lock
@@ -48,6 +55,7 @@ def save_project(outputs: OutputFiles, typed: Mapping[str, Any]) -> None:
     table = ProjectTable(
         records=(RecordsTable(files, tags=parse_names("--tag", typed["tag"] or ())),),
         model=_relative(typed["module"], path),
+        known=amounts("--set", typed["value"] or ()),
         data=DataTable(
             None if map_file is None else _relative(map_file, path),
             parse_mapping(typed["mapping"] or ()),

@@ -47,6 +47,8 @@ class Prepared:
             "records": {name: hashes[name] for name in group.files},
             "tags": dict(group.tags),
         }
+        if table.model is not None and table.known:  # with a spec they are in the module
+            told["known"] = dict(table.known)
         return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
     def described(self) -> dict[str, str]:
@@ -68,11 +70,14 @@ def prepare(project: Project, trust: bool) -> Prepared:
     ModelgenError
         Of a spec, a module, a mapping file or options that are wrong.
     """
+    from modelgen.runtime.model.known_parameters import with_known
     from modelgen.runtime.model.model import model_from_text
 
     table = project.table
     spec, module, text = _module_text(project)
     model = model_from_text(text, str(module), trust)
+    if table.model is not None:
+        model = with_known(model, table.known, f"{project.path}: known")
     return Prepared(project, model, module, text, spec, _given(project, table.data), _settings(project))
 
 

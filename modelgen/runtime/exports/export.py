@@ -15,6 +15,7 @@ from modelgen.runtime.exports.case import Case, Written
 from modelgen.runtime.exports.mechanics import mechanics
 from modelgen.runtime.exports.samples import with_samples
 from modelgen.runtime.exports.values import Values, export_values
+from modelgen.runtime.model.known_parameters import as_identified
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.results.estimate import Estimate
 
@@ -145,6 +146,8 @@ def export(
             remedy = f"choose one of {', '.join(model.parameter_sets) or 'none'}, or give an estimate"
             raise DataError.at(f"parameters {source}", "is no parameter set of the model", remedy)
         source = model.parameter_sets[source]
+    if isinstance(source, Estimate):
+        model = as_identified(model, source.model.known)
     found = export_values(model, source, values, target.optional)
     notes: tuple[str, ...] = ()
     if samples:

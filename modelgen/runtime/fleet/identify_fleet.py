@@ -57,6 +57,7 @@ def identify_fleet(
     options: Mapping[str, Any] | None = None,
     checkpoint: str | Path | None = None,
     trust: bool = False,
+    known: Mapping[str, float] | None = None,
 ) -> FleetEstimate:
     """Identify the parameters of every machine, and what suits all.
 
@@ -75,6 +76,8 @@ def identify_fleet(
         options, is not identified again, nor are its records read, as long as they have stamps.
     trust : bool
         Execute a text that modelgen did not write, see `modelgen.load_model`.
+    known : mapping of str to float, optional
+        Parameters that are not estimated on any machine, with their values (SI), see `modelgen.with_known`.
 
     Raises
     ------
@@ -86,15 +89,17 @@ def identify_fleet(
     if twice is not None:
         raise DataError.at(twice, "names two records", "give every record a name of its own")
     chosen = dict(options or {})
-    model, fleet = fleet_model(module_text, trust), _machines(records)
-    kept = Checkpoint(Path(checkpoint), module_text, chosen) if checkpoint is not None else None
+    values = tuple((known or {}).items())
+    model, fleet = fleet_model(module_text, trust, values), _machines(records)
+    told = {**chosen, "known": values} if values else chosen
+    kept = Checkpoint(Path(checkpoint), module_text, told) if checkpoint is not None else None
     reports = {
         machine: report
         for machine, members in fleet.items()
         if kept is not None and (report := kept.load(machine, members)) is not None
     }
     left = {machine: members for machine, members in fleet.items() if machine not in reports}
-    submit = partial(_submit, client, module_text, chosen, trust)
+    submit = partial(_submit, client, module_text, chosen, trust, values)
 
     def finish(machine: str, report: MachineReport) -> None:
         reports[machine] = report
@@ -128,9 +133,14 @@ def _machines(records: Sequence[FleetRecord]) -> dict[str, list[FleetRecord]]:
 
 
 def _submit(
-    client: Any, module_text: str, options: Mapping[str, Any], trust: bool, members: Sequence[FleetRecord]
+    client: Any,
+    module_text: str,
+    options: Mapping[str, Any],
+    trust: bool,
+    known: tuple[tuple[str, float], ...],
+    members: Sequence[FleetRecord],
 ) -> Any:
-    return client.submit(identify_machine, module_text, members, options, trust, pure=False)
+    return client.submit(identify_machine, module_text, members, options, trust, known, pure=False)
 
 
 def _without_deadly(

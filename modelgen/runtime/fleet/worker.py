@@ -10,6 +10,7 @@ from typing import Any
 from modelgen.array_types import FloatArray
 from modelgen.errors import ModelgenError
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.known_parameters import with_known
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
@@ -76,16 +77,23 @@ class MachineReport:
 
 
 @lru_cache(maxsize=8)
-def fleet_model(text: str, trust: bool = False) -> Model:
-    """Return the model of a generated module's text; with `trust` whoever wrote it."""
-    return model_from_text(text, "fleet", trust)
+def fleet_model(text: str, trust: bool = False, known: tuple[tuple[str, float], ...] = ()) -> Model:
+    """Return the model of a generated module's text; with `trust` whoever wrote it.
+
+    `known` are pairs of parameter and value (SI) that are not estimated.
+    """
+    return with_known(model_from_text(text, "fleet", trust), dict(known))
 
 
 def identify_machine(
-    module_text: str, records: Sequence[FleetRecord], options: Mapping[str, Any], trust: bool = False
+    module_text: str,
+    records: Sequence[FleetRecord],
+    options: Mapping[str, Any],
+    trust: bool = False,
+    known: tuple[tuple[str, float], ...] = (),
 ) -> MachineReport:
     """Return the estimate of one machine; a record that cannot be read is left out, and named."""
-    model = fleet_model(module_text, trust)
+    model = fleet_model(module_text, trust, known)
     usable, failed, looks = [], {}, {}
     for one in records:
         try:

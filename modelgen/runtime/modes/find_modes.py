@@ -15,7 +15,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.mode_values import PairValues, pair_values
 from modelgen.runtime.modes.modes import Antiresonance, Mode, Modes
 from modelgen.runtime.modes.pole_pairs import PolePair, UndampedModes, pair_slopes, pole_pairs, undamped_modes
-from modelgen.runtime.modes.thresholds import OPEN_SHARE, ROUNDING, TRIED
+from modelgen.runtime.modes.thresholds import LOOSE_PART, LOOSE_SIZE, OPEN_SHARE, ROUNDING, TRIED
 from modelgen.runtime.modes.uncertain_chain import UncertainChain
 
 LINEAR = "Linear about rest: {names} is the cube of a deflection and has no part there."
@@ -98,7 +98,7 @@ def _pairs(
     if not matrices.bodies:
         return found
     pairs, slopes = _slopes(matrices, chain, values, undamped)
-    unknown = _depend(slopes, chain)
+    unknown = _depend(slopes, chain) | _loose(pairs, slopes, chain, undamped)
     if other is not None:
         at_other = _values(model, other)
         elsewhere = undamped_modes(*matrices.at(at_other)[::2])
@@ -154,6 +154,23 @@ def _depend(slopes: FloatArray, chain: UncertainChain) -> npt.NDArray[np.bool_]:
     damping = (np.linalg.norm(scaled @ chain.open, axis=2) > limit).any(axis=1)
     frequency = (np.linalg.norm(scaled @ chain.open_but_damping, axis=2) > limit).any(axis=1)
     return np.column_stack((damping, frequency))
+
+
+def _loose(
+    pairs: list[PolePair], slopes: FloatArray, chain: UncertainChain, undamped: UndampedModes
+) -> npt.NDArray[np.bool_]:
+    """Tell the same of what is too uncertain for a linear step, shape (pairs, 2).
+
+    Damping is in a pair's sum, the frequency is its product; of a free motion it is zero, whatever is known.
+    """
+    none = np.zeros((len(pairs), 2), dtype=bool)
+    if chain.loose is None or not pairs:
+        return none
+    moved = np.linalg.norm(slopes @ chain.loose, axis=2)
+    sizes = np.abs([(pair.sum, pair.product) for pair in pairs])
+    lost = (moved > LOOSE_PART * np.linalg.norm(slopes @ chain.root, axis=2)) & (moved > LOOSE_SIZE * sizes)
+    lost[:, 1] &= undamped.squares != 0.0
+    return np.column_stack((lost.any(axis=1), lost[:, 1]))
 
 
 def _moved_along(chain: UncertainChain) -> dict[str, float]:
@@ -216,6 +233,7 @@ def _notes(model: Model, matrices: ChainMatrices, chain: UncertainChain, found: 
 
 
 def _left_open(directions: FloatArray, chain: UncertainChain, matrices: ChainMatrices) -> list[str]:
-    """Return the parameters of the matrices that move along these directions."""
+    """Return the parameters of the matrices that move along these directions, or are too uncertain."""
     moving = np.abs(directions).max(axis=1, initial=0.0) > OPEN_SHARE
-    return [n for n, m in zip(chain.names, moving, strict=True) if m and n in matrices.parameters]
+    lost = {n for n, m in zip(chain.names, moving, strict=True) if m} | {*chain.too_uncertain}
+    return [name for name in chain.names if name in lost and name in matrices.parameters]

@@ -16,6 +16,10 @@ NEAR_CRITICAL, CRITICAL_SHARE = 4.0, 0.02
 # An inertia is moved by its logarithm, by no more than this.
 MOST_LOG = 5.0
 
+# A direction of parameters that come from composites is too uncertain for a linear step if its deviation is
+# this share of them; a mode is left open if that is this share of the mode's own deviation, and of its value.
+LOOSE_SHARE = 0.2
+LOOSE_PART, LOOSE_SIZE = 0.3, 0.005
 # A mode depends on what the records leave open if more than this share of its slope lies there.
 OPEN_SHARE = 1e-5
 # Open directions are tried out by so much of a parameter's size: a slope may be zero by chance.

@@ -9,7 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.modes.thresholds import FULLY_OPEN, MOST_LOG
+from modelgen.runtime.modes.thresholds import FULLY_OPEN, LOOSE_PART, LOOSE_SHARE, MOST_LOG
 from modelgen.runtime.parameters.composite_fit import fit_composites
 from modelgen.runtime.parameters.thresholds import RANK_TOLERANCE
 
@@ -29,6 +29,8 @@ class UncertainChain:
         Directions, in shares of the values, that change no base parameter that was found.
     open_but_damping : array, shape (names, m)
         The same, were all frictions and dampings known.
+    loose : array, shape (names, m), optional
+        The part of `root` along directions that are too uncertain for what is linear at the values.
     """
 
     names: tuple[str, ...]
@@ -36,11 +38,20 @@ class UncertainChain:
     root: FloatArray
     open: FloatArray
     open_but_damping: FloatArray
+    loose: FloatArray | None = None
 
     @property
     def by_name(self) -> dict[str, float]:
         """The values by name."""
         return dict(zip(self.names, self.values.tolist(), strict=True))
+
+    @property
+    def too_uncertain(self) -> tuple[str, ...]:
+        """Names of the parameters that have a part in `loose`."""
+        if self.loose is None:
+            return ()
+        lost = np.linalg.norm(self.loose, axis=1) > LOOSE_PART * LOOSE_SHARE * np.abs(self.values)
+        return tuple(name for name, one in zip(self.names, lost, strict=True) if one)
 
     def moved(self, by: FloatArray, inertias: frozenset[str]) -> dict[str, float]:
         """Return the values moved; inertias by their logarithms, so that none falls below zero."""
@@ -84,13 +95,27 @@ def chain_around(
     model: Model, base: FloatArray, values: Mapping[str, float], root: FloatArray
 ) -> UncertainChain:
     """Return the chain of these values, with what the base parameters leave open there."""
+    sizes = np.array([values[name] for name in model.parameters])
     return UncertainChain(
         model.parameters,
-        np.array([values[name] for name in model.parameters]),
+        sizes,
         root,
         open_directions(model, base, values),
         open_directions(model, base, values, dissipative(model)),
+        loose_part(sizes, root) if model.composites else None,
     )
+
+
+def loose_part(values: FloatArray, root: FloatArray) -> FloatArray:
+    """Return the part of a root along directions whose deviation is a large share of the values, same shape.
+
+    Parameters that are zero have no share.
+    """
+    size = np.where(values == 0.0, np.inf, np.abs(values))[:, None]
+    U, s, Vt = np.linalg.svd(np.where(np.isfinite(size), root / size, 0.0), full_matrices=False)
+    far = s > LOOSE_SHARE
+    part = U[:, far] * s[far] @ Vt[far]
+    return np.asarray(np.where(np.isfinite(size), part * np.abs(values)[:, None], 0.0))
 
 
 def dissipative(model: Model) -> frozenset[str]:

@@ -28,6 +28,7 @@ def answer_text(estimate: Estimate) -> str:
     lines = [
         *_wrapped(f"{estimate.model}, records {listed(estimate.records, most=3)}", ""),
         *_parameters(asked_for(estimate)),
+        *known_lines(estimate),
         *modes_lines(estimate),
         *refused_lines(estimate),
         *_wrapped(f"Verdict: {judged.word} - {_sentence(judged.reasons[0])}", "  "),
@@ -48,7 +49,10 @@ def answer_html(estimate: Estimate) -> str:
         f"<td>{html.escape(entry.unit)}</td></tr>"
         for entry in asked_for(estimate)
     )
-    below = [*(line.strip() for line in modes_lines(estimate)), *refused_lines(estimate)]
+    below = [
+        *(line.strip() for line in (*known_lines(estimate), *modes_lines(estimate))),
+        *refused_lines(estimate),
+    ]
     said = "".join(f"<p>{html.escape(line)}</p>" for line in below)
     why = html.escape(_sentence(judged.reasons[0]))
     action = f" Next: {html.escape(judged.action)}." if judged.action else ""
@@ -100,6 +104,12 @@ def _parameters(entries: Sequence[Parameter]) -> list[str]:
         "  with 95 % intervals:",
         *(f"{a.ljust(half)}{b}".rstrip() for a, b in zip(lines[:rows], right, strict=False)),
     ]
+
+
+def known_lines(estimate: Estimate) -> list[str]:
+    """Return what was known and not estimated, in one line; none where there is no such parameter."""
+    known = [f"{visible(name)} = {value:.6g}" for name, value in estimate.model.known.items()]
+    return _wrapped(f"  known, not estimated: {listed(known, most=6)}", "    ") if known else []
 
 
 def modes_lines(estimate: Estimate) -> list[str]:

@@ -42,6 +42,7 @@ def estimate_document(estimate: Estimate) -> dict[str, Any]:
         "composites": estimate.model.composites,
         "roles": estimate.model.roles,
         "unseen": estimate.model.unseen,
+        "known": estimate.model.known,
         "base": estimate.base.tolist(),
         "noise_std": {entry.name: entry.noise_std for entry in identified},
         "drift_std": {entry.name: entry.drift_std for entry in identified},

@@ -76,7 +76,7 @@ KEYS: Mapping[str, tuple[Holds, str]] = {
     **dict.fromkeys(("chain", "sensor_set", "title", "method", "method_title"), TEXT),
     **dict.fromkeys(("covariance_kind", "residual_dof"), TEXT),
     **dict.fromkeys(("records", "notes", "unseen"), TEXTS),
-    **dict.fromkeys(("params", "physical", "nuisance", "delays"), VALUES),
+    **dict.fromkeys(("params", "physical", "nuisance", "delays", "known"), VALUES),
     **dict.fromkeys((*DEVIATIONS, *OF_PHYSICAL, "delay_std"), NUMBERS),
     **dict.fromkeys(
         ("units", "not_identifiable", "composites", "roles"), (_table_of(_is_text), "a table of texts")

@@ -20,7 +20,7 @@ class EstimatedModel:
 
     `composites` maps base parameters that go by a short symbol to their formula in the physical ones, `roles`
     physical parameters to what they are (inertia, stiffness, ...). `unseen` are those that these sensors
-    cannot tell, whatever the records hold.
+    cannot tell, whatever the records hold; `known` holds values (SI) of those that were not estimated.
     """
 
     chain: str
@@ -29,6 +29,7 @@ class EstimatedModel:
     composites: Mapping[str, str] = field(default_factory=dict)
     roles: Mapping[str, str] = field(default_factory=dict)
     unseen: tuple[str, ...] = ()
+    known: Mapping[str, float] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return f"{self.chain}, sensors {self.sensor_set}"

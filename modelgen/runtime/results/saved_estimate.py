@@ -30,6 +30,7 @@ LATER = (
     "modes",
     "roles",
     "unseen",
+    "known",
     "verdict",
 )
 CHANGED = "was changed by hand: identify again, or undo the change"
@@ -64,6 +65,7 @@ def estimate_parts(document: Mapping[str, Any], where: str) -> dict[str, Any]:
             saved["composites"],
             saved.get("roles", {}),
             tuple(saved.get("unseen", ())),
+            _reals(saved.get("known", {})),
         ),
         "records": tuple(saved["records"]),
         "fit": _fit(saved, parts),

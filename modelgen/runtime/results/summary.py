@@ -48,9 +48,11 @@ def summary_text(estimate: Estimate) -> str:
 
 
 def _heading(estimate: Estimate) -> list[str]:
+    known = [f"{name} = {value:.6g}" for name, value in estimate.model.known.items()]
     return [
         f"{estimate.model}: {estimate.fit.method} ({estimate.fit.method_title})",
         f"Records: {', '.join(estimate.records)}",
+        *([f"Known, not estimated: {', '.join(known)}"] if known else []),
     ]
 
 

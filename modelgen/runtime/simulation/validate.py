@@ -232,6 +232,9 @@ def parameters_of(estimate: Mapping[str, object] | Documented, model: Model) -> 
         what = f"is of the chain {estimate.get('chain')}, the model of {model.chain}"
         raise DataError.at("estimate", what, "give an estimate of the same chain")
     values = {str(name): value for name, value in physical.items()}
+    known = estimate.get("known")
+    if isinstance(known, Mapping):  # what was not estimated is part of the chain all the same
+        values = {str(name): value for name, value in known.items() if name in model.parameters} | values
     return {name: float(value) for name, value in values.items() if value is not None and isfinite(value)}
 
 
