@@ -1,0 +1,1 @@
+"""From an ArmSpec to its rows, base parameters and dynamics: one expression graph, exact constants."""

@@ -1,0 +1,217 @@
+"""Base parameters of an arm: the smallest set of combinations that its rows can distinguish.
+
+The combinations come in closed form from the changes of the parameters that no row can see
+(`unseen_changes`). That there are no others, and that every factor is right, is proven for each arm by
+elimination on its regressor at random points of a prime field: no tolerance is involved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from random import Random
+from typing import Any
+
+import numpy as np
+
+from modelgen.errors import ModelError, listed
+from modelgen.spec.arms.arm import LINK_PARAMETERS
+from modelgen.symbolic.arms.arm_rows import ArmRows
+from modelgen.symbolic.arms.exact_regrouping import Recipe, regrouping
+from modelgen.symbolic.arms.length_field import (
+    combination_text,
+    factor_residue,
+    factor_value,
+    length_elements,
+)
+from modelgen.symbolic.arms.prime_field import PRIME, echelon, fraction_of, residue
+from modelgen.symbolic.arms.regressor_samples import SEED, random_regressor, residue_regressor
+from modelgen.symbolic.arms.unseen_changes import Change, Key, unseen_changes
+
+#: |R_ii| below this fraction of |R_11| counts as zero; the columns have unit scale.
+RANK_TOLERANCE = 1e-9
+#: Columns below this share of the largest hold nothing but rounding.
+ROUNDING = 1e-13
+UNSEEN = "no motion of the arm shows it"
+
+
+@dataclass(frozen=True)
+class ArmBaseParameter:
+    """A column that is kept: the sum of factor * parameter that multiplies it."""
+
+    combination: tuple[tuple[str, Any], ...]
+
+    @property
+    def name(self) -> str:
+        """Return the combination as text, with named lengths as they are called."""
+        return combination_text(self.combination)
+
+    def factors(self, lengths: Mapping[str, float]) -> dict[str, float]:
+        """Return the factor of every parameter as a number, at values of the named lengths [m]."""
+        return {name: factor_value(factor, lengths) for name, factor in self.combination}
+
+
+@dataclass(frozen=True)
+class ArmBaseModel:
+    """Rows of an arm with their base parameters.
+
+    Attributes
+    ----------
+    rows
+        With all columns.
+    base
+        The base parameters.
+    columns
+        The column of each of them in `rows`: that of its first parameter.
+    identifiable
+        Parameters that are base parameters by themselves.
+    absent
+        For every other parameter that is not known, why it cannot be estimated.
+    """
+
+    rows: ArmRows
+    base: tuple[ArmBaseParameter, ...]
+    columns: tuple[int, ...]
+    identifiable: tuple[str, ...]
+    absent: Mapping[str, str]
+
+
+def arm_base_model(rows: ArmRows) -> ArmBaseModel:
+    """Find the base parameters of an arm's rows; known parameters are no part of them.
+
+    Raises
+    ------
+    ModelError
+        If nothing is left to estimate, or lengths with names have values at which columns depend on each
+        other that are independent otherwise.
+    """
+    wanted = [column for column, name in enumerate(rows.columns) if name not in rows.spec.known]
+    recipes = dependencies(rows, wanted)
+    kept = [column for column in wanted if column not in recipes]
+    if not kept:
+        raise ModelError.at(
+            rows.spec.source, "no parameter is left to be estimated", "take at least one out of [known]"
+        )
+    combinations: dict[int, list[tuple[str, Any]]] = {c: [(rows.columns[c], Fraction(1))] for c in kept}
+    for dependent, recipe in recipes.items():
+        for column, factor in recipe.items():
+            combinations[column].append((rows.columns[dependent], factor))
+    base = tuple(ArmBaseParameter(tuple(combinations[column])) for column in kept)
+    alone = tuple(b.combination[0][0] for b in base if len(b.combination) == 1)
+    return ArmBaseModel(rows, base, tuple(kept), alone, _absent(rows, wanted, base, alone))
+
+
+def dependencies(
+    rows: ArmRows, wanted: Sequence[int], changes: Sequence[Change] | None = None
+) -> dict[int, Recipe]:
+    """Write every wanted column that depends on earlier ones by those that are kept, proven exactly.
+
+    `changes` that no row can see are found from the arm if they are not given. What they leave out is
+    restored from the residues, where the fractions are short enough.
+    """
+    spec = rows.spec
+    elements = length_elements(spec.lengths)
+    if changes is None:
+        changes = list(unseen_changes(spec, elements, rows.has_base))
+    places = _places(rows, wanted)
+    random = Random(SEED)
+    drawn = {name: random.randrange(1, PRIME) for name in spec.lengths}
+    proof = _Proof(rows, wanted, drawn)
+    found = regrouping(changes, places)
+    if not proof.confirms(found):
+        keys = {column: key for key, column in places.items()}
+        restored = [] if drawn else proof.restored(keys, [c for c in proof.recipes if c not in found])
+        found = regrouping([*changes, *restored], places)
+        if not proof.confirms(found):
+            missing = [rows.columns[c] for c in proof.recipes if c not in found]
+            raise ModelError.at(
+                spec.source,
+                f"no exact combination was found for {listed(missing, most=5)}",
+                "write its lengths as numbers, and lengths and angles with fewer digits",
+            )
+    values = {name: residue(Fraction(str(v))) for name, v in spec.lengths.items() if v is not None}
+    if spec.lengths and len(values) == len(spec.lengths):
+        special = _Proof(rows, wanted, values)
+        lost = [rows.columns[c] for c in special.recipes if c not in found]
+        if lost:
+            raise ModelError.at(
+                f"{spec.source}: lengths",
+                f"at these values more columns depend on others than in general: {listed(lost, most=5)}",
+                "write the lengths that are zero, or equal, as numbers",
+            )
+    return found
+
+
+def numerical_rank(rows: ArmRows, lengths: Mapping[str, float] | None = None) -> int:
+    """Return the rank of a random regressor by QR with column pivoting, at values of the lengths [m].
+
+    It is below the exact one where lengths or angles are so small that double precision loses them.
+    """
+    from scipy.linalg import qr
+
+    known = {name: 1.0 if value is None else value for name, value in rows.spec.lengths.items()}
+    regressor = random_regressor(rows, {**known, **(lengths or {})})
+    regressor = regressor[:, [name not in rows.spec.known for name in rows.columns]]
+    scale = np.linalg.norm(regressor, axis=0)
+    seen = scale > ROUNDING * scale.max(initial=0.0)
+    regressor = regressor[:, seen] / scale[seen]
+    diagonal = np.abs(np.diag(qr(regressor, mode="r", pivoting=True)[0]))
+    return int(np.sum(diagonal > RANK_TOLERANCE * diagonal[0])) if len(diagonal) else 0
+
+
+class _Proof:
+    """Which columns depend on which, modulo the prime, at residues of the lengths."""
+
+    def __init__(self, rows: ArmRows, wanted: Sequence[int], lengths: Mapping[str, int]) -> None:
+        matrix, leading = echelon(residue_regressor(rows, wanted, lengths))
+        self.lengths = lengths
+        kept = [wanted[column] for column in leading]
+        self.recipes: dict[int, dict[int, int]] = {}
+        for place, column in enumerate(wanted):
+            if column not in kept:
+                entries = zip(kept, matrix[:, place].tolist(), strict=True)
+                self.recipes[column] = {other: value for other, value in entries if value}
+
+    def confirms(self, found: Mapping[int, Recipe]) -> bool:
+        """Return whether these are all dependent columns, and every factor is right."""
+        exact = {
+            dependent: {column: factor_residue(factor, self.lengths) for column, factor in recipe.items()}
+            for dependent, recipe in found.items()
+        }
+        return exact == self.recipes
+
+    def restored(self, keys: Mapping[int, Key], missing: Sequence[int]) -> list[Change]:
+        """Return the changes of missing columns with their factors as fractions, where these are short."""
+        changes = []
+        for column in missing:
+            factors = {other: fraction_of(value) for other, value in self.recipes[column].items()}
+            change: Change = {keys[other]: -f for other, f in factors.items() if f is not None}
+            if len(change) == len(factors):
+                changes.append({**change, keys[column]: Fraction(1)})
+        return changes
+
+
+def _places(rows: ArmRows, wanted: Sequence[int]) -> dict[Key, int]:
+    """Return the column of every wanted parameter, by its place in the arm."""
+    of_link = {
+        name: (joint.name, kind)
+        for joint in rows.spec.joints
+        for name, kind in zip(joint.link, LINK_PARAMETERS, strict=False)
+    }
+    names = [(rows.columns[column], column) for column in wanted]
+    return {of_link.get(name, ("", name)): column for name, column in names}
+
+
+def _absent(
+    rows: ArmRows, wanted: Sequence[int], base: Sequence[ArmBaseParameter], alone: Sequence[str]
+) -> dict[str, str]:
+    inside: dict[str, list[str]] = {rows.columns[column]: [] for column in wanted}
+    for parameter in base:
+        for name, _ in parameter.combination:
+            inside[name].append(parameter.name)
+    return {
+        name: f"only in combination: {listed(own, most=5, width=200)}" if own else UNSEEN
+        for name, own in inside.items()
+        if name not in alone
+    }

@@ -1,0 +1,72 @@
+"""Derivatives of nodes by rules: d/dt along a motion, and by a coordinate or a speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from modelgen.symbolic.arms.graph import ONE, ZERO, Graph, Ref, Symbol
+
+
+def time_derivatives(graph: Graph, refs: Sequence[Ref]) -> list[Ref]:
+    """Return d/dt of every reference; directions are constant between reversals, forces have no derivative.
+
+    Raises
+    ------
+    ValueError
+        If one of them is made of a force.
+    """
+
+    def rate(symbol: Symbol) -> Ref:
+        if symbol.kind == "position":
+            return graph.symbol(symbol._replace(order=symbol.order + 1))
+        if symbol.kind in ("cosine", "sine"):
+            return graph.multiply(_turned(graph, symbol), graph.symbol(Symbol("position", symbol.name, 1)))
+        if symbol.kind == "force":
+            raise ValueError("a force has no derivative in this graph")
+        return ZERO
+
+    return derivatives(graph, refs, rate)
+
+
+def partial_derivatives(graph: Graph, refs: Sequence[Ref], joint: str, order: int) -> list[Ref]:
+    """Return the derivatives by the coordinate of a joint (order 0) or its speed (1), all else held."""
+
+    def rate(symbol: Symbol) -> Ref:
+        if symbol.name != joint:
+            return ZERO
+        if symbol.kind == "position":
+            return ONE if symbol.order == order else ZERO
+        if symbol.kind in ("cosine", "sine") and order == 0:
+            return _turned(graph, symbol)
+        return ZERO
+
+    return derivatives(graph, refs, rate)
+
+
+def derivatives(graph: Graph, refs: Sequence[Ref], rate: Callable[[Symbol], Ref]) -> list[Ref]:
+    """Return the derivatives of references when every symbol changes at its rate."""
+    found: dict[int, Ref] = {ZERO: ZERO}
+
+    def of(ref: Ref) -> Ref:
+        return found[ref] if ref >= 0 else -found[-ref]
+
+    for index in graph.needed(refs):
+        node = graph.nodes[index]
+        if node.operation == "sum":
+            found[index] = graph.add(of(node.left), of(node.right))
+        elif node.operation == "product":
+            found[index] = graph.add(
+                graph.multiply(of(node.left), node.right), graph.multiply(node.left, of(node.right))
+            )
+        elif node.operation == "reciprocal":
+            found[index] = -graph.multiply(of(node.left), graph.multiply(index, index))
+        else:
+            found[index] = ZERO if node.symbol is None else rate(node.symbol)
+    return [of(ref) for ref in refs]
+
+
+def _turned(graph: Graph, symbol: Symbol) -> Ref:
+    """Return the derivative of a sine or cosine by its angle."""
+    if symbol.kind == "sine":
+        return graph.symbol(symbol._replace(kind="cosine"))
+    return -graph.symbol(symbol._replace(kind="sine"))

@@ -1,0 +1,84 @@
+"""What drives contribute to the rows of joints: rotor inertia, friction, offset.
+
+Every joint has its own, which acts with the joint's speed. A motor that moves more than one joint has another
+one, with `COUPLED` behind the parameter's name: it acts with the motor's speed, seen from the motor's own
+joint, on every joint that the motor moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+from modelgen.spec.arms.arm import ArmSpec, Joint
+from modelgen.symbolic.arms.graph import ONE, Graph, Ref, Symbol
+
+#: Ends the names of the parameters of a motor that moves more than one joint.
+COUPLED = "_motor"
+DrivePart = Literal["rotor_inertia", "viscous", "coulomb", "offset"]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The drive of a joint, or the motor of coupled ones.
+
+    Attributes
+    ----------
+    joint
+        Whose names its parameters have.
+    speed_name
+        Of its speed, in `Symbol.name` of directions.
+    lever
+        Speed of the drive per speed of every joint that it moves, by the joint's name.
+    suffix
+        Ends the names of its parameters.
+    """
+
+    joint: Joint
+    speed_name: str
+    lever: tuple[tuple[str, Fraction], ...]
+    suffix: str
+
+
+def drives(spec: ArmSpec) -> Iterator[Drive]:
+    """Yield the drive of every joint that moves, and behind each that of its motor if that is coupled."""
+    moving = spec.moving
+    for joint, row in zip(moving, spec.transmission, strict=True):
+        yield Drive(joint, joint.name, ((joint.name, Fraction(1)),), "")
+        moved = [(other.name, Fraction(ratio)) for other, ratio in zip(moving, row, strict=True) if ratio]
+        if len(moved) > 1:
+            own = dict(moved).get(joint.name, moved[0][1])
+            lever = tuple((name, ratio / own) for name, ratio in moved)
+            yield Drive(joint, joint.name + COUPLED, lever, COUPLED)
+
+
+def drive_columns(graph: Graph, drive: Drive) -> Iterator[tuple[str, Ref]]:
+    """Yield (parameter, what it is multiplied by) of a drive, at a lever of one."""
+    joint = drive.joint
+    if joint.rotor_inertia:
+        yield joint.rotor_inertia + drive.suffix, moved_by(graph, drive, 2)
+    for kind, suffix, sign in _directions(joint):
+        direction = graph.symbol(Symbol("direction", drive.speed_name, of=kind))
+        if joint.viscous:
+            speed = moved_by(graph, drive, 1)
+            factor = speed if kind == "sign" else graph.multiply(direction, speed)
+            yield joint.viscous + suffix + drive.suffix, factor
+        if joint.coulomb:
+            yield joint.coulomb + suffix + drive.suffix, sign * direction
+    if joint.offset and not drive.suffix:
+        yield joint.offset, ONE
+
+
+def moved_by(graph: Graph, drive: Drive, order: int) -> Ref:
+    """Return the position of a drive, differentiated so many times."""
+    return graph.total(
+        graph.scale(ratio, graph.symbol(Symbol("position", name, order))) for name, ratio in drive.lever
+    )
+
+
+def _directions(joint: Joint) -> tuple[tuple[Literal["sign", "forward", "backward"], str, int], ...]:
+    if joint.friction == "symmetric":
+        return (("sign", "", 1),)
+    return (("forward", "_plus", 1), ("backward", "_minus", -1))
