@@ -10,7 +10,7 @@ from typing import Literal
 from modelgen.errors import ModelError
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec
 from modelgen.symbolic.arms.drives import drive_columns, drives, moved_by
-from modelgen.symbolic.arms.graph import Graph, Ref, Symbol
+from modelgen.symbolic.arms.expressions.graph import Graph, Ref, Symbol
 from modelgen.symbolic.arms.kinematics import BASE_ROWS, link_motions
 from modelgen.symbolic.arms.link_wrenches import along_axis, parameter_wrenches
 

@@ -19,13 +19,13 @@ from modelgen.errors import ModelError, listed
 from modelgen.spec.arms.arm import LINK_PARAMETERS
 from modelgen.symbolic.arms.arm_rows import ArmRows
 from modelgen.symbolic.arms.exact_regrouping import Recipe, regrouping
+from modelgen.symbolic.arms.expressions.prime_field import PRIME, echelon, fraction_of, residue
 from modelgen.symbolic.arms.length_field import (
     combination_text,
     factor_residue,
     factor_value,
     length_elements,
 )
-from modelgen.symbolic.arms.prime_field import PRIME, echelon, fraction_of, residue
 from modelgen.symbolic.arms.regressor_samples import SEED, random_regressor, residue_regressor
 from modelgen.symbolic.arms.unseen_changes import Change, Key, unseen_changes
 
@@ -75,6 +75,12 @@ class ArmBaseModel:
     columns: tuple[int, ...]
     identifiable: tuple[str, ...]
     absent: Mapping[str, str]
+
+    @property
+    def regrouped(self) -> frozenset[str]:
+        """Parameters that stand in no base parameter's first place, and are not known."""
+        kept = {self.rows.columns[column] for column in self.columns}
+        return frozenset(set(self.rows.columns) - kept - set(self.rows.spec.known))
 
 
 def arm_base_model(rows: ArmRows) -> ArmBaseModel:

@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Literal
 
 from modelgen.spec.arms.arm import ArmSpec, Joint
-from modelgen.symbolic.arms.graph import ONE, Graph, Ref, Symbol
+from modelgen.symbolic.arms.expressions.graph import ONE, Graph, Ref, Symbol
 
 #: Ends the names of the parameters of a motor that moves more than one joint.
 COUPLED = "_motor"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from modelgen.spec.arms.arm import ArmSpec, Joint
-from modelgen.symbolic.arms.graph import ONE, ZERO, Graph, Ref, Symbol
+from modelgen.symbolic.arms.expressions.graph import ONE, ZERO, Graph, Ref, Symbol
 from modelgen.symbolic.arms.placements import Lengths, Placement, placement
 
 #: Components along x, y, z of a frame.

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
-from modelgen.symbolic.arms.prime_field import PRIME, residue
+from modelgen.symbolic.arms.expressions.prime_field import PRIME, residue
 from modelgen.symbolic.equations.signals import short_text
 
 #: A fraction, or an element of SymPy's field of fractions over the named lengths.

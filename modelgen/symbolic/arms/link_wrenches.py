@@ -6,7 +6,7 @@ I. `LINK_PARAMETERS` of the spec has the order.
 
 from __future__ import annotations
 
-from modelgen.symbolic.arms.graph import ZERO, Graph, Ref
+from modelgen.symbolic.arms.expressions.graph import ZERO, Graph, Ref
 from modelgen.symbolic.arms.kinematics import NONE, LinkMotion, Twist, Vector
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.symbolic.arms.arm_rows import ArmRows
-from modelgen.symbolic.arms.evaluation import residues, sampled
+from modelgen.symbolic.arms.expressions.evaluation import residues, sampled
 
 SEED = 2002
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from modelgen.symbolic.arms.derivative import partial_derivatives, time_derivatives
-from modelgen.symbolic.arms.evaluation import evaluate, residues, sampled
-from modelgen.symbolic.arms.graph import ONE, ZERO, Graph, Ref, Symbol
-from modelgen.symbolic.arms.prime_field import residue
+from modelgen.symbolic.arms.expressions.derivative import partial_derivatives, time_derivatives
+from modelgen.symbolic.arms.expressions.evaluation import evaluate, residues, sampled
+from modelgen.symbolic.arms.expressions.graph import ONE, ZERO, Graph, Ref, Symbol
+from modelgen.symbolic.arms.expressions.prime_field import residue
 
 NAMES = ("a", "b", "c")
 

@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from modelgen.symbolic.arms.prime_field import PRIME, Residues, echelon, fraction_of, residue
+from modelgen.symbolic.arms.expressions.prime_field import PRIME, Residues, echelon, fraction_of, residue
 
 ELEMENT = st.integers(0, PRIME - 1) | st.sampled_from([0, 1, PRIME - 1, PRIME - 2, 1 << 60, (1 << 31) - 1])
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.symbolic.arms.graph import Graph, Ref, Symbol
-from modelgen.symbolic.arms.prime_field import PRIME, Residues, residue
+from modelgen.symbolic.arms.expressions.graph import Graph, Ref, Symbol
+from modelgen.symbolic.arms.expressions.prime_field import PRIME, Residues, residue
 
 
 def evaluate(

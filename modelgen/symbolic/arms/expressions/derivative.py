@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from modelgen.symbolic.arms.graph import ONE, ZERO, Graph, Ref, Symbol
+from modelgen.symbolic.arms.expressions.graph import ONE, ZERO, Graph, Ref, Symbol
 
 
 def time_derivatives(graph: Graph, refs: Sequence[Ref]) -> list[Ref]:
@@ -29,7 +29,7 @@ def time_derivatives(graph: Graph, refs: Sequence[Ref]) -> list[Ref]:
 
 
 def partial_derivatives(graph: Graph, refs: Sequence[Ref], joint: str, order: int) -> list[Ref]:
-    """Return the derivatives by the coordinate of a joint (order 0) or its speed (1), all else held."""
+    """Return the derivatives by a joint's coordinate (order 0), speed (1) or acceleration (2) alone."""
 
     def rate(symbol: Symbol) -> Ref:
         if symbol.name != joint:
@@ -62,6 +62,26 @@ def derivatives(graph: Graph, refs: Sequence[Ref], rate: Callable[[Symbol], Ref]
             found[index] = -graph.multiply(of(node.left), graph.multiply(index, index))
         else:
             found[index] = ZERO if node.symbol is None else rate(node.symbol)
+    return [of(ref) for ref in refs]
+
+
+def substituted(graph: Graph, refs: Sequence[Ref], values: Mapping[Symbol, Ref]) -> list[Ref]:
+    """Return references with symbols replaced."""
+    found: dict[int, Ref] = {ZERO: ZERO}
+
+    def of(ref: Ref) -> Ref:
+        return found[ref] if ref >= 0 else -found[-ref]
+
+    for index in graph.needed(refs):
+        node = graph.nodes[index]
+        if node.operation == "sum":
+            found[index] = graph.add(of(node.left), of(node.right))
+        elif node.operation == "product":
+            found[index] = graph.multiply(of(node.left), of(node.right))
+        elif node.operation == "reciprocal":
+            found[index] = graph.reciprocal(of(node.left))
+        else:
+            found[index] = index if node.symbol is None else values.get(node.symbol, index)
     return [of(ref) for ref in refs]
 
 

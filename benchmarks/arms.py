@@ -1,0 +1,72 @@
+"""Derivation of arms: time and operations for known robots, and the growth to 20 joints.
+
+    .venv/bin/python benchmarks/arms.py
+
+Processor time, the best of five; base parameters with their proof. Operations: of the regressor of base
+parameters, of inverse and direct dynamics with base parameters.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from modelgen.spec.arms.arm import ArmSpec
+from modelgen.symbolic.arms.arm_rows import arm_rows
+from modelgen.symbolic.arms.base_parameters import arm_base_model
+from modelgen.symbolic.arms.dynamics.direct_dynamics import direct_dynamics
+from modelgen.symbolic.arms.dynamics.inverse_dynamics import inverse_dynamics
+from modelgen.symbolic.arms.dynamics.lagrange import newton_minus_lagrange, vanishes
+from modelgen.symbolic.arms.expressions.graph import Graph
+from tests.symbolic.arms.made_arms import ROBOTS, serial, tx40
+
+
+def main() -> None:
+    arms = {name: serial(rows, drive=True) for name, rows in ROBOTS.items()}
+    arms["tx40"] = tx40()
+    for count in (8, 12, 16, 20):
+        rows = [(90 * (-1) ** k, 0.1 * (k % 3), 0, 0.2 * (k % 2)) for k in range(count)]
+        arms[f"{count} joints"] = serial(rows, drive=True)
+    print(f"{'arm':10} {'joints':>6} {'rows [ms]':>9} {'base [ms]':>9} {'base':>5} {'regressor':>9} "
+          f"{'inverse':>7} {'direct':>7} {'Newton = Lagrange [ms]':>22}")  # fmt: skip
+    for name, spec in arms.items():
+        print(line(name, spec), flush=True)
+
+
+def line(name: str, spec: ArmSpec) -> str:
+    rows = arm_rows(spec)
+    model = arm_base_model(rows)
+    kept = [entry for (_, column), entry in rows.entries.items() if column in model.columns]
+    graph = Graph()
+    inverse = inverse_dynamics(graph, spec, model.regrouped)
+    direct = direct_dynamics(graph, spec, model.regrouped)
+    proof = best(lambda: proven(spec), 1)
+    return (
+        f"{name:10} {len(spec.moving):6} {best(lambda: arm_rows(spec)):9.1f} "
+        f"{best(lambda: arm_base_model(rows)):9.0f} {len(model.base):5} {rows.graph.operations(kept):9} "
+        f"{graph.operations(list(inverse.values())):7} "
+        f"{graph.operations(list(direct.accelerations.values())):7} {proof:22.0f}"
+    )
+
+
+def proven(spec: ArmSpec) -> None:
+    graph, differences = newton_minus_lagrange(spec)
+    assert vanishes(graph, differences, list(spec.lengths))
+
+
+def best(work: Callable[[], object], times: int = 5) -> float:
+    """Return the least processor time [ms]."""
+    found = []
+    for _ in range(times):
+        start = time.process_time()
+        work()
+        found.append(time.process_time() - start)
+    return 1e3 * min(found)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,134 @@
+"""The same torques by Lagrange with Rayleigh's dissipation: energies go in, rules of derivation do the rest.
+
+Independent of `inverse_dynamics` on purpose: it knows positions and speeds, no acceleration and no wrench.
+The difference of both must be zero; `newton_minus_lagrange` says so in full for small arms, and at random
+points of a prime field for any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from random import Random
+from typing import Any
+
+from modelgen.spec.arms.arm import ArmSpec
+from modelgen.symbolic.arms.drives import Drive, drives, moved_by
+from modelgen.symbolic.arms.dynamics.geometry import in_base, link_poses
+from modelgen.symbolic.arms.dynamics.inverse_dynamics import first_moment, inertia, inverse_dynamics
+from modelgen.symbolic.arms.expressions.derivative import partial_derivatives, time_derivatives
+from modelgen.symbolic.arms.expressions.evaluation import evaluate, residues
+from modelgen.symbolic.arms.expressions.graph import ONE, ZERO, Graph, Ref, Symbol
+from modelgen.symbolic.arms.expressions.prime_field import PRIME
+from modelgen.symbolic.arms.kinematics import cross, link_motions
+
+HALF = Fraction(1, 2)
+SEED = 2002
+
+
+def lagrange_torques(graph: Graph, spec: ArmSpec) -> dict[str, Ref]:
+    """Return d/dt dT/dq' - dT/dq + dV/dq + dR/dq' for every joint that moves."""
+    kinetic, potential = energies(graph, spec)
+    dissipation = graph.total(_dissipation(graph, drive) for drive in drives(spec))
+    torques = {}
+    for joint in spec.moving:
+        momentum, friction = partial_derivatives(graph, [kinetic, dissipation], joint.name, 1)
+        by_place, height = partial_derivatives(graph, [kinetic, potential], joint.name, 0)
+        force = time_derivatives(graph, [momentum])[0]
+        torques[joint.name] = graph.total([force, -by_place, height, friction])
+    return torques
+
+
+def energies(graph: Graph, spec: ArmSpec) -> tuple[Ref, Ref]:
+    """Return kinetic and potential energy of links and rotors."""
+    motions, poses = link_motions(graph, spec), link_poses(graph, spec)
+    gravity = [graph.constant(component) for component in spec.gravity]
+    kinetic, potential = ZERO, ZERO
+    for joint in spec.joints:
+        omega, speed = motions[joint.name].speed.angular, motions[joint.name].speed.linear
+        moment, mass = first_moment(graph, joint)
+        turned = [graph.dot(row, omega) for row in inertia(graph, joint)]
+        square = graph.add(graph.dot(omega, turned), graph.multiply(mass, graph.dot(speed, speed)))
+        kinetic = graph.add(kinetic, graph.scale(HALF, square))
+        kinetic = graph.add(kinetic, graph.dot(moment, cross(graph, speed, omega)))
+        pose = poses[joint.name]
+        weight = [graph.multiply(mass, x) for x in pose.origin]
+        weight = [graph.add(a, b) for a, b in zip(weight, in_base(graph, pose.rotation, moment), strict=True)]
+        potential = graph.subtract(potential, graph.dot(gravity, weight))
+    for drive in drives(spec):
+        if drive.joint.rotor_inertia:
+            rotor = graph.symbol(Symbol("parameter", drive.joint.rotor_inertia + drive.suffix))
+            speed_of = moved_by(graph, drive, 1)
+            kinetic = graph.add(
+                kinetic, graph.scale(HALF, graph.multiply(rotor, graph.multiply(speed_of, speed_of)))
+            )
+    return kinetic, potential
+
+
+def newton_minus_lagrange(spec: ArmSpec) -> tuple[Graph, list[Ref]]:
+    """Return the difference of both derivations for every joint that moves, in a graph of its own."""
+    graph = Graph()
+    newton, lagrange = inverse_dynamics(graph, spec), lagrange_torques(graph, spec)
+    return graph, [graph.subtract(newton[joint.name], lagrange[joint.name]) for joint in spec.moving]
+
+
+def vanishes(graph: Graph, refs: Sequence[Ref], lengths: Sequence[str], seed: int = SEED) -> bool:
+    """Return whether references are zero at random points modulo 2^61 - 1.
+
+    That of an expression of degree d which is not zero happens with a probability of at most d / 2^61.
+    """
+    random = Random(seed)
+    drawn = {name: random.randrange(1, PRIME) for name in lengths}
+    return not any(any(found.values) for found in residues(graph, refs, 4, seed, drawn))
+
+
+def normal_forms(graph: Graph, refs: Sequence[Ref]) -> list[Any]:
+    """Return references as polynomials in all symbols, in which no sine has a power above one: 0 is zero.
+
+    For small arms: the polynomials of six joints have millions of terms. No reciprocal may stand in them.
+    """
+    from sympy import QQ, ring
+
+    symbols = [
+        node.symbol for node in (graph.nodes[k] for k in graph.needed(refs)) if node.symbol is not None
+    ]
+    if not symbols:
+        return list(refs)
+    names = [f"x{place}" for place in range(len(symbols))]  # no name of a spec reaches SymPy
+    made = ring(names, QQ)
+    whole, generators = made[0], dict(zip(symbols, made[1:], strict=True))
+    circles = []
+    for symbol in symbols:
+        if symbol.kind == "sine":
+            cosine = generators.get(symbol._replace(kind="cosine"))
+            if cosine is not None:
+                circles.append(generators[symbol] ** 2 + cosine**2 - 1)
+
+    def constant(value: Fraction) -> Any:
+        return whole(QQ(value.numerator, value.denominator))
+
+    found = evaluate(graph, refs, lambda symbol: generators[symbol], constant)
+    return [polynomial.rem(circles) if circles else polynomial for polynomial in found]
+
+
+def _dissipation(graph: Graph, drive: Drive) -> Ref:
+    """Return Rayleigh's function of a drive: its derivative by the speed is friction."""
+    joint, speed = drive.joint, moved_by(graph, drive, 1)
+    total = ZERO
+    for of, suffix, sign in (
+        [("sign", "", 1)]
+        if joint.friction == "symmetric"
+        else [("forward", "_plus", 1), ("backward", "_minus", -1)]
+    ):
+        direction = graph.symbol(Symbol("direction", drive.speed_name, of=of))  # type: ignore[arg-type]
+        while_moving = ONE if of == "sign" else direction
+        if joint.viscous:
+            viscous = graph.symbol(Symbol("parameter", joint.viscous + suffix + drive.suffix))
+            square = graph.multiply(while_moving, graph.multiply(speed, speed))
+            total = graph.add(total, graph.scale(HALF, graph.multiply(viscous, square)))
+        if joint.coulomb:
+            coulomb = graph.symbol(Symbol("parameter", joint.coulomb + suffix + drive.suffix))
+            total = graph.add(total, sign * graph.multiply(coulomb, graph.multiply(direction, speed)))
+    if joint.offset and not drive.suffix:
+        total = graph.add(total, graph.multiply(graph.symbol(Symbol("parameter", joint.offset)), speed))
+    return total

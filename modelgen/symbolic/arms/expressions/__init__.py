@@ -1,0 +1,1 @@
+"""Expressions with every node once: values in any ring, derivatives by rules."""
