@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         SpecError,
     )
     from modelgen.render.writer import generate
+    from modelgen.report.arm_drawing import draw_arm
     from modelgen.report.chain_drawing import draw_chain
     from modelgen.runtime.exports.export import export
     from modelgen.runtime.identification.identify import identify
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from modelgen.runtime.records.record import Record
     from modelgen.runtime.results.estimate import Estimate
     from modelgen.runtime.simulation.simulate import simulate
+    from modelgen.spec.arms.load import load_arm
     from modelgen.spec.load import load_spec
     from modelgen.symbolic.pipeline import build
 
@@ -63,10 +65,12 @@ __all__ = [
     "SpecError",
     "build",
     "control_system",
+    "draw_arm",
     "draw_chain",
     "export",
     "generate",
     "identify",
+    "load_arm",
     "load_model",
     "load_spec",
     "model_from_module",
@@ -96,10 +100,12 @@ _HOMES = {
     "build": "modelgen.symbolic.pipeline",
     "control_system": "modelgen.runtime.model.control_export",
     "export": "modelgen.runtime.exports.export",
+    "draw_arm": "modelgen.report.arm_drawing",
     "draw_chain": "modelgen.report.chain_drawing",
     "generate": "modelgen.render.writer",
     "identify": "modelgen.runtime.identification.identify",
     "with_known": "modelgen.runtime.model.known_parameters",
+    "load_arm": "modelgen.spec.arms.load",
     "load_model": "modelgen.runtime.model.model",
     "load_spec": "modelgen.spec.load",
     "model_from_module": "modelgen.runtime.model.model",

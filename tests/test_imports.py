@@ -16,6 +16,7 @@ import modelgen
 from modelgen.errors import ModelgenError
 
 PUBLIC = {
+    "draw_arm",
     "draw_chain",
     "Auto",
     "IV",
@@ -39,6 +40,7 @@ PUBLIC = {
     "generate",
     "identify",
     "load_model",
+    "load_arm",
     "load_spec",
     "model_from_module",
     "read_record",

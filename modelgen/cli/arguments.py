@@ -14,6 +14,7 @@ from modelgen.magnitudes import REMEDY, is_usable, shown_number
 
 if TYPE_CHECKING:
     from modelgen.runtime.simulation.excitation import Excitation
+    from modelgen.spec.arms.arm import ArmSpec
     from modelgen.spec.load import ChainSpec
     from modelgen.symbolic.equations.newton import MotionEquations
     from modelgen.symbolic.sensor_set_overview import SetSummary
@@ -33,11 +34,24 @@ def given_options(context: typer.Context) -> dict[str, str]:
 
 
 def load_chain(spec: str) -> ChainSpec:
-    """Read a spec from a path, or from the catalogue if it looks like no path."""
-    from modelgen.spec.load import catalog_path, load_spec
+    """Read a chain from a path, or from the catalogue if it looks like no path."""
+    from modelgen.spec.load import load_spec
+
+    return load_spec(_spec_path(spec))
+
+
+def load_chain_or_arm(spec: str) -> ChainSpec | ArmSpec:
+    """Read a chain or an arm from a path, or from the catalogue if it looks like no path."""
+    from modelgen.spec.description import load_description
+
+    return load_description(_spec_path(spec))
+
+
+def _spec_path(spec: str) -> str | Path:
+    from modelgen.spec.load import catalog_path
 
     looks_like_path = os.path.isfile(spec) or Path(spec).suffix or Path(spec).name != spec
-    return load_spec(spec if looks_like_path else catalog_path(spec))
+    return spec if looks_like_path else catalog_path(spec)
 
 
 def sensor_sets(chain: ChainSpec, chosen: str | None) -> list[str]:

@@ -14,8 +14,12 @@ PURPOSES: dict[str, tuple[str, ...]] = {
 
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "demo": ("modelgen demo",),
-    "new": ("modelgen new axis", "modelgen new axis --project"),
-    "show": ("modelgen show axis.toml", "modelgen show emps300 --sensors qm_ac --svg chain.svg"),
+    "new": ("modelgen new axis", "modelgen new axis --project", "modelgen new robot --arm"),
+    "show": (
+        "modelgen show axis.toml",
+        "modelgen show emps300 --sensors qm_ac --svg chain.svg",
+        "modelgen show tx40",
+    ),
     "generate": (
         "modelgen generate axis.toml",
         "modelgen generate emps300 --sensors qm_ac --target c -o firmware",

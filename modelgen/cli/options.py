@@ -33,6 +33,9 @@ ResultFile = Annotated[
 
 # chains and models
 Spec = Annotated[str, typer.Argument(metavar="SPEC", help="A chain's TOML file, or a name of the catalogue.")]
+SpecOfAny = Annotated[
+    str, typer.Argument(metavar="SPEC", help="TOML file of a chain or an arm, or a name of the catalogue.")
+]
 SensorSet = Annotated[
     str | None, typer.Option("--sensors", metavar="S", help="One sensor set; all of them if left out.")
 ]

@@ -33,6 +33,7 @@ __all__ = [
     "Link",
     "Parameter",
     "Sensor",
+    "catalog_arms",
     "catalog_names",
     "catalog_path",
     "load_spec",
@@ -61,8 +62,10 @@ def parse_spec(text: str, source: str) -> ChainSpec:
     """
     file = spec_file(text, source)
     if describes_arm(file.document):
-        what = "describes an arm, and what was asked for is of chains"
-        raise SpecError.at(f"{file.source}: arm", what, "modelgen show takes arms; see its help")
+        what = "describes an arm, and what was asked for takes chains only"
+        raise SpecError.at(
+            f"{file.source}: arm", what, "give a chain's file, or use modelgen show or load_arm"
+        )
     return chain_of(file)
 
 
@@ -82,12 +85,19 @@ def catalog_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _catalog().glob("*.toml")))
 
 
+def catalog_arms() -> tuple[str, ...]:
+    """Return the names of the example arms that come with modelgen."""
+    return tuple(sorted(path.stem for path in (_catalog() / "arms").glob("*.toml")))
+
+
 def catalog_path(name: str) -> Path:
-    """Return the TOML file of an example chain; SpecError if there is none of that name."""
-    if name not in catalog_names():
-        remedy = suggest(name, catalog_names(), "examples")
-        raise SpecError.at(shown(name), "is not a chain of the catalogue", remedy)
-    return _catalog() / f"{name}.toml"
+    """Return the TOML file of an example, a chain or an arm; SpecError if there is none of that name."""
+    if name in catalog_names():
+        return _catalog() / f"{name}.toml"
+    if name in catalog_arms():
+        return _catalog() / "arms" / f"{name}.toml"
+    remedy = suggest(name, (*catalog_names(), *catalog_arms()), "examples")
+    raise SpecError.at(shown(name), "is not in the catalogue", remedy)
 
 
 def _catalog() -> Path:

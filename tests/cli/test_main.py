@@ -475,7 +475,7 @@ def test_interruption_exits_130(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(path: Path) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("modelgen.spec.load.load_spec", interrupted)
+    monkeypatch.setattr("modelgen.spec.description.load_description", interrupted)
     result = run("show", "emps300")
     assert (result.exit_code, result.stderr) == (130, "interrupted\n")
 

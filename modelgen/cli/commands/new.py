@@ -1,4 +1,4 @@
-"""`modelgen new`: a commented starter spec, or a project file."""
+"""`modelgen new`: a commented starter spec of a chain or an arm, or a project file."""
 
 from __future__ import annotations
 
@@ -15,27 +15,31 @@ WithProject = Annotated[
     bool,
     typer.Option("--project", help="Write NAME.project.toml for modelgen run; NAME.toml if there is none."),
 ]
+OfArm = Annotated[bool, typer.Option("--arm", help="Start an arm of links and joints in place of a chain.")]
+FromUrdf = Annotated[
+    Path | None, typer.Option("--urdf", metavar="FILE.urdf", help="Start an arm from a URDF; it stays there.")
+]
 
 
 def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the chain: letters, digits and _.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of it: letters, digits and _.")],
+    arm: OfArm = False,
+    urdf: FromUrdf = None,
     project: WithProject = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Write NAME.toml, a commented starter spec; or a project file for a chain."""
     from modelgen.atomic_write import write_whole
-    from modelgen.render.environment import environment
-    from modelgen.spec.load import load_spec, parse_spec
 
-    text = environment().get_template("starter.toml.j2").render(name=name)
-    # the checks of the spec apply to the name; the comparison detects a name that is parsed as more TOML
-    if parse_spec(text, f"{name}.toml").name != name:
-        raise SpecError.at("NAME", f"{name!r} is not a name", "use a letter, then letters, digits or _")
+    if project and (arm or urdf):
+        raise SpecError.at("--project", "is for chains", "leave it out, or leave out --arm and --urdf")
     path = Path(f"{name}.toml")
+    text = _arm_text(name, urdf) if arm or urdf else _chain_text(name)
     texts = {path: text}
     if project:
         from modelgen.cli.project.starter import starter_project
+        from modelgen.spec.load import load_spec, parse_spec
 
         chain = load_spec(path) if path.exists() else parse_spec(text, path.name)
         texts = {} if path.exists() else texts
@@ -46,3 +50,36 @@ def new(
     lines = [f"wrote {place}" for place in texts]
     lines[-1] += f"; next: {follows}"
     report({"written": [str(place) for place in texts]}, lines, as_json)
+
+
+def _chain_text(name: str) -> str:
+    from modelgen.render.environment import environment
+    from modelgen.spec.load import parse_spec
+
+    text = environment().get_template("starter.toml.j2").render(name=name)
+    # the checks of the spec apply to the name; the comparison detects a name that is parsed as more TOML
+    if parse_spec(text, f"{name}.toml").name != name:
+        raise _no_name(name)
+    return text
+
+
+def _arm_text(name: str, urdf: Path | None) -> str:
+    from modelgen.documents import toml_string
+    from modelgen.render.environment import environment
+    from modelgen.spec.arms.load import parse_arm
+    from modelgen.spec.words import identifier_problem
+
+    if identifier_problem(name):
+        raise _no_name(name)
+    quoted = None if urdf is None else toml_string(str(urdf))
+    joints = ["1", "2", "3"]
+    if quoted is not None:
+        bare = f'[arm]\nname = "{name}"\nurdf = {quoted}\n'
+        joints = [joint.name for joint in parse_arm(bare, f"{name}.toml", Path()).moving]
+    text = environment().get_template("starter_arm.toml.j2").render(name=name, urdf=quoted, joints=joints)
+    parse_arm(text, f"{name}.toml", Path())
+    return text
+
+
+def _no_name(name: str) -> SpecError:
+    return SpecError.at("NAME", f"{name!r} is not a name", "use a letter, then letters, digits or _")

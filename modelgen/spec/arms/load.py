@@ -38,8 +38,8 @@ def parse_arm(text: str, source: str, folder: Path | None = None) -> ArmSpec:
     """
     file = spec_file(text, source)
     if not describes_arm(file.document):
-        what = "is missing, and what was asked for is of arms"
-        raise SpecError.at(f"{file.source}: arm", what, "write [arm], or use what is for chains")
+        what = "is missing, and what was asked for takes arms only"
+        raise SpecError.at(f"{file.source}: arm", what, "write [arm]; load_spec reads chains")
     return arm_of(file, folder)
 
 

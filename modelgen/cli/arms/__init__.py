@@ -1,0 +1,1 @@
+"""Arms on the command line: what is printed of them."""

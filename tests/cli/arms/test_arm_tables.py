@@ -1,0 +1,92 @@
+"""`modelgen show` and `new` with arms: what is printed, written and refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from modelgen.cli.main import app, main
+from modelgen.spec.load import catalog_arms
+from tests.spec.arms.random_urdf import random_urdf
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner(env={"COLUMNS": "160"}).invoke(app, arguments)
+
+
+@pytest.mark.parametrize("name", catalog_arms())
+def test_show_says_the_same_as_a_table_and_as_json(name: str) -> None:
+    printed = run("show", name)
+    assert printed.exit_code == 0, printed.output
+    described = json.loads(run("show", name, "--json").output)
+    assert described["arm"] == name
+    for joint in described["joints"]:
+        assert joint["placement"] in printed.output
+    for motor in described["motors"]:
+        assert motor["position"] in printed.output
+    assert f"Parameters: {len(described['parameters'])}" in printed.output
+
+
+def test_show_of_the_coupled_arm() -> None:
+    described = json.loads(run("show", "tx40", "--json").output)
+    assert described["motors"][5] == {"joint": "6", "position": "motor 6 = 32 q_5 + 32 q_6"}
+    assert described["joints"][1]["placement"] == "Rot(x, -90°) Rot(z, -90°)"
+    assert {p["unit"] for p in described["parameters"] if p["joint"] == "1"} == {
+        "kg m^2",
+        "kg m",
+        "kg",
+        "N m s/rad",
+        "N m",
+    }
+
+
+def test_show_draws_an_arm(tmp_path: Path) -> None:
+    picture = tmp_path / "arm.svg"
+    assert run("show", "scara", "--svg", str(picture)).exit_code == 0
+    assert picture.read_text(encoding="utf-8").startswith("<svg ")
+
+
+def test_an_angle_beside_a_right_one_is_noted(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text('[arm]\nname = "a"\n[[joints]]\nname = "1"\nalpha = "1.57 rad"\n')
+    printed = run("show", str(tmp_path / "a.toml")).output
+    assert "note: joint 1 is turned 0.0008 rad beside a right angle" in printed
+
+
+REFUSED = {
+    "sensor sets": ("show tx40 --sensors q --prove", ["--sensors: is for chains", "--prove: is for chains"]),
+    "a chain's command": ("compare tx40", ["tx40.toml: arm: describes an arm"]),
+    "a project": ("new a --arm --project", ["--project: is for chains"]),
+    "a name with quotes": ("new a\"b --arm", ["is not a name"]),
+    "no URDF": ("new a --urdf none.urdf", ["none.urdf: cannot be read"]),
+    "a misspelt example": ("show tx4", ['"tx4": is not in the catalogue; did you mean "tx40"?']),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_refused(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line, messages = REFUSED[case]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["modelgen", *line.split()])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    printed = capsys.readouterr().err
+    assert all(message in printed for message in messages), printed
+    assert not list(tmp_path.iterdir())
+
+
+def test_new_starts_an_arm_that_show_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("robot.urdf").write_text(random_urdf(5))
+    for line in ("new plain --arm", "new robot --urdf robot.urdf"):
+        done = run(*line.split())
+        assert done.exit_code == 0, done.output
+        assert "next: modelgen show" in done.output
+    for name in ("plain", "robot"):
+        assert json.loads(run("show", f"{name}.toml", "--json").output)["arm"] == name
