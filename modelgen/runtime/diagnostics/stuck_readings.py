@@ -60,8 +60,11 @@ class Runs:
 
 def equal_runs(samples: FloatArray) -> Runs:
     """Return the runs of equal readings of a channel that is not constant, shape (n,)."""
-    steps = np.diff(samples)
-    edges = np.flatnonzero(np.concatenate([[True], steps != 0.0, [True]]))
+    changes = samples[1:] != samples[:-1]
+    if changes.all():
+        none = np.zeros(0, dtype=int)
+        return Runs(none, none, _resolution(samples))
+    edges = np.concatenate([[0], np.flatnonzero(changes) + 1, [len(samples)]])
     long = np.diff(edges) > 1
     return Runs(edges[:-1][long], edges[1:][long] - 1, _resolution(samples))
 
@@ -129,6 +132,8 @@ def faulty_runs(
     ends : tuple of float
         Least and greatest reading of the whole record.
     """
+    if not runs.first.size:
+        return runs.first, runs.first
     lengths, values = runs.lengths, samples[runs.first]
     extreme = (values == ends[0]) | (values == ends[1])
     long = lengths >= _longest_by_chance(len(samples), lengths)

@@ -164,14 +164,15 @@ def _unexplained(one: Begun) -> bool:
 
 def _explained(task: Task, method: IV) -> Begun:
     """Return a task with instruments run, and what the residual says."""
-    plain = run_method(task, method)
     if not task.checks.drift_check:
-        return plain
+        return run_method(task, method)
     step("looking for what the model lacks")
-    fit = plain.found.fit
-    if all(record.n <= SEARCHED for record in task.records):
-        return _with(plain.task, explained(task.job, found_by(task.job, plain.found.observation, fit), fit))
-    return _with(plain.task, explained_by_stretches(task.job, method, plain.found))
+    if any(record.n > SEARCHED for record in task.records):
+        begun = explained_by_stretches(task, method)
+        return _with(begun.task, begun.found)
+    begun = run_method(task, method)
+    fit = begun.found.fit
+    return _with(begun.task, explained(task.job, found_by(task.job, begun.found.observation, fit), fit))
 
 
 def _with(task: Task, found: Explained) -> Begun:

@@ -8,21 +8,55 @@ import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.identification.explain_residual import explained, found_by
-from modelgen.runtime.identification.explained import Explained
+from modelgen.runtime.identification.explained import Begun, Explained, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV
+from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import SEARCHED, STRETCHES
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.model_errors import zero_effect
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
 
 
-def explained_by_stretches(job: Job, method: IV, plain: Explained) -> Explained:
-    """Return what stretches of long records show, on the whole of them.
+def explained_by_stretches(task: Task, method: IV) -> Begun:
+    """Return a task with instruments run, and what stretches of long records show, on the whole of them.
 
-    Effects are looked for in stretches, and estimated on all samples if there are any.
+    Effects are looked for in stretches, and estimated on all samples if there are any. What stretches give is
+    also what the fit of all samples starts from.
+
+    Raises
+    ------
+    DataError
+    IdentifiabilityError
+        When the whole records give no estimate.
     """
+    job = task.job
+    found = _of_stretches(job, method)
+    if found is None:
+        return run_method(task, method)
+    fit, told, record_of = found
+    begun = _started_near(task, method, fit)
+    plain = begun.found
+    if told.fit.columns != plain.fit.columns:
+        return begun
+    if not told.effects:
+        return replace(begun, found=replace(plain, drift=told.drift, advice=told.advice))
+    effects = _of_records(told.effects, record_of, len(job.records))
+    try:
+        freed = fit_with_effects(job.setting(), job.calm, plain.fit, effects)
+    except (IdentifiabilityError, DataError):
+        move = told.fit.solution.x - plain.fit.solution.x
+        moved = told.drift + np.outer(move, move)
+        return replace(begun, found=replace(plain, drift=moved, advice=told.advice))
+    return replace(
+        begun, found=Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, told.advice)
+    )
+
+
+def _of_stretches(job: Job, method: IV) -> tuple[Fit, Explained, list[int]] | None:
+    """Return the fit of stretches, what they show and the record that each is of; None where nothing fits."""
     stretches = [_stretches(record) for record in job.records]
     parts = replace(job, records=tuple(part for one in stretches for part in one), surveys=())
     factors = tuple(factor for factor, one in zip(job.choice.decimation, stretches, strict=True) for _ in one)
@@ -30,20 +64,22 @@ def explained_by_stretches(job: Job, method: IV, plain: Explained) -> Explained:
     try:
         observation, fit = method.run(parts)
     except (IdentifiabilityError, DataError):
-        return plain
+        return None
     told = explained(parts, found_by(parts, observation, fit), fit)
-    if told.fit.columns != plain.fit.columns:
-        return plain
-    if not told.effects:
-        return replace(plain, drift=told.drift, advice=told.advice)
-    record_of = [index for index, one in enumerate(stretches) for _ in one]
-    effects = _of_records(told.effects, record_of, len(job.records))
+    return fit, told, [index for index, one in enumerate(stretches) for _ in one]
+
+
+def _started_near(task: Task, method: IV, fit: Fit) -> Begun:
+    """Return a task with instruments run on whole records, from the fit of their stretches on."""
+    if fit.carried is not None:  # physical parameters have starts of their own
+        return run_method(task, method)
+    # the stretches' own simulations are of no use to whole records
+    job = replace(task.job, start=replace(fit, simulated=None))
     try:
-        freed = fit_with_effects(job.setting(), job.calm, plain.fit, effects)
+        begun = run_method(replace(task, job=job), method)
     except (IdentifiabilityError, DataError):
-        move = told.fit.solution.x - plain.fit.solution.x
-        return replace(plain, drift=told.drift + np.outer(move, move), advice=told.advice)
-    return Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, told.advice)
+        return run_method(task, method)
+    return replace(begun, task=replace(begun.task, job=task.job))
 
 
 def _of_records(effects: tuple[Effect, ...], record_of: list[int], records: int) -> tuple[Effect, ...]:

@@ -83,7 +83,8 @@ class Job:
         """Return the rows and the fit of `run`, delays of forces estimated where they are asked for."""
         if not self.late:
             return run(self.records, None)
-        return fit_with_delays(self.records, self.late, run, self.rates, self._first_delays)
+        near = self.start if self.start is not None and self.start.delays else None
+        return fit_with_delays(self.records, self.late, run, self.rates, self._first_delays, near)
 
     def _first_delays(self, fit: Fit) -> Mapping[str, float]:
         return coarse_delays(fit, self.model, self.records, self.choice, self.late)

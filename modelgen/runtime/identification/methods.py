@@ -51,10 +51,12 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
         rules = Rules(job.robust is not None, job.bounds is not None, job.at_zero)
         return fit_composites_iv(setting, calm, job.late, job.start, rules, job.begin)
 
-    waiting = [calm(job.records)]
-    # where every sample feels a reversal, a late force and a late change of direction look alike
-    turning = any(block.turning and block.has_force for block in waiting[0].blocks)
-    job = replace(job, late=()) if turning else job
+    waiting = []
+    if job.start is None or not job.start.delays:  # else there are samples that tell a delay
+        waiting = [calm(job.records)]
+        # where every sample feels a reversal, a late force and a late change of direction look alike
+        turning = any(block.turning and block.has_force for block in waiting[0].blocks)
+        job = replace(job, late=()) if turning else job
 
     def run(records: tuple[Record, ...], start: Fit | None) -> tuple[Observation, Fit]:
         observation = waiting.pop() if waiting and records is job.records else calm(records)
@@ -65,7 +67,7 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
         here = replace(setting, records=records)
         if not job.late:
             return observation, fit_iv(first, here)
-        return observation, first if start is None else iv_round(first, here)
+        return observation, first if start is None else iv_round(first, here, first.simulated)
 
     if job.effects:
         near = job.start or run(job.records, None)[1]

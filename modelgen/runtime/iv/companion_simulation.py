@@ -118,8 +118,7 @@ def _beside(
 
 
 def _as_read(record: Record, true: Mapping[str, FloatArray]) -> Record:
-    signals = {key: true.get(key, samples) for key, samples in record.signals.items()}
-    return Record(signals, record.fs, record.name, record.tag)
+    return record.edited({key: true[key] for key in record.signals if key in true})
 
 
 def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:

@@ -80,15 +80,15 @@ def noise_rows(
     rng = np.random.default_rng(0)
     noisy = []
     for record in setting.records:
-        signals = dict(record.signals)
+        louder = {}
         for actuator in setting.model.actuators:
-            if actuator.key in signals:
+            if actuator.key in record.signals:
                 density = record.facts.spectrum(actuator.key).noise
                 level = float(np.sqrt(0.5 * density * record.fs))
-                signals[actuator.key] = signals[actuator.key] + level * rng.standard_normal(record.n)
-        noisy.append(Record(signals, record.fs, record.name, record.tag))
-    louder = replace(setting, records=tuple(noisy))
-    added = effect_rows(fit, louder, simulated_records(fit, louder), effects)
+                louder[actuator.key] = record.signals[actuator.key] + level * rng.standard_normal(record.n)
+        noisy.append(record.edited(louder))
+    noisy_setting = replace(setting, records=tuple(noisy))
+    added = effect_rows(fit, noisy_setting, simulated_records(fit, noisy_setting), effects)
     residuals = []
     mismatches = {
         index: (_mismatch(fit, setting, noisy[index], index), _mismatch(fit, setting, record, index))
@@ -126,8 +126,6 @@ def _tried_size(record: Record, changes: Changes) -> float:
 
 
 def _changed(record: Record, changes: Mapping[str, FloatArray], size: float) -> Record:
-    signals = {
-        key: samples + size * changes[key] if key in changes else samples
-        for key, samples in record.signals.items()
-    }
-    return Record(signals, record.fs, record.name, record.tag)
+    return record.edited(
+        {key: record.signals[key] + size * change for key, change in changes.items() if key in record.signals}
+    )

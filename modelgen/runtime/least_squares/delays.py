@@ -22,6 +22,9 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.thresholds import (
     DELAY_ROUNDS,
     LARGEST_DELAY,
+    SETTLED,
+    SETTLED_DELAY,
+    SETTLED_SHARE,
     SMALL_STEP,
     SMALLEST_CHANGE,
     SMALLEST_STEP,
@@ -100,7 +103,12 @@ def with_holds(records: Sequence[Record], channels: Sequence[str]) -> tuple[Reco
 
 
 def fit_with_delays(
-    records: tuple[Record, ...], channels: Sequence[str], run: Run, rates_of: Rates, first_of: First
+    records: tuple[Record, ...],
+    channels: Sequence[str],
+    run: Run,
+    rates_of: Rates,
+    first_of: First,
+    near: Fit | None = None,
 ) -> tuple[Observation, Fit]:
     """Estimate delays of force channels together with the parameters, by Gauss-Newton steps.
 
@@ -115,6 +123,8 @@ def fit_with_delays(
         Takes a fit, its records and a channel to what `delay_rates` returns.
     first_of : callable
         Takes the first fit to the delays to start from, in s.
+    near : Fit, optional
+        Of other stretches of the same experiment, say, with these delays: where to start from instead.
 
     Returns
     -------
@@ -127,8 +137,12 @@ def fit_with_delays(
         When the rounds do not come to rest.
     """
     sample = 1.0 / min(record.fs for record in records)
-    delays = dict(first_of(run(records, None)[1]))
-    start: Fit | None = None
+    start = near
+    delays = (
+        dict(first_of(run(records, None)[1]))
+        if near is None
+        else {channel: delay for channel, delay, _ in near.delays}
+    )
     for _ in range(DELAY_ROUNDS):
         moved = tuple(advanced(record, delays) for record in records)
         try:
@@ -140,6 +154,7 @@ def fit_with_delays(
         larger = with_columns(fit, fit.regressors, steps_of)
         c = len(fit.columns)
         steps, x = larger.solution.x[c:], larger.solution.x[:c]
+        simulated = None
         if start is not None:
             spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))
             still = np.abs(steps) < np.maximum(SMALL_STEP * spread[c:], SMALLEST_STEP * sample)
@@ -148,7 +163,10 @@ def fit_with_delays(
                 move < np.maximum(SMALL_STEP * spread[:c], SMALLEST_CHANGE * np.abs(x))
             ):
                 break
-        start = replace(fit, solution=replace(fit.solution, x=x))
+            settled = (move < SETTLED * spread[:c]) | (move < SETTLED_SHARE * np.abs(x))
+            if np.all(settled) and np.all(np.abs(steps) < SETTLED_DELAY * sample):
+                simulated = fit.simulated
+        start = replace(fit, solution=replace(fit.solution, x=x), simulated=simulated)
         for channel, step in zip(channels, steps, strict=True):
             limit = LARGEST_DELAY * sample
             delays[channel] = float(np.clip(delays[channel] + np.clip(step, -sample, sample), -limit, limit))

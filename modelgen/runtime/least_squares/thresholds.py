@@ -9,6 +9,10 @@ SMALL_STEP = 0.05
 SMALLEST_STEP = 1e-4
 # A parameter rests when it moves by less than this share of itself.
 SMALLEST_CHANGE = 1e-6
+# Simulations are used again where a round moves no delay by more samples than this, and each parameter by
+# fewer standard deviations, or by a smaller share of itself. A parameter that moves by k of its deviations
+# moves the motion of n samples by about k / sqrt(n) of what the rows leave: instruments are as good then.
+SETTLED_DELAY, SETTLED, SETTLED_SHARE = 0.1, 10.0, 0.02
 # A delay beyond this, in samples, is no small misalignment any more.
 LARGEST_DELAY = 50.0
 

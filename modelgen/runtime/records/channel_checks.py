@@ -27,12 +27,13 @@ def checked_channel(where: str, key: Any, values: Any) -> tuple[FloatArray | Non
     if given.ndim != 1:
         remedy = "give one dimension; a single row or column can be flattened with numpy.ravel"
         return None, [Problem(where, f"has shape {given.shape}", remedy)]
-    # the mask of a masked array would be lost in the copy: a masked sample is a missing one
-    missing = (
-        np.ma.getmaskarray(given) if isinstance(given, np.ma.MaskedArray) else np.zeros(given.shape, bool)
-    )
     with np.errstate(over="ignore"):  # a long double beyond a double becomes infinite, which is refused
         array = np.array(given, dtype=np.float64, order="C", copy=True, subok=False)
+    if not isinstance(given, np.ma.MaskedArray) and _is_usual(array):
+        array.flags.writeable = False
+        return array, []
+    # the mask of a masked array is lost in the copy: a masked sample is a missing one
+    missing = np.ma.getmaskarray(given)
     bad = np.flatnonzero(missing | ~np.isfinite(array))
     if bad.size:
         first = int(bad[0])
@@ -45,6 +46,14 @@ def checked_channel(where: str, key: Any, values: Any) -> tuple[FloatArray | Non
         return array, [problem]
     array.flags.writeable = False
     return array, []
+
+
+def _is_usual(samples: FloatArray) -> bool:
+    """Tell, by the fastest test, whether samples of shape (n,) are finite and within the limits."""
+    if not samples.size:
+        return False
+    peak = max(float(samples.max()), -float(samples.min()))  # NaN where one of them is
+    return peak == 0.0 or FAINTEST <= peak <= LARGEST
 
 
 def magnitude_problem(where: str, samples: npt.NDArray[Any]) -> Problem | None:
