@@ -15,7 +15,7 @@ from math import pi
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
@@ -45,13 +45,16 @@ class Simulated:
     """A record as the model would have read it, noise-free.
 
     `record` holds the channels, `motion` the signals of all bodies (``v_BODY`` and the like), `index` says
-    which of the records it is.
+    which of the records it is. `response` is for `modelgen.runtime.iv.pushed_chain`: what it last worked out.
     """
 
     plant: Plant
     record: Record
     motion: Mapping[str, FloatArray]
     index: int
+    response: dict[tuple[float, ...], tuple[ComplexArray, ComplexArray]] = field(
+        default_factory=dict, repr=False
+    )
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,11 @@ def pushed(simulated: Simulated, push: FloatArray, force: FloatArray) -> Mapping
     padded = np.concatenate([force, np.linspace(force[-1], force[0], size - record.n + 2)[1:-1]])
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, record.dt), dtype=float)
     space = plant.space(tuple(1 for _ in plant.sticking))
-    states, held = _held_response(plant, space, push, omega)
+    at = tuple(push.tolist())
+    if at not in simulated.response:
+        simulated.response.clear()  # it is as long as the record: one of them is kept
+        simulated.response[at] = _held_response(plant, space, push, omega)
+    states, held = simulated.response[at]
     spectrum = np.fft.rfft(padded)
     # accelerations are what velocities change by
     rates = 1j * omega[:, None] * states[:, n:]

@@ -7,6 +7,7 @@ own, because they are formed at the full rate from what is not linear.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -163,6 +164,7 @@ class SignalPlan:
         return slope[margin : len(slope) - margin]
 
 
+@lru_cache(maxsize=8)  # one record after the other has the same
 def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) -> SignalPlan:
     """Return the plan of a model's signals; `fast` as for `fused_operator`.
 
