@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Group
 from rich.text import Text
 
+from modelgen.cli.arms.base_tables import base_tables, describe_base
 from modelgen.cli.tables import Description, table
 from modelgen.errors import listed
 from modelgen.spec.arms.angles import nearly_right
@@ -20,8 +21,11 @@ from modelgen.spec.arms.poses import zero_poses
 _AXES = "xyz"
 
 
-def describe_arm(arm: ArmSpec) -> Description:
-    """Return an arm's kinematics, drives and parameters as plain values; angles in rad, lengths in m."""
+def describe_arm(arm: ArmSpec, prove: bool = False) -> Description:
+    """Return an arm's kinematics, drives and parameters as plain values; angles in rad, lengths in m.
+
+    `prove` asks whether the equations of Newton and Euler are those of Lagrange.
+    """
     poses = zero_poses(arm)
     valued = None not in arm.lengths.values()
     return {
@@ -33,9 +37,10 @@ def describe_arm(arm: ArmSpec) -> Description:
         "motors": [{"joint": name, "position": text} for name, text in _motors(arm)],
         "parameters": [
             {"name": p.name, "role": p.role, "joint": p.joint, "unit": p.unit, "known": arm.known.get(p.name)}
-            for p in arm_parameters(arm.joints)
+            for p in arm_parameters(arm)
         ],
         "parameter_sets": {name: dict(values) for name, values in arm.parameter_sets.items()},
+        **describe_base(arm, prove),
         "notes": list(_notes(arm)),
     }
 
@@ -52,7 +57,10 @@ def arm_tables(described: Description) -> Group:
     if lengths:
         head.append(f"lengths (m): {lengths}")
     return Group(
-        *(Text(line) for line in [*head, ""]), *_joint_tables(described), *_parameter_lines(described)
+        *(Text(line) for line in [*head, ""]),
+        *_joint_tables(described),
+        *_parameter_lines(described),
+        *base_tables(described),
     )
 
 
@@ -97,8 +105,8 @@ def _parameter_lines(described: Description) -> Iterator[Any]:
     sets = [
         f"values: {name} ({len(values)} parameters)" for name, values in described["parameter_sets"].items()
     ]
-    yield Text("")
-    yield from (Text(line) for line in [*known, *sets, *(f"note: {note}" for note in described["notes"])])
+    said = [*known, *sets, *(f"note: {note}" for note in described["notes"])]
+    yield from (Text(line) for line in (["", *said] if said else []))
 
 
 def _joint(joint: Joint, pose: list[list[float]] | None) -> Description:

@@ -12,7 +12,7 @@ from modelgen.cli.arguments import compared_sensor_sets, load_chain_or_arm, proo
 from modelgen.cli.options import Json, Overwrite, SpecOfAny
 from modelgen.cli.output import note, print_json
 from modelgen.cli.output_files import check_output
-from modelgen.errors import Problem, SpecError
+from modelgen.errors import SpecError
 
 if TYPE_CHECKING:
     from modelgen.spec.arms.arm import ArmSpec
@@ -41,7 +41,7 @@ def show(
 
     The table says for every set its rows, the highest derivative they need, which parameters can be
     identified, and which are lost against a position sensor on every body. Of an arm it shows joints, limits,
-    gears and parameters.
+    gears, parameters, and which sums of them its motion tells apart.
     """
     from modelgen.cli.tables import console
     from modelgen.spec.arms.arm import ArmSpec
@@ -50,7 +50,7 @@ def show(
     if svg:
         check_output(svg, (".svg",), overwrite)
     if isinstance(found, ArmSpec):
-        described, picture, layout = _arm(found, sensors, prove)
+        described, picture, layout = _arm(found, sensors, prove, svg is not None)
     else:
         described, picture, layout = _chain(found, sensors, prove, svg is not None)
     if svg:
@@ -77,14 +77,10 @@ def _chain(
     return described, picture, chain_tables
 
 
-def _arm(arm: ArmSpec, sensors: str | None, prove: bool) -> tuple[dict[str, Any], str, Any]:
+def _arm(arm: ArmSpec, sensors: str | None, prove: bool, drawn: bool) -> tuple[dict[str, Any], str, Any]:
     from modelgen.cli.arms.arm_tables import arm_tables, describe_arm
     from modelgen.report.arm_drawing import draw_arm
 
-    given = {"--sensors": sensors is not None, "--prove": prove}
-    wrong = [
-        Problem(option, "is for chains", "leave it out") for option, is_given in given.items() if is_given
-    ]
-    if wrong:
-        raise SpecError(*wrong)
-    return describe_arm(arm), draw_arm(arm), arm_tables
+    if sensors is not None:
+        raise SpecError.at("--sensors", "is for chains", "leave it out: every joint of an arm is measured")
+    return describe_arm(arm, prove), draw_arm(arm) if drawn else "", arm_tables

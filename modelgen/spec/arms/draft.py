@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from heapq import heapify, heappop, heappush
 from typing import Any, cast
@@ -39,7 +39,7 @@ def draft_arm(document: Document, source: str, sha256: str, described: Described
     values = {name: draft_values(table) for name, table in (document.get("parameters") or {}).items()}
     lengths = draft_values(document.get("lengths"))
     gravity = [exact(value or 0) for value in arm.get("gravity") or GRAVITY]
-    return ArmSpec(
+    spec = ArmSpec(
         name=arm.get("name") or "",
         title=arm.get("title") or arm.get("name") or "",
         joints=ordered,
@@ -47,10 +47,11 @@ def draft_arm(document: Document, source: str, sha256: str, described: Described
         transmission=_transmission(document, [joint for joint in ordered if joint.kind != "fixed"]),
         lengths={name: lengths.get(name) for name in names_of_lengths(joints)},
         known=draft_values(document.get("known")),
-        parameter_sets={**(_set_of(described, joints) if described else {}), **values},
+        parameter_sets=values,
         source=source,
         sha256=sha256,
     )
+    return spec if described is None else _with_described(spec, described)
 
 
 def draft_joints(document: Document, described: Described | None) -> tuple[Joint, ...]:
@@ -138,11 +139,11 @@ def names_of_lengths(joints: Iterable[Joint]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name in named if name is not None))
 
 
-def _set_of(described: Described, joints: Iterable[Joint]) -> dict[str, dict[str, float]]:
-    """Return the values that a URDF gives, by the names that the parameters have."""
+def _with_described(arm: ArmSpec, described: Described) -> ArmSpec:
+    """Return the arm with the values that a URDF gives as a set, by the names that the parameters have."""
     values = described.values
-    named = {p.name: values[p.joint, p.role] for p in arm_parameters(joints) if (p.joint, p.role) in values}
-    return {URDF_SET: named}
+    named = {p.name: values[p.joint, p.role] for p in arm_parameters(arm) if (p.joint, p.role) in values}
+    return replace(arm, parameter_sets={URDF_SET: named, **arm.parameter_sets})
 
 
 def draft_values(table: Document | None) -> dict[str, float]:

@@ -19,7 +19,8 @@ def check_shared_names(spec: ArmSpec, tables: Sequence[Document | None]) -> Iter
     places = {(table or {}).get("name"): f"joints[{k}]" for k, table in reversed([*enumerate(tables)])}
     taken = {f"q_{joint.name}": f"the coordinate of joint {joint.name}" for joint in spec.moving}
     taken |= {name: "a length" for name in spec.lengths}
-    for parameter in arm_parameters({joint.name: joint for joint in spec.joints}.values()):
+    names = [joint.name for joint in spec.joints]
+    for parameter in arm_parameters(spec) if len({*names}) == len(names) else ():
         meaning = _meaning(parameter)
         other = taken.setdefault(parameter.name, meaning)
         if other != meaning:
@@ -47,7 +48,7 @@ def check_lengths(document: Document, spec: ArmSpec) -> Iterator[Problem]:
 
 def check_values(document: Document, spec: ArmSpec, complete: bool) -> Iterator[Problem]:
     """Yield values of what is no parameter, or of what nature does not have."""
-    parameters = {parameter.name: parameter for parameter in arm_parameters(spec.joints)}
+    parameters = {parameter.name: parameter for parameter in arm_parameters(spec)}
     sets = [("parameters", name) for name in document.get("parameters") or {}]
     for _, name in sets:
         problem = identifier_problem(name)
@@ -82,4 +83,5 @@ def _meant(name: str, parameters: dict[str, ArmParameter]) -> str:
 
 def _meaning(parameter: ArmParameter) -> str:
     role = _WORDS.get(parameter.role, parameter.role)
-    return f"{role} of joint {parameter.joint}"
+    of = f"the motor of joint {parameter.joint}" if parameter.of_motor else f"joint {parameter.joint}"
+    return f"{role} of {of}"

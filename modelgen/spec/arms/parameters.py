@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from modelgen.spec.arms.arm import LINK_PARAMETERS, Joint
+from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec, Joint
 
 ArmRole = Literal[
     "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m",
@@ -24,18 +24,24 @@ DRIVE_PREFIXES: dict[DriveRole, str] = {
 }
 #: What a moving joint has besides its link where the file does not say it: the rigid model with friction.
 USUAL_DRIVE: tuple[DriveRole, ...] = ("rotor_inertia", "viscous", "coulomb", "offset")
+#: Ends the names of the parameters of a motor that moves more than one joint.
+COUPLED = "_motor"
 #: Values that nature does not have below zero.
 NEVER_NEGATIVE = frozenset({"Ixx", "Iyy", "Izz", "m", "rotor_inertia", "viscous", "coulomb"})
 
 
 @dataclass(frozen=True)
 class ArmParameter:
-    """A parameter: what it stands for, the joint whose link or drive it is of, and its unit."""
+    """A parameter: what it stands for, the joint whose link or drive it is of, and its unit.
+
+    `of_motor`: of a motor that moves more than one joint, in place of the joint's own drive.
+    """
 
     name: str
     role: ArmRole
     joint: str
     unit: str
+    of_motor: bool = False
 
 
 def link_names(joint: str) -> tuple[str, ...]:
@@ -43,25 +49,36 @@ def link_names(joint: str) -> tuple[str, ...]:
     return tuple(f"{quantity}_{joint}" for quantity in LINK_PARAMETERS)
 
 
-def arm_parameters(joints: Iterable[Joint]) -> tuple[ArmParameter, ...]:
-    """Return all parameters, known ones too: joint by joint, the link's before the drive's."""
-    return tuple(parameter for joint in joints for parameter in _of(joint))
+def arm_parameters(arm: ArmSpec) -> tuple[ArmParameter, ...]:
+    """Return all parameters, known ones too: joint by joint, the link's, its drive's, a coupled motor's."""
+    coupled = coupled_motors(arm)
+    return tuple(parameter for joint in arm.joints for parameter in _of(joint, joint.name in coupled))
 
 
-def _of(joint: Joint) -> Iterator[ArmParameter]:
+def coupled_motors(arm: ArmSpec) -> frozenset[str]:
+    """Return the joints whose motor moves more than one: it has inertia and friction of its own."""
+    rows = zip(arm.moving, arm.transmission, strict=True)
+    return frozenset(joint.name for joint, row in rows if sum(map(bool, row)) > 1)
+
+
+def _of(joint: Joint, coupled: bool) -> Iterator[ArmParameter]:
     for role, name in zip(LINK_PARAMETERS, joint.link, strict=bool(joint.link)):
         unit = {"m": "kg"}.get(role, "kg m" if role.startswith("m") else "kg m^2")
         yield ArmParameter(name, role, joint.name, unit)  # type: ignore[arg-type]
     units = _units(joint)
-    sides = ("_plus", "_minus") if joint.friction == "asymmetric" else ("",)
-    named: list[tuple[DriveRole, str | None]] = [("rotor_inertia", joint.rotor_inertia)]
-    for side in sides:
-        named += [("viscous", joint.viscous and joint.viscous + side)]
-        named += [("coulomb", joint.coulomb and joint.coulomb + side)]
-    named += [("offset", joint.offset), ("gain", joint.gain)]
-    for drive, named_so in named:
-        if named_so is not None:
-            yield ArmParameter(named_so, drive, joint.name, units[drive])
+    for drive, named in (*_of_drive(joint), ("offset", joint.offset), ("gain", joint.gain)):
+        if named is not None:
+            yield ArmParameter(named, drive, joint.name, units[drive])
+    for drive, named in _of_drive(joint) if coupled else ():
+        if named is not None:
+            yield ArmParameter(named + COUPLED, drive, joint.name, units[drive], of_motor=True)
+
+
+def _of_drive(joint: Joint) -> Iterator[tuple[DriveRole, str | None]]:
+    yield "rotor_inertia", joint.rotor_inertia
+    for side in ("_plus", "_minus") if joint.friction == "asymmetric" else ("",):
+        yield "viscous", joint.viscous and joint.viscous + side
+        yield "coulomb", joint.coulomb and joint.coulomb + side
 
 
 def _units(joint: Joint) -> dict[DriveRole, str]:

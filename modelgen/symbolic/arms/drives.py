@@ -13,10 +13,9 @@ from fractions import Fraction
 from typing import Literal
 
 from modelgen.spec.arms.arm import ArmSpec, Joint
+from modelgen.spec.arms.parameters import COUPLED
 from modelgen.symbolic.arms.expressions.graph import ONE, Graph, Ref, Symbol
 
-#: Ends the names of the parameters of a motor that moves more than one joint.
-COUPLED = "_motor"
 DrivePart = Literal["rotor_inertia", "viscous", "coulomb", "offset"]
 
 

@@ -10,6 +10,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from modelgen.cli.main import app, main
+from modelgen.spec.arms.arm import LINK_PARAMETERS
 from modelgen.spec.load import catalog_arms
 from tests.spec.arms.random_urdf import random_urdf
 
@@ -44,6 +45,25 @@ def test_show_of_the_coupled_arm() -> None:
     }
 
 
+@pytest.mark.parametrize(("name", "links"), [("two_link", 6), ("scara", 8), ("tx40", 36)])
+def test_show_counts_base_parameters(name: str, links: int) -> None:
+    described = json.loads(run("show", name, "--prove", "--json").output)
+    base = described["base_parameters"]
+    assert sum(entry["of"] == "link" for entry in base) == links
+    assert described["newton_equals_lagrange"] is True
+    printed = run("show", name).output
+    assert f"Base parameters: {len(base)} ({links} of links" in printed
+    assert {entry["name"] for entry in base if entry["terms"] == 1} == {*described["identifiable"]}
+
+
+def test_an_arm_without_rows_is_shown_all_the_same(tmp_path: Path) -> None:
+    known = "".join(f"{name}_1 = 0\n" for name in (*LINK_PARAMETERS, "Ia", "Fv", "Fs", "off"))
+    (tmp_path / "a.toml").write_text(f'[arm]\nname = "a"\n[[joints]]\nname = "1"\n[known]\n{known}')
+    printed = run("show", str(tmp_path / "a.toml"))
+    assert printed.exit_code == 0
+    assert "base parameters: none are derived; no parameter is left to be estimated" in printed.output
+
+
 def test_show_draws_an_arm(tmp_path: Path) -> None:
     picture = tmp_path / "arm.svg"
     assert run("show", "scara", "--svg", str(picture)).exit_code == 0
@@ -57,7 +77,7 @@ def test_an_angle_beside_a_right_one_is_noted(tmp_path: Path) -> None:
 
 
 REFUSED = {
-    "sensor sets": ("show tx40 --sensors q --prove", ["--sensors: is for chains", "--prove: is for chains"]),
+    "sensor sets": ("show tx40 --sensors q", ["--sensors: is for chains"]),
     "a chain's command": ("compare tx40", ["tx40.toml: arm: describes an arm"]),
     "a project": ("new a --arm --project", ["--project: is for chains"]),
     "a name with quotes": ("new a\"b --arm", ["is not a name"]),

@@ -34,7 +34,7 @@ def test_every_example_is_complete(name: str) -> None:
     spec = arm(name)
     assert spec.name == name
     for values in spec.parameter_sets.values():
-        assert list(values) == [parameter.name for parameter in arm_parameters(spec.joints)]
+        assert list(values) == [parameter.name for parameter in arm_parameters(spec)]
 
 
 def test_an_arm_is_no_chain_and_a_chain_no_arm() -> None:

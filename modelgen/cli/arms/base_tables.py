@@ -1,0 +1,71 @@
+"""What the rows of an arm can tell apart: base parameters, as plain values and as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from rich.text import Text
+
+from modelgen.cli.tables import Description, table
+from modelgen.errors import ModelError
+from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec
+from modelgen.spec.arms.parameters import arm_parameters
+
+_UNSEEN = "no motion of the arm shows them"
+
+
+def describe_base(arm: ArmSpec, prove: bool) -> Description:
+    """Return the base parameters of the torques of joints, or why there are none, as plain values."""
+    from modelgen.symbolic.arms.arm_rows import arm_rows
+    from modelgen.symbolic.arms.base_parameters import arm_base_model
+
+    try:
+        model = arm_base_model(arm_rows(arm))
+    except ModelError as error:
+        return {"base_parameters": None, "reason": "; ".join(f"{p.what}; {p.remedy}" for p in error.problems)}
+    parameters = {parameter.name: parameter for parameter in arm_parameters(arm)}
+    first = [base.combination[0][0] for base in model.base]
+    return {
+        "base_parameters": [
+            {
+                "name": base.name,
+                "unit": parameters[name].unit,
+                "of": "link" if parameters[name].role in LINK_PARAMETERS else "drive",
+                "terms": len(base.combination),
+            }
+            for base, name in zip(model.base, first, strict=True)
+        ],
+        "identifiable": list(model.identifiable),
+        "absent": dict(model.absent),
+        "newton_equals_lagrange": _proof(arm) if prove else None,
+    }
+
+
+def base_tables(described: Description) -> Iterator[Any]:
+    """Lay out what `describe_base` says: sums in full, the rest by name."""
+    base = described["base_parameters"]
+    yield Text("")
+    if base is None:
+        yield Text(f"base parameters: none are derived; {described['reason']}")
+        return
+    links = sum(entry["of"] == "link" for entry in base)
+    head = f"Base parameters: {len(base)} ({links} of links, {len(base) - links} of drives), sums first"
+    sums = [(entry["name"], entry["unit"]) for entry in base if entry["terms"] > 1]
+    yield Text(head, style="bold")
+    yield table("", [("base parameter", "left"), ("unit", "left")], sums)
+    alone = ", ".join(described["identifiable"]) or "none"
+    unseen = [name for name, why in described["absent"].items() if not why.startswith("only in combination")]
+    yield Text(f"\nidentifiable by themselves: {alone}")
+    if unseen:
+        yield Text(f"not identifiable, {_UNSEEN}: {', '.join(unseen)}")
+    if described["newton_equals_lagrange"] is not None:
+        word = "equal" if described["newton_equals_lagrange"] else "DO NOT equal"
+        yield Text(f"proved modulo a prime: the equations of Newton and Euler {word} those of Lagrange")
+
+
+def _proof(arm: ArmSpec) -> bool:
+    from modelgen.symbolic.arms.dynamics.lagrange import newton_minus_lagrange, vanishes
+
+    graph, differences = newton_minus_lagrange(arm)
+    return vanishes(graph, differences, [*arm.lengths])
