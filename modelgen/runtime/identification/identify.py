@@ -95,7 +95,7 @@ def _identified(
     drift = drift + more_than_noise(fit, extras)
     refused = late_refusals(fit, solution.refused, drift, task.checks.keep, extras.bias)
     step("judging the fit")
-    if chosen.matched:
+    if task.checks.tests and chosen.matched:
         job = task.job
         asymmetric = asymmetries(solution.plain, job.model, job.records, job.choice, job.drop, refused)
         fit = replace(fit, notes=fit.notes + asymmetry_notes(asymmetric))
@@ -103,15 +103,19 @@ def _identified(
     fixed = dict.fromkeys(solution.at_bounds, 0.0)
     solved = Solved(solution.job, chosen, solution.observation, fit, no_number, drift, fixed, keep)
     estimate = judge(solved, chosen.residual_dof, task.checks.prune_percent)
+    if not task.checks.tests:
+        told = (*solution.advice, untested("is not checked, as asked for"))
+        asked = Checks(told, held_out=extras.held_out, scan=extras.scan, bounds=extras.bounds, kept=keep)
+        return replace(estimate, checks=asked)
     try:
         found = examine(estimate, task, solution, drift, refused, extras)
     except (ArithmeticError, IdentifiabilityError, np.linalg.LinAlgError) as error:
         # the estimate stands; what could not be tested is said, and no more trusted than that
-        found = Checks((*solution.advice, untested(error)), kept=keep)
+        why = f"could not be checked ({shortened(str(error) or type(error).__name__)})"
+        found = Checks((*solution.advice, untested(why)), kept=keep)
     return replace(estimate, checks=found)
 
 
-def untested(error: Exception) -> Advice:
-    """Return what is said of an estimate whose checks failed."""
-    what = f"could not be checked ({shortened(str(error) or type(error).__name__)})"
+def untested(what: str) -> Advice:
+    """Return what is said of an estimate without checks."""
     return Advice("not checked", "the estimate", what, "compare with another method, or with other records")

@@ -59,6 +59,10 @@ class CheckOptions:
         directions, and with half and twice the weight of rows without a force; add to the covariance how far
         the estimate drifts, and the bias by noise of the sensors: no residual shows what noise in the
         columns and missing dynamics do. With `IV` only what noise does not explain counts: it is model error.
+    tests : bool
+        Look at the samples (stuck, clipped, leaping, another unit), at periods, at friction by direction and
+        at the residual. Without, `drift_check` is off as well, the estimate says that it is not checked, and
+        the verdict is never "trust": for records that another run has checked.
     keep : sequence of str
         Base parameters that pruning spares, and that get a number in spite of a doubt.
     period_s : float, mapping of str to float or "none", optional
@@ -73,11 +77,16 @@ class CheckOptions:
     """
 
     drift_check: bool = True
+    tests: bool = True
     keep: Sequence[str] = ()
     period_s: float | Mapping[str, float] | str | None = None
     hold_out: Sequence[str] | str | float | None = None
     scan_cutoffs: Sequence[float] | str | None = None
     prune_percent: float = 10.0
+
+    def __post_init__(self) -> None:
+        if not self.tests:
+            object.__setattr__(self, "drift_check", False)
 
 
 def values_of(method: str = "auto", **options: Any) -> dict[str, Any]:

@@ -79,10 +79,10 @@ def prepared(
     model = model if isinstance(model, Model) else model_from_module(model)
     every = as_records(records)
     _check(model, every, option_problems(method, filters, checks), filters.directions)
-    period_s = periods_of(model, every, checks.period_s)
+    period_s = periods_of(model, every, checks.period_s) if checks.tests or checks.period_s else {}
     kept, unseen = held_apart(every, checks.hold_out, period_s)
     step("choosing filters")
-    doubts = suspicions(model, kept)
+    doubts = suspicions(model, kept) if checks.tests else ()
     with told_on_failure(doubts):
         choice = choose_filter(
             model,

@@ -21,6 +21,7 @@ from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.results.verdict import verdict
 from modelgen.runtime.simulation.simulate import simulate
 
 RIGID = model_from_module(emps_rigid_qm)
@@ -220,6 +221,19 @@ def test_the_check_of_the_drift_can_be_left_out() -> None:
         assert quick.bse[name] <= full.bse[name]
     assert all(entry.drift_std == 0.0 for entry in quick.parameters.identified)
     np.testing.assert_allclose(quick.cov_params(), quick.cov_params("noise"))
+
+
+def test_all_checks_can_be_left_out_and_the_verdict_knows_it() -> None:
+    records = [with_noise(record, 0) for record in experiments(QC, "table_2")]
+    quick = identify(QC, records, **values_of("wls", drift_check=False))
+    bare = identify(QC, records, **values_of("wls", tests=False, hold_out=0.2))
+    alone = identify(QC, records, **values_of("wls", tests=False))
+    assert dict(alone.params) == dict(quick.params)
+    np.testing.assert_array_equal(alone.cov_params(), quick.cov_params())
+    assert [one.kind for one in alone.checks.advice] == ["not checked"]
+    assert verdict(alone).word == "check"
+    assert bare.checks.held_out is not None  # what was asked for is done
+    assert not alone.checks.residuals
 
 
 def test_the_same_records_give_the_same_estimate() -> None:
