@@ -25,12 +25,14 @@ from PIL import Image, ImageChops
 from modelgen.cli.figure import draw_forces
 from modelgen.cli.write_report import force_panels, sensor_set_rows
 from modelgen.render.writer import generate
+from modelgen.report.arm_drawing import draw_arm
 from modelgen.report.page import report_page
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import model_from_text
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController
 from modelgen.runtime.simulation.simulate import record_with_reference, simulate
 from modelgen.runtime.simulation.validate import validate
+from modelgen.spec.arms.load import load_arm
 from modelgen.spec.load import catalog_path, load_spec
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -87,6 +89,7 @@ def main() -> None:
         for seed, kind in enumerate(("chirp", "trapezoid"))
     ]
     estimate = identify(model, records)
+    (DOCS / "arm.svg").write_text(draw_arm(load_arm(catalog_path("scara"))), encoding="utf-8")
     draw_forces(force_panels(model, records, estimate), DOCS / "forces.svg")
     loops = validate(model, estimate.physical, records[1:], LOOP)
     page = report_page(model, records, estimate, {}, sensor_set_rows(spec), loops)

@@ -21,5 +21,16 @@ def load_description(path: str | os.PathLike[str]) -> ChainSpec | ArmSpec:
     SpecError
         If the file cannot be read or is wrong; one problem for every mistake in it.
     """
-    file = spec_file(read_text(path, SPEC), str(path))
-    return arm_of(file, Path(path).parent) if describes_arm(file.document) else chain_of(file)
+    return parse_description(read_text(path, SPEC), str(path), Path(path).parent)
+
+
+def parse_description(text: str, source: str, folder: Path | None = None) -> ChainSpec | ArmSpec:
+    """Read a chain or an arm from TOML text; `folder` is where a URDF is looked for.
+
+    Raises
+    ------
+    SpecError
+        If the text is wrong; one problem for every mistake in it.
+    """
+    file = spec_file(text, source)
+    return arm_of(file, folder) if describes_arm(file.document) else chain_of(file)

@@ -4,8 +4,8 @@
     python tests/fuzz/atheris_readers.py toml -max_total_time=600 -timeout=5 -rss_limit_mb=1024
     python tests/fuzz/atheris_readers.py csv -max_total_time=600 -timeout=5 -rss_limit_mb=1024
 
-Further targets: npz, module. The run starts from good files, so that it gets past the first line. Options
-of libFuzzer: a traceback, a hang of 5 s or 1 GB of memory ends the run and leaves the input in a file.
+Further targets: urdf, npz, module. A run starts from good files, so that it gets past the first line.
+Options of libFuzzer: a traceback, a hang of 5 s or 1 GB of memory ends the run and leaves the input in a file.
 """
 
 from __future__ import annotations
@@ -27,14 +27,22 @@ with atheris.instrument_imports(include=["modelgen"]):
     from modelgen.runtime.records.read_record import read_record
     from modelgen.runtime.records.record import Record
     from modelgen.runtime.records.write_record import write_record
-    from modelgen.spec.load import catalog_names, catalog_path, load_spec, parse_spec
+    from modelgen.spec.arms.urdf.read_urdf import described_arm
+    from modelgen.spec.description import parse_description
+    from modelgen.spec.load import catalog_arms, catalog_names, catalog_path, load_spec
+from tests.spec.arms.random_urdf import random_urdf
 
 FOLDER = Path(tempfile.mkdtemp(prefix="modelgen_fuzz_"))
 
 
 def toml(data: bytes) -> None:
-    """Parse a spec."""
-    parse_spec(data.decode("utf-8", errors="replace"), "fuzz.toml")
+    """Parse a spec, of a chain or an arm."""
+    parse_description(data.decode("utf-8", errors="replace"), "fuzz.toml")
+
+
+def urdf(data: bytes) -> None:
+    """Read an arm's URDF."""
+    described_arm(data.decode("utf-8", errors="replace"), "fuzz.urdf", ())
 
 
 def csv(data: bytes) -> None:
@@ -57,8 +65,8 @@ def module(data: bytes) -> None:
 
 
 def specs() -> list[bytes]:
-    """Return the catalogue's chains."""
-    return [catalog_path(name).read_bytes() for name in catalog_names()]
+    """Return the catalogue's chains and arms."""
+    return [catalog_path(name).read_bytes() for name in (*catalog_names(), *catalog_arms())]
 
 
 def tables() -> list[bytes]:
@@ -86,13 +94,25 @@ def modules() -> list[bytes]:
     return [generate(load_spec(catalog_path("emps_rigid")), "qm").encode()]
 
 
+def urdfs() -> list[bytes]:
+    """Return trees with joints of all kinds."""
+    return [random_urdf(seed).encode() for seed in range(5)]
+
+
 SEEDS: dict[str, Callable[[], list[bytes]]] = {
     "toml": specs,
+    "urdf": urdfs,
     "csv": tables,
     "npz": archives,
     "module": modules,
 }
-TARGETS: dict[str, Callable[[bytes], None]] = {"toml": toml, "csv": csv, "npz": npz, "module": module}
+TARGETS: dict[str, Callable[[bytes], None]] = {
+    "toml": toml,
+    "urdf": urdf,
+    "csv": csv,
+    "npz": npz,
+    "module": module,
+}
 
 
 def main() -> None:

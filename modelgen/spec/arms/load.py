@@ -71,9 +71,10 @@ def arm_of(file: SpecFile, folder: Path | None) -> ArmSpec:
 
 
 def _urdf_text(file: SpecFile, folder: Path | None, urdf: str, problems: list[Problem]) -> str:
+    if folder is None:
+        what = "names a file, and this text is in no folder"
+        raise in_file(file.source, [*problems, Problem("arm.urdf", what, "use load_arm")])
     try:
-        if folder is None:
-            raise SpecError.at("arm.urdf", "names a file, and this text has no folder", "load the TOML file")
         return read_text(folder / urdf, URDF)
     except SpecError as error:
         raise SpecError(*in_file(file.source, problems).problems, *error.problems) from error

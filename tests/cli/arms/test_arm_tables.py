@@ -56,6 +56,25 @@ def test_show_counts_base_parameters(name: str, links: int) -> None:
     assert {entry["name"] for entry in base if entry["terms"] == 1} == {*described["identifiable"]}
 
 
+LIGHTWEIGHT = ((0.11, "0 0 1"), (0.2, "0 -1 0"), (0.2, "0 0 1"), (0.2, "0 1 0"), (0.2, "0 0 1"))
+LIGHTWEIGHT += ((0.19, "0 -1 0"), (0.078, "0 0 1"))
+
+
+def test_a_urdf_of_seven_axes_has_43_inertial_base_parameters(tmp_path: Path) -> None:
+    pieces = ['<link name="l0"/>']
+    for k, (height, axis) in enumerate(LIGHTWEIGHT):
+        pieces.append(f'<link name="l{k + 1}"><inertial><mass value="2"/></inertial></link>')
+        pieces.append(
+            f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+            f'<origin xyz="0 0 {height}" rpy="0 0 6.283185"/><axis xyz="{axis}"/></joint>'
+        )
+    (tmp_path / "r.urdf").write_text(f"<robot>{''.join(pieces)}</robot>")
+    (tmp_path / "r.toml").write_text('[arm]\nname = "r"\nurdf = "r.urdf"\ndrive = []\n')
+    described = json.loads(run("show", str(tmp_path / "r.toml"), "--json").output)
+    assert len(described["base_parameters"]) == 43
+    assert described["joints"][6]["pose"][2][3] == pytest.approx(1.178)
+
+
 def test_an_arm_without_rows_is_shown_all_the_same(tmp_path: Path) -> None:
     known = "".join(f"{name}_1 = 0\n" for name in (*LINK_PARAMETERS, "Ia", "Fv", "Fs", "off"))
     (tmp_path / "a.toml").write_text(f'[arm]\nname = "a"\n[[joints]]\nname = "1"\n[known]\n{known}')
