@@ -5,7 +5,7 @@
     python tests/fuzz/atheris_readers.py csv -max_total_time=600 -timeout=5 -rss_limit_mb=1024
 
 Further targets: urdf, npz, module. A run starts from good files, so that it gets past the first line.
-Options of libFuzzer: a traceback, a hang of 5 s or 1 GB of memory ends the run and leaves the input in a file.
+Options of libFuzzer: a traceback, a hang of 5 s or 1 GB of memory ends a run and leaves its input behind.
 """
 
 from __future__ import annotations
