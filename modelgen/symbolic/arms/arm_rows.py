@@ -9,7 +9,7 @@ from typing import Literal
 
 from modelgen.errors import ModelError
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec
-from modelgen.symbolic.arms.drives import drive_columns, drives, moved_by
+from modelgen.symbolic.arms.drives import drive_columns, drives, speed_node
 from modelgen.symbolic.arms.expressions.graph import Graph, Ref, Symbol
 from modelgen.symbolic.arms.kinematics import BASE_ROWS, link_motions
 from modelgen.symbolic.arms.link_wrenches import along_axis, parameter_wrenches
@@ -36,6 +36,8 @@ class ArmRows:
     columns
         Parameters in the order in which they are kept: base to tip, of a link as `KEPT_FIRST` has them,
         behind them its drive.
+    owners
+        The joint whose link or drive each column is of.
     entries
         Nonzero entries of the regressor by (row, column).
     measured
@@ -49,6 +51,7 @@ class ArmRows:
     kind: RowKind
     names: tuple[str, ...]
     columns: tuple[str, ...]
+    owners: tuple[str, ...]
     entries: Mapping[tuple[int, int], Ref]
     measured: tuple[Ref, ...]
     speeds: Mapping[str, Ref]
@@ -95,6 +98,7 @@ def arm_rows(spec: ArmSpec, kind: RowKind = "joint", base_rows: bool = False) ->
         )
     graph = Graph()
     columns: list[str] = []
+    owners: list[str] = []
     rows: list[dict[int, Ref]] = [{} for _ in moving]
     base: list[dict[int, Ref]] = [{} for _ in BASE_ROWS] if base_rows else []
     place = {joint.name: row for joint, row in zip(moving, rows, strict=True)}
@@ -116,6 +120,7 @@ def arm_rows(spec: ArmSpec, kind: RowKind = "joint", base_rows: bool = False) ->
                 for moved, ratio in drive.lever:
                     place[moved][len(columns)] = graph.scale(ratio, factor)
                 columns.append(name)
+        owners += [joint.name] * (len(columns) - len(owners))
     forces, turned = _left_side(graph, spec, kind)
     rows = [_combined(graph, rows, weights) for weights in turned]
     return ArmRows(
@@ -124,9 +129,10 @@ def arm_rows(spec: ArmSpec, kind: RowKind = "joint", base_rows: bool = False) ->
         kind,
         (*(joint.name for joint in moving), *(BASE_ROWS if base_rows else ())),
         tuple(columns),
+        tuple(owners),
         {(r, c): entry for r, row in enumerate([*rows, *base]) for c, entry in sorted(row.items())},
         (*forces, *(graph.symbol(Symbol("force", name)) for name in BASE_ROWS if base_rows)),
-        {name: moved_by(graph, drive, 1) for name, drive in of_joint.items()},
+        {name: speed_node(graph, drive) for name, drive in of_joint.items()},
     )
 
 

@@ -16,7 +16,7 @@ from modelgen.spec.arms.arm import ArmSpec, Joint
 from modelgen.spec.arms.parameters import COUPLED
 from modelgen.symbolic.arms.expressions.graph import ONE, Graph, Ref, Symbol
 
-DrivePart = Literal["rotor_inertia", "viscous", "coulomb", "offset"]
+Direction = Literal["sign", "forward", "backward"]
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ def drive_columns(graph: Graph, drive: Drive) -> Iterator[tuple[str, Ref]]:
     joint = drive.joint
     if joint.rotor_inertia:
         yield joint.rotor_inertia + drive.suffix, moved_by(graph, drive, 2)
-    for kind, suffix, sign in _directions(joint):
-        direction = graph.symbol(Symbol("direction", drive.speed_name, of=kind))
+    for kind, suffix, sign in directions(joint):
+        direction = direction_of(graph, drive, kind)
         if joint.viscous:
             speed = moved_by(graph, drive, 1)
             factor = speed if kind == "sign" else graph.multiply(direction, speed)
@@ -77,7 +77,25 @@ def moved_by(graph: Graph, drive: Drive, order: int) -> Ref:
     )
 
 
-def _directions(joint: Joint) -> tuple[tuple[Literal["sign", "forward", "backward"], str, int], ...]:
+def direction_of(graph: Graph, drive: Drive, of: Direction) -> Ref:
+    """Return the sign of a drive's speed, or 1 while it moves forward or backward and else 0.
+
+    The symbol is that of the speed's positive node (`speed_node`): that of -x is that of x, reversed.
+    """
+    if moved_by(graph, drive, 1) > 0:
+        return graph.symbol(Symbol("direction", drive.speed_name, of=of))
+    reverse: dict[Direction, Direction] = {"sign": "sign", "forward": "backward", "backward": "forward"}
+    symbol = graph.symbol(Symbol("direction", drive.speed_name, of=reverse[of]))
+    return -symbol if of == "sign" else symbol
+
+
+def speed_node(graph: Graph, drive: Drive) -> Ref:
+    """Return the speed of a drive, or its negative where that is the node: whose direction the symbol is."""
+    return abs(moved_by(graph, drive, 1))
+
+
+def directions(joint: Joint) -> tuple[tuple[Direction, str, int], ...]:
+    """Return (direction, suffix of its parameters, sign of its Coulomb friction) of a joint's friction."""
     if joint.friction == "symmetric":
         return (("sign", "", 1),)
     return (("forward", "_plus", 1), ("backward", "_minus", -1))

@@ -13,7 +13,7 @@ from random import Random
 from typing import Any
 
 from modelgen.spec.arms.arm import ArmSpec
-from modelgen.symbolic.arms.drives import Drive, drives, moved_by
+from modelgen.symbolic.arms.drives import Drive, direction_of, directions, drives, moved_by
 from modelgen.symbolic.arms.dynamics.geometry import in_base, link_poses
 from modelgen.symbolic.arms.dynamics.inverse_dynamics import first_moment, inertia, inverse_dynamics
 from modelgen.symbolic.arms.expressions.derivative import partial_derivatives, time_derivatives
@@ -115,12 +115,8 @@ def _dissipation(graph: Graph, drive: Drive) -> Ref:
     """Return Rayleigh's function of a drive: its derivative by the speed is friction."""
     joint, speed = drive.joint, moved_by(graph, drive, 1)
     total = ZERO
-    for of, suffix, sign in (
-        [("sign", "", 1)]
-        if joint.friction == "symmetric"
-        else [("forward", "_plus", 1), ("backward", "_minus", -1)]
-    ):
-        direction = graph.symbol(Symbol("direction", drive.speed_name, of=of))  # type: ignore[arg-type]
+    for of, suffix, sign in directions(joint):
+        direction = direction_of(graph, drive, of)
         while_moving = ONE if of == "sign" else direction
         if joint.viscous:
             viscous = graph.symbol(Symbol("parameter", joint.viscous + suffix + drive.suffix))

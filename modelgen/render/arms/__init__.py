@@ -1,0 +1,1 @@
+"""Models of arms as source: straight-line kernels from an expression graph, NumPy modules."""

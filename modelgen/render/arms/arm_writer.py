@@ -1,0 +1,27 @@
+"""An arm's model as the text of a NumPy module (contract 2)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from modelgen.generated_module.module_check import seal
+from modelgen.render.arms.arm_view import ArmView, arm_view
+from modelgen.render.environment import environment
+from modelgen.symbolic.arms.base_parameters import ArmBaseModel
+
+
+def arm_module(model: ArmBaseModel) -> str:
+    """Return the text of an arm's module, with its digest in the header; the same model gives the same bytes.
+
+    Raises
+    ------
+    RenderError
+        If a named length has no value.
+    """
+    return render_arm(arm_view(model))
+
+
+def render_arm(view: ArmView) -> str:
+    """Return the text of a module."""
+    fields = {field.name: getattr(view, field.name) for field in dataclasses.fields(view)}
+    return seal(environment().get_template("arm_module.py.j2").render(fields))

@@ -1,0 +1,227 @@
+"""Expressions as a straight line of operations on arrays, with few arrays that are used again and again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from modelgen.symbolic.arms.expressions.graph import Graph, Node, Ref, Symbol
+
+FUNCTIONS = {"cosine": "cos", "sine": "sin", "sign": "sign", "forward": "greater", "backward": "less"}
+
+
+@dataclass(frozen=True)
+class Output:
+    """What is computed: a reference, and the section that it belongs to."""
+
+    ref: Ref
+    section: str
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One operation on whole arrays.
+
+    Attributes
+    ----------
+    name
+        Of its value.
+    function
+        add, subtract, multiply, divide, negative, positive (a copy), cos, sin, sign, greater, less.
+    operands
+        Names, and numbers.
+    target
+        The array that it is written to: o and the number of an output, or b and that of a buffer.
+    section
+        That of the first output that needs it.
+    """
+
+    name: str
+    function: str
+    operands: tuple[str | float, ...]
+    target: str
+    section: str
+
+
+@dataclass(frozen=True)
+class StraightLine:
+    """Operations in their order, how many buffers they need, and the symbols that they read."""
+
+    operations: tuple[Operation, ...]
+    buffers: int
+    inputs: tuple[Symbol, ...]
+
+
+def straight_line(
+    graph: Graph,
+    outputs: Sequence[Output],
+    names: Mapping[int, str],
+    lengths: Mapping[str, float],
+    speeds: Mapping[str, Ref],
+) -> StraightLine:
+    """Return the operations that compute outputs.
+
+    Parameters
+    ----------
+    graph : Graph
+        Where they are.
+    outputs : sequence of Output
+        Output k is written to the array ok.
+    names : mapping of int to str
+        Names of nodes, all different; others are called v and a number. Positions and forces must have one.
+    lengths : mapping of str to float
+        Values of the named lengths [m].
+    speeds : mapping of str to int
+        Those whose directions are needed.
+    """
+    line = _Line(graph, names, lengths, speeds)
+    own: dict[int, int] = {}
+    for place, output in enumerate(outputs):
+        if output.ref > 1 and not line.is_input(output.ref) and not line.is_constant(output.ref):
+            own.setdefault(output.ref, place)
+    # what is computed for which output; its number stands for the copy that ends it, if it needs one
+    steps: list[tuple[int | None, int]] = []
+    for place, output in enumerate(outputs):
+        steps += [(index, place) for index in line.pending(abs(output.ref))]
+        if own.get(output.ref) != place:
+            steps.append((None, place))
+    last: dict[int, int] = {}
+    for step, (node, place) in enumerate(steps):
+        used = [abs(outputs[place].ref)] if node is None else line.operands(node)
+        last.update(dict.fromkeys(used, step))
+    operations = []
+    for step, (node, place) in enumerate(steps):
+        if node is None:
+            operations.append(line.copy(outputs[place], place, last, step))
+        else:
+            operations.append(line.operation(node, outputs[place].section, own, last, step))
+    return StraightLine(tuple(operations), line.buffers, tuple(line.inputs))
+
+
+@dataclass
+class _Line:
+    graph: Graph
+    names: Mapping[int, str]
+    lengths: Mapping[str, float]
+    speeds: Mapping[str, Ref]
+    constants: dict[int, float] = field(default_factory=dict)
+    inputs: list[Symbol] = field(default_factory=list)
+    buffers: int = 0
+    _seen: set[int] = field(default_factory=set)
+    _free: list[int] = field(default_factory=list)
+    _held: dict[int, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.constants[0] = 0.0
+        for index, node in enumerate(self.graph.nodes):
+            value = self._constant(node)
+            if value is not None:
+                self.constants[index] = float(value)
+
+    def _constant(self, node: Node) -> Fraction | float | None:
+        if node.operation == "constant":
+            return node.value
+        if node.operation == "symbol":
+            symbol = node.symbol
+            return self.lengths[symbol.name] if symbol is not None and symbol.kind == "length" else None
+        operands = [abs(ref) for ref in (node.left, node.right) if ref]
+        if any(ref not in self.constants for ref in operands):
+            return None
+        left = self.number(node.left)
+        if node.operation == "reciprocal":
+            return 1.0 / left
+        right = self.number(node.right)
+        return left + right if node.operation == "sum" else left * right
+
+    def number(self, ref: Ref) -> float:
+        return self.constants[ref] if ref >= 0 else -self.constants[-ref]
+
+    def is_constant(self, ref: Ref) -> bool:
+        return abs(ref) in self.constants
+
+    def is_input(self, ref: Ref) -> bool:
+        symbol = self.graph.nodes[abs(ref)].symbol
+        return symbol is not None and symbol.kind in ("position", "force")
+
+    def operands(self, index: int) -> Iterator[int]:
+        """Yield the nodes that one is made of, arrays only."""
+        node = self.graph.nodes[index]
+        refs: tuple[Ref, ...] = (node.left, node.right)
+        if node.symbol is not None and node.symbol.kind in ("cosine", "sine"):
+            refs = (self.graph.symbol(Symbol("position", node.symbol.name)),)
+        elif node.symbol is not None and node.symbol.kind == "direction":
+            refs = (self.speeds[node.symbol.name],)
+        yield from (abs(ref) for ref in refs if not self.is_constant(ref))
+
+    def pending(self, index: int) -> list[int]:
+        """Return what a node needs that is not computed yet, operands first, and itself."""
+        order: list[int] = []
+        stack = [(index, False)]
+        while stack:
+            at, ready = stack.pop()
+            if ready:
+                order.append(at)
+                continue
+            if at in self._seen or at in self.constants:
+                continue
+            self._seen.add(at)
+            symbol = self.graph.nodes[at].symbol
+            if symbol is not None and symbol.kind in ("position", "force"):
+                self.inputs.append(symbol)
+                continue
+            stack.append((at, True))
+            stack += [(operand, False) for operand in reversed(list(self.operands(at)))]
+        return order
+
+    def operation(
+        self, index: int, section: str, own: Mapping[int, int], last: Mapping[int, int], step: int
+    ) -> Operation:
+        """Return what computes a node; operands that nothing else needs may be overwritten by it."""
+        function, operands = self._function(index)
+        self._release(dict.fromkeys(self.operands(index)), last, step)
+        if index in own:
+            target = f"o{own[index]}"
+        else:
+            if not self._free:
+                self._free.append(self.buffers)
+                self.buffers += 1
+            self._held[index] = self._free.pop()
+            target = f"b{self._held[index]}"
+        return Operation(self._name(index), function, operands, target, section)
+
+    def copy(self, output: Output, place: int, last: Mapping[int, int], step: int) -> Operation:
+        """Return what writes a value that is computed already, or its negative, to an output of its own."""
+        negative = output.ref < 0 and not self.is_constant(output.ref)
+        self._release([abs(output.ref)], last, step)
+        operands = (self.value(-output.ref if negative else output.ref),)
+        return Operation(
+            f"e{place}", "negative" if negative else "positive", operands, f"o{place}", output.section
+        )
+
+    def _release(self, nodes: Iterable[int], last: Mapping[int, int], step: int) -> None:
+        for node in nodes:
+            if last.get(node) == step and node in self._held:
+                self._free.append(self._held.pop(node))
+
+    def _function(self, index: int) -> tuple[str, tuple[str | float, ...]]:
+        node = self.graph.nodes[index]
+        if node.symbol is not None:
+            symbol = node.symbol
+            operand = self.value(next(self.operands(index)))
+            if symbol.kind != "direction":
+                return FUNCTIONS[symbol.kind], (operand,)
+            return FUNCTIONS[symbol.of], (operand,) if symbol.of == "sign" else (operand, 0.0)
+        if node.operation == "reciprocal":
+            return "divide", (1.0, self.value(node.left))
+        if node.operation == "product":
+            return "multiply", (self.value(node.left), self.value(node.right))
+        if node.right < 0 and not self.is_constant(node.right):
+            return "subtract", (self.value(node.left), self.value(-node.right))
+        return "add", (self.value(node.left), self.value(node.right))
+
+    def value(self, ref: Ref) -> str | float:
+        return self.number(ref) if self.is_constant(ref) else self._name(ref)
+
+    def _name(self, index: int) -> str:
+        return self.names.get(index, f"v{index}")
