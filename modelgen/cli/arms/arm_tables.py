@@ -129,7 +129,9 @@ def _joint(joint: Joint, pose: list[list[float]] | None) -> Description:
 def _step_text(step: Step) -> str:
     axis = _AXES[step.axis]
     if isinstance(step, Turn):
-        return f"Rot({axis}, {round(math.degrees(step.angle.radians), 4):g}°)"
+        degrees = math.degrees(step.angle.radians)
+        degrees = 90 * round(degrees / 90) if 0 in (step.angle.cosine, step.angle.sine) else round(degrees, 4)
+        return f"Rot({axis}, {degrees:g}°)"
     return f"Trans({axis}, {_length_text(step.length)})"
 
 

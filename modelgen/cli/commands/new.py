@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -65,18 +65,23 @@ def _chain_text(name: str) -> str:
 
 def _arm_text(name: str, urdf: Path | None) -> str:
     from modelgen.documents import toml_string
+    from modelgen.read_file import URDF, read_text
     from modelgen.render.environment import environment
     from modelgen.spec.arms.load import parse_arm
+    from modelgen.spec.arms.urdf.read_urdf import without_coordinate
     from modelgen.spec.words import identifier_problem
 
     if identifier_problem(name):
         raise _no_name(name)
-    quoted = None if urdf is None else toml_string(str(urdf))
-    joints = ["1", "2", "3"]
-    if quoted is not None:
+    names: dict[str, Any] = {"urdf": None, "joints": ["1", "2", "3"], "held": []}
+    if urdf is not None:
+        quoted = toml_string(str(urdf))
+        held = without_coordinate(read_text(urdf, URDF), urdf.name)
         bare = f'[arm]\nname = "{name}"\nurdf = {quoted}\n'
-        joints = [joint.name for joint in parse_arm(bare, f"{name}.toml", Path()).moving]
-    text = environment().get_template("starter_arm.toml.j2").render(name=name, urdf=quoted, joints=joints)
+        bare += "".join(f'[[joints]]\nname = "{joint}"\ntype = "fixed"\n' for joint in held)
+        moving = [joint.name for joint in parse_arm(bare, f"{name}.toml", Path()).moving]
+        names = {"urdf": quoted, "joints": moving, "held": held}
+    text = environment().get_template("starter_arm.toml.j2").render(name=name, **names)
     parse_arm(text, f"{name}.toml", Path())
     return text
 

@@ -33,13 +33,18 @@ from modelgen.spec.words import identifier_problem, shown, suggest
 SYMBOLIC = "symbolic"  # a length that has a name and no value
 BASE = "base"  # what does not move
 LONGEST_JOINT = 48  # letters: with what stands before and behind it, a parameter's name has 64 at most
+#: Marks in names of a URDF's joints that become _.
+MARKS = str.maketrans(dict.fromkeys("-./: ", "_"))
 _JOINT = re.compile(rf"[A-Za-z0-9_]{{1,{LONGEST_JOINT}}}")
 
 
 def joint_problem(text: str) -> tuple[str, str] | None:
     """Return what is wrong with a joint's name and the remedy; None if it is good ("1" is)."""
     if not _JOINT.fullmatch(text):
+        plain = text.translate(MARKS)
         remedy = f"use letters, digits and _ (ASCII, {LONGEST_JOINT} at most)"
+        if _JOINT.fullmatch(plain):
+            remedy = f'write "{plain}", also where a URDF has another mark'
         return f"{shown(text)} is no name of a joint", remedy
     if text == BASE:
         return f'"{BASE}" is what does not move', "choose another name"

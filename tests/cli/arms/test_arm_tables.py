@@ -129,3 +129,17 @@ def test_new_starts_an_arm_that_show_takes(tmp_path: Path, monkeypatch: pytest.M
         assert "next: modelgen show" in done.output
     for name in ("plain", "robot"):
         assert json.loads(run("show", f"{name}.toml", "--json").output)["arm"] == name
+
+
+def test_new_holds_the_joints_that_no_arm_can_have(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    kinds = ('type="revolute"', 'type="revolute"><mimic joint="a-0"/', 'type="planar"', 'type="floating"')
+    pieces = ['<link name="l0"/>']
+    for k, kind in enumerate(kinds):
+        pieces.append(f'<link name="l{k + 1}"/>')
+        ends = f'<parent link="l{k}"/><child link="l{k + 1}"/>'
+        pieces.append(f'<joint name="a-{k}" {kind}>{ends}</joint>')
+    Path("odd.urdf").write_text(f"<robot>{''.join(pieces)}</robot>")
+    assert run("new", "odd", "--urdf", "odd.urdf").exit_code == 0
+    described = json.loads(run("show", "odd.toml", "--json").output)
+    assert [joint["type"] for joint in described["joints"]] == ["revolute", "fixed", "fixed", "fixed"]

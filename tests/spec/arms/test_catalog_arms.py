@@ -88,7 +88,7 @@ def test_the_poses_are_those_of_the_motion() -> None:
 
 def test_starter_is_a_good_file_and_so_are_its_options() -> None:
     template = environment().get_template("starter_arm.toml.j2")
-    text = template.render(name="my_arm", urdf=None, joints=["1", "2", "3"])
+    text = template.render(name="my_arm", urdf=None, joints=["1", "2", "3"], held=[])
     spec = parse_arm(text, "my_arm.toml")
     assert (spec.name, [joint.name for joint in spec.joints]) == ("my_arm", ["1", "2", "3", "tool"])
     assert float(spec.gravity[2]) == -9.81
@@ -112,7 +112,7 @@ def test_starter_of_a_urdf_is_a_good_file(tmp_path: Path) -> None:
     bare = parse_arm('[arm]\nname = "a"\nurdf = "r.urdf"\n', "a.toml", tmp_path)
     moving = [joint.name for joint in bare.moving]
     template = environment().get_template("starter_arm.toml.j2")
-    text = template.render(name="a", urdf='"r.urdf"', joints=moving)
+    text = template.render(name="a", urdf='"r.urdf"', joints=moving, held=[])
     assert parse_arm(text, "a.toml", tmp_path).joints == bare.joints
     options = ("gear", "[[joints]]", "name", "type", "parent", "xyz")
     lines = [line.removeprefix("# ") if line.startswith(tuple(f"# {o}" for o in options)) else line

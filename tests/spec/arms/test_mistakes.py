@@ -79,7 +79,10 @@ WRONG = [
     (("gravity = [0, 0, -9.81]", "gravty = [0, 0, 0]"),
      'arm.gravty: is not a key of this table; did you mean "gravity"?'),
     (('name = "2"', 'name = "two axes"'),
-     'joints[1].name: "two axes" is no name of a joint; use letters, digits and _ (ASCII, 48 at most)'),
+     'joints[1].name: "two axes" is no name of a joint; '
+     'write "two_axes", also where a URDF has another mark'),
+    (('name = "2"', 'name = "é"'),
+     'joints[1].name: "é" is no name of a joint; use letters, digits and _ (ASCII, 48 at most)'),
     (('name = "2"', 'name = "base"'), 'joints[1].name: "base" is what does not move; choose another name'),
     (("alpha = 90", "alpha = 1.5708"),
      'joints[1].alpha: is 1.5708, which would be degrees, but looks like pi/2 rad; write "pi/2" or 90; '
@@ -135,7 +138,7 @@ def test_a_mistake_gives_its_message(change: tuple[str, str], message: str) -> N
 
 
 def test_all_mistakes_are_reported_at_once() -> None:
-    chosen = [WRONG[k] for k in (1, 2, 4, 15, 21)]
+    chosen = [WRONG[k] for k in (1, 2, 5, 15, 21)]
     found = problems(changed(*(change for change, _ in chosen)))
     assert {message for _, message in chosen} <= {*found}
 

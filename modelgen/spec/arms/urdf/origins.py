@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from modelgen.spec.arms.angles import RIGHT_ANGLE_RAD, angle_of
 from modelgen.spec.arms.arm import Length, Step, Turn
-from modelgen.spec.arms.placements import Y, Z, inverse, origin_placement, simplified
+from modelgen.spec.arms.placements import X, Y, Z, inverse, origin_placement, simplified
 from modelgen.spec.arms.urdf.attributes import Attributes, without_dust
 from modelgen.spec.arms.urdf.xml_tree import Element
 from modelgen.spec.number_expression import PI
@@ -49,7 +49,10 @@ def axis_steps(joint: Element, read: Attributes, of: str) -> tuple[Step, ...]:
     if size == 0.0:
         read.report(element or joint, of, "has an axis without a direction", 'write for example xyz="0 0 1"')
         return ()
-    aside = math.hypot(x, y)
-    azimuth = math.atan2(y, x) if aside > RIGHT_ANGLE_RAD * size else 0.0
-    about_z, about_y = (angle_of(Fraction(math.degrees(a))) for a in (azimuth, math.atan2(aside, z)))
-    return simplified((Turn(Z, about_z), Turn(Y, about_y)))
+    near = RIGHT_ANGLE_RAD * size
+    turned: list[tuple[int, float]] = [(Z, math.atan2(y, x)), (Y, math.atan2(math.hypot(x, y), z))]
+    if abs(x) <= near:  # one turn is enough, and cancels that of a parallel axis before
+        turned = [(X, -math.atan2(y, z))]
+    elif abs(y) <= near:
+        turned = [(Y, math.atan2(x, z))]
+    return simplified(Turn(about, angle_of(Fraction(math.degrees(angle)))) for about, angle in turned)

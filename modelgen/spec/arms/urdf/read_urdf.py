@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from modelgen.errors import Problem, SpecError
@@ -55,6 +55,7 @@ def described_arm(text: str, source: str, fixed: Collection[str]) -> tuple[Descr
     }
     carrying = {joint.child: joint for joint in joints}
     links = {link.attributes.get("name", ""): link for link in robot.all("link")}
+    at_rest = _at_rest(joints, kinds, links)
     found: list[Joint] = []
     values: dict[tuple[str, str], float] = {}
     for joint in joints:
@@ -66,6 +67,8 @@ def described_arm(text: str, source: str, fixed: Collection[str]) -> tuple[Descr
         if kind != "fixed":
             own = own or _ZEROS
             values |= _friction(joint, read)
+        elif joint.child in at_rest:  # nothing that an arm does depends on it
+            own = None
         values |= {(name, role): value for role, value in (own or {}).items()}
         limits = {} if kind == "fixed" else _limits(joint, read)
         parent, link = carrier.name if carrier else None, link_names(name) if own else ()
@@ -73,10 +76,48 @@ def described_arm(text: str, source: str, fixed: Collection[str]) -> tuple[Descr
     return Described(tuple(found), values), read.problems
 
 
+def _at_rest(
+    joints: Iterable[UrdfJoint], kinds: Mapping[str, JointKind], links: Iterable[str]
+) -> frozenset[str]:
+    """Return the links that no joint moves: the base, and what is fixed to it."""
+    children: dict[str, list[str]] = {}
+    for joint in joints:
+        if kinds[joint.name] == "fixed":
+            children.setdefault(joint.parent, []).append(joint.child)
+    carried = {joint.child for joint in joints}
+    pending = [link for link in links if link not in carried]
+    found: dict[str, None] = {}
+    while pending:
+        link = pending.pop()
+        if link not in found:
+            found[link] = None
+            pending += children.get(link, [])
+    return frozenset(found)
+
+
+def without_coordinate(text: str, source: str) -> tuple[str, ...]:
+    """Return the names of the joints that an arm can only hold at zero: mimic, floating and planar ones.
+
+    Raises
+    ------
+    SpecError
+        When the text is no URDF, or its links and joints are no tree.
+    """
+    robot, read = xml_tree(text, source), Attributes(source)
+    joints = joints_of(robot, read) if check_root(robot, read) else ()
+    if read.problems:
+        raise SpecError(*read.problems)
+    return tuple(joint.name for joint in joints if _type(joint) in _WITHOUT)
+
+
+def _type(joint: UrdfJoint) -> str:
+    return "mimic" if joint.element.first("mimic") else joint.type
+
+
 def _kind(joint: UrdfJoint, fixed: Collection[str], read: Attributes) -> JointKind:
     if joint.name in fixed:
         return "fixed"
-    kind = "mimic" if joint.element.first("mimic") else joint.type
+    kind = _type(joint)
     if kind in _WITHOUT:
         what = f"is of type {kind}: it {_WITHOUT[kind]}, and an arm here has one coordinate for each joint"
         remedy = f'hold it at zero: [[joints]] with name = "{joint.name}", type = "fixed" in the TOML file'

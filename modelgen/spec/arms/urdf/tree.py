@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 from modelgen.errors import listed
 from modelgen.spec.arms.references import MOST_JOINTS
-from modelgen.spec.arms.tables import joint_problem
+from modelgen.spec.arms.tables import MARKS, joint_problem
 from modelgen.spec.arms.urdf.attributes import Attributes
 from modelgen.spec.arms.urdf.xml_tree import Element
 from modelgen.spec.words import shown, suggest
 
-#: Marks in names of joints that become _.
-MARKS = str.maketrans(dict.fromkeys("-./: ", "_"))
 _OTHER_FORMATS = {"sdf": "SDF", "mujoco": "MJCF", "Robot": "an OpenRAVE robot", "COLLADA": "COLLADA"}
 
 

@@ -74,6 +74,17 @@ def test_what_a_urdf_says(load) -> None:
     assert (values["m_shoulder_1"], values["m_elbow"]) == (2.0, 0.0)
 
 
+def test_what_is_fixed_to_the_base_has_no_parameters(load) -> None:
+    between = """<link name="world"/><joint name="stand" type="fixed">
+<parent link="world"/><child link="base"/></joint>
+<link name="base"><inertial><mass value="50"/></inertial></link>"""
+    arm = load(changed(('<link name="base"/>', between)))
+    stand, shoulder = arm.joints[:2]
+    assert (stand.name, stand.link, shoulder.parent) == ("stand", (), "stand")
+    assert not any("stand" in name for name in arm.parameter_sets["urdf"])
+    assert shoulder.link[0] == "Ixx_shoulder_1"
+
+
 def test_a_toml_file_changes_drives_and_holds_joints(load) -> None:
     more = """
 gravity = [0, 0, 0]
