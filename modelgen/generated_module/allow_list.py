@@ -14,7 +14,14 @@ from functools import cache
 from typing import NamedTuple
 
 from modelgen.errors import Problem
-from modelgen.generated_module.literals import LONGEST_LITERAL, Declared, declared_by, literal_value
+from modelgen.generated_module import skeleton_of_arms
+from modelgen.generated_module.literals import (
+    LONGEST_LITERAL,
+    Declared,
+    declared_by,
+    declared_by_arm,
+    literal_value,
+)
 from modelgen.generated_module.skeleton import BODY, HEAD, LITERAL, SLOTS
 
 REMEDY = "generate the module again (modelgen generate)"
@@ -81,12 +88,14 @@ class Place:
 
 def first_deviation(text: str) -> Problem | None:
     """Return the first thing in a text that the generator would not have written; `where` is its line."""
+    arm = "\nARM = " in text
+    head, body = (skeleton_of_arms.HEAD, skeleton_of_arms.BODY) if arm else (HEAD, BODY)
     try:
-        at, literals = _follow(_places(HEAD), text, 0, Declared({}, {}))
+        at, literals = _follow(_places(head), text, 0, Declared({}, {}))
         if text.count("\n", at) > MOST_LINES:
             raise Deviation(at, f"begins more than {MOST_LINES} lines of code", SMALLER)
-        declared = declared_by(literals)
-        for variants in BODY:
+        declared = declared_by_arm(literals) if arm else declared_by(literals)
+        for variants in body:
             at = _follow_one(variants, text, at, declared)
         if at != len(text):
             raise Deviation(at, f"{_found(text, at)} where modelgen writes nothing more")

@@ -64,6 +64,18 @@ def declared_by(literals: Mapping[str, Any]) -> Declared:
     )
 
 
+def declared_by_arm(literals: Mapping[str, Any]) -> Declared:
+    """Return what the literals of an arm's module declare."""
+    return Declared(
+        counts={
+            "row": len(_sequence(literals["ROWS"])),
+            "column": len(_sequence(literals["BASE_PARAMETERS"])),
+            "nonzero": len(_sequence(literals["ENTRIES"])),
+        },
+        names={"parameter": _names([*_sequence(literals["PARAMETERS"]), *_keys(literals["KNOWN"])])},
+    )
+
+
 def _entries(value: object) -> list[dict[str, Any]]:
     """Return the dicts in a tuple, or among the values of a dict."""
     inner = value.values() if isinstance(value, dict) else _sequence(value)

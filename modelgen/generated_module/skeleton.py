@@ -13,6 +13,7 @@ module's literals count (`rows`: the number of rows, `row`: one of them, counted
 
 from __future__ import annotations
 
+from modelgen.generated_module.skeleton_of_arms import arm_slots
 from modelgen.generated_module.skeleton_of_composites import NONLINEAR
 
 _NAME = r"[A-Za-z][A-Za-z0-9_]{0,79}"  # a name of a spec has 64, behind a mark such as d2_ or sign_
@@ -46,6 +47,7 @@ _VALUE = rf"{_TEXT}|-?(?:{NUMBER}|{_INDEX}(?![0-9.e]))|None|True|False"
 
 LITERAL = rf"(?:[ (){{}},:]|\n +(?=[-'(){{}}0-9NTF])|{_VALUE})++"
 SLOTS = {
+    **arm_slots(NUMBER),
     "text": r'(?:[ !#-\[\]-~\n]|"(?!""))*+',
     "file": r"[A-Za-z0-9_.-]{1,100}",
     "digest": r"[0-9a-f]{64}",

@@ -35,11 +35,22 @@ def render(view: ModelView) -> str:
         never written.
     """
     fields = {field.name: getattr(view, field.name) for field in dataclasses.fields(view)}
-    text = seal(environment().get_template("module.py.j2").render(fields))
+    text = environment().get_template("module.py.j2").render(fields)
+    return sealed_module(text, f"module {view.chain}_{view.sensor_set}")
+
+
+def sealed_module(text: str, name: str) -> str:
+    """Return the text of a module with its digest.
+
+    Raises
+    ------
+    RenderError
+        If it is not one that modelgen would execute; `name` says which it is.
+    """
+    text = seal(text)
     problems = module_problems(text)
     if problems:
-        name = f"module {view.chain}_{view.sensor_set}"
-        remedies = {REMEDY: "report this chain: modelgen must not write such a module"}
+        remedies = {REMEDY: "report what it was made from: modelgen must not write such a module"}
         raise RenderError(
             *(Problem(f"{name}, {p.where}", p.what, remedies.get(p.remedy, p.remedy)) for p in problems)
         )

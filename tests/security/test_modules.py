@@ -40,7 +40,7 @@ def test_nothing_outside_the_skeleton_is_ever_rendered(monkeypatch: pytest.Monke
     last = TEXT.count("\n") + 1
     assert problem.where == f"module emps_rigid_qm, line {last}"
     assert problem.what == "has an empty line where modelgen writes nothing more"
-    assert problem.remedy == "report this chain: modelgen must not write such a module"
+    assert problem.remedy == "report what it was made from: modelgen must not write such a module"
 
 
 def test_a_chain_that_is_too_large_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 
-from modelgen.generated_module.module_check import seal
 from modelgen.render.arms.arm_view import ArmView, arm_view
 from modelgen.render.environment import environment
+from modelgen.render.writer import sealed_module
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel
 
 
@@ -16,7 +16,7 @@ def arm_module(model: ArmBaseModel) -> str:
     Raises
     ------
     RenderError
-        If a named length has no value.
+        If a named length has no value, or the arm is so large that its module would not be executed.
     """
     return render_arm(arm_view(model))
 
@@ -24,4 +24,5 @@ def arm_module(model: ArmBaseModel) -> str:
 def render_arm(view: ArmView) -> str:
     """Return the text of a module."""
     fields = {field.name: getattr(view, field.name) for field in dataclasses.fields(view)}
-    return seal(environment().get_template("arm_module.py.j2").render(fields))
+    text = environment().get_template("arm_module.py.j2").render(fields)
+    return sealed_module(text, f"module {view.name}")

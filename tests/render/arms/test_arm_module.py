@@ -125,7 +125,7 @@ def test_module_is_readable_sealed_and_needs_numpy_only(spec: ArmSpec) -> None:
 def test_mistakes_of_a_caller_are_told() -> None:
     module = executed(arm_base_model(arm_rows(tx40())))
     signals = random_signals(module, 5)
-    with pytest.raises(ValueError, match="out has the shape"):
+    with pytest.raises(ValueError, match="out is float64 of shape"):
         module["entries"](signals, np.empty((3, 5)))
     with pytest.raises(ValueError, match="same length"):
         module["regressor"]({**signals, "q_2": np.zeros(4)})
