@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from modelgen.runtime.identification.methods import IV, TLS, WLS, Auto, Pham2002
     from modelgen.runtime.identification.options import CheckOptions, Filters
     from modelgen.runtime.identification.sklearn_estimator import ChainEstimator
+    from modelgen.runtime.joining.identify_jointly import identify_jointly
     from modelgen.runtime.model.control_export import control_system
     from modelgen.runtime.model.known_parameters import with_known
     from modelgen.runtime.model.model import load_model, model_from_module
@@ -70,6 +71,7 @@ __all__ = [
     "export",
     "generate",
     "identify",
+    "identify_jointly",
     "load_arm",
     "load_model",
     "load_spec",
@@ -104,6 +106,7 @@ _HOMES = {
     "draw_chain": "modelgen.report.chain_drawing",
     "generate": "modelgen.render.writer",
     "identify": "modelgen.runtime.identification.identify",
+    "identify_jointly": "modelgen.runtime.joining.identify_jointly",
     "with_known": "modelgen.runtime.model.known_parameters",
     "load_arm": "modelgen.spec.arms.load",
     "load_model": "modelgen.runtime.model.model",

@@ -41,7 +41,8 @@ def comparison_tables(described: dict[str, Any]) -> Group:
     parts += [
         table("Noise: standard deviation after filter and differences, per unit", gain_columns, gain_rows)
     ]
-    parts.append(Text("\nRegressors", style="bold"))
+    if described["regressors"]:
+        parts.append(Text("\nRegressors", style="bold"))
     for r in described["regressors"]:
         parts.append(Text(f"{r['first']} and {r['second']}: {r['verdict']}"))
         parts += [Text(f"  {line}") for line in r["rows"]]

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import typer
 
-from modelgen.cli.arguments import delays_from, directions_from
+from modelgen.cli.arguments import (
+    cutoffs_from,
+    delays_from,
+    directions_from,
+    hold_out_from,
+    period_from,
+)
 from modelgen.cli.data_arguments import DataOptions
 
 MethodName = Literal["auto", "wls", "iv", "tls", "pham2002"]
@@ -109,3 +116,20 @@ class EstimationOptions:
         flat = vars(self) | {"held": tuple(self.held or ()), "keep": tuple(self.keep or ())}
         delays, directions = delays_from(flat.pop("delay") or ()), directions_from(data.direction or ())
         return values_of(method, delays=delays, directions=directions, **flat, **more)
+
+
+def settings_typed(
+    estimation: EstimationOptions, given: DataOptions, typed: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the settings of a command that has every option of an identification, from what was typed."""
+    pairing = typed["pairing"]
+    return estimation.settings(
+        typed["method"],
+        given,
+        cutoff_hz=typed["cutoff_hz"],
+        rows_for_tag=None if pairing == "all" else pairing,
+        prune_percent=typed["prune_percent"],
+        period_s=period_from(typed["period_s"] or (), given.map_file),
+        hold_out=hold_out_from(typed["hold_out"] or ()),
+        scan_cutoffs=cutoffs_from(typed["scan_cutoffs"]),
+    )

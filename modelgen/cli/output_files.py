@@ -13,9 +13,7 @@ from modelgen.progress import step
 
 if TYPE_CHECKING:
     from modelgen.cli.options import ResultOptions
-    from modelgen.runtime.model.model import Model
-    from modelgen.runtime.records.read_record import Reading
-    from modelgen.runtime.results.estimate import Estimate
+    from modelgen.cli.sensor_sets.identified import Identified
 
 FIGURES = (".png", ".svg", ".pdf")
 REPORTS = (".html", ".htm")
@@ -55,27 +53,27 @@ class OutputFiles:
 
     def write(
         self,
-        model: Model,
+        found: Identified,
         module: Path,
-        readings: Sequence[Reading],
-        estimate: Estimate,
         options: Mapping[str, Any],
         spec: str | None,
         controller: Path | None,
     ) -> None:
         """Write all but the project; `spec`, `controller` as in `modelgen.cli.write_report.report_text`."""
+        estimate = found.estimate
         if self.estimate is not None:
             write_whole(self.estimate, estimate.to_json().encode(), overwrite=self.overwrite)
         if self.report is not None:
             from modelgen.cli.write_report import report_text
 
             step("writing the report")
-            page = report_text(model, module, readings, estimate, options, spec, controller)
+            page = report_text(found, module, options, spec, controller)
             write_whole(self.report, page.encode(), overwrite=self.overwrite)
         if self.figure is not None:
             from modelgen.cli.write_report import write_figure
 
-            write_figure(self.figure, model, readings, estimate, self.overwrite)
+            (model,) = found.models.values()
+            write_figure(self.figure, model, found.readings, estimate, self.overwrite)
 
 
 def check_result(how: ResultOptions) -> None:

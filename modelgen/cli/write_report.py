@@ -19,6 +19,7 @@ from modelgen.spec.load import catalog_path, load_spec
 
 if TYPE_CHECKING:
     from modelgen.cli.figure import Panel
+    from modelgen.cli.sensor_sets.identified import Identified
     from modelgen.runtime.model.model import Model
     from modelgen.runtime.records.read_record import Reading
     from modelgen.runtime.records.record import Record
@@ -27,10 +28,8 @@ if TYPE_CHECKING:
 
 
 def report_text(
-    model: Model,
+    found: Identified,
     module: Path,
-    readings: Sequence[Reading],
-    estimate: Estimate,
     options: Mapping[str, Any],
     spec: str | None,
     controller: Path | None,
@@ -41,12 +40,17 @@ def report_text(
     records' closed loop is simulated and laid over what was measured. What cannot be made has a sentence in
     its place.
     """
+    given = {name: str(value) for name, value in options.items() if value not in (None, (), [])}
+    if found.joint is not None:
+        from modelgen.cli.sensor_sets.joint_page import joint_page
+
+        return joint_page(found.joint, given)
+    (model,), readings, estimate = found.models.values(), found.readings, found.estimate
     unmade = Unmade()
     chain = load_chain(spec) if spec else _spec_of(model, module)
     sets: Sequence[Mapping[str, Any]] = ()
     if chain is not None:
         sets = unmade.attempt("sensors", lambda: sensor_set_rows(chain), ())
-    given = {name: str(value) for name, value in options.items() if value not in (None, (), [])}
     loops: tuple[Validation, ...] = ()
     if controller:
         loops = unmade.attempt("loop", lambda: closed_loops(model, readings, estimate, controller), loops)

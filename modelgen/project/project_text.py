@@ -32,7 +32,7 @@ def project_text(table: ProjectTable) -> str:
 
 
 def _records(group: RecordsTable) -> list[str]:
-    shown = {"date": group.date, "files": group.files, "tags": group.tags}
+    shown = {"date": group.date, "files": group.files, "tags": group.tags, "sensors": group.sensors}
     return [f"{name} = {_value(value)}" for name, value in shown.items() if value]
 
 

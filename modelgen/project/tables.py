@@ -25,11 +25,15 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class RecordsTable:
-    """[[records]]: files that one estimate is made from, and the date it stands for; tags by record."""
+    """[[records]]: files that one estimate is made from, and the date it stands for; tags by record.
+
+    `sensors` are sensor sets by record, where the project has several and a file does not tell.
+    """
 
     files: tuple[str, ...]
     date: Date | None = None
     tags: Mapping[str, str] = field(default_factory=dict)
+    sensors: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -85,8 +89,8 @@ class ProjectTable:
 
     records: tuple[RecordsTable, ...]
     spec: str | None = None
-    sensors: str | None = None
-    model: str | None = None
+    sensors: str | tuple[str, ...] | None = None
+    model: str | tuple[str, ...] | None = None
     name: str | None = None
     known: Mapping[str, float] = field(default_factory=dict)
     data: DataTable = field(default_factory=DataTable)

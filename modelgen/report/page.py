@@ -6,21 +6,16 @@ hash, and no connection at all: a name in the data that looks like a script rema
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import json
 import platform
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 import modelgen
-from modelgen.render.environment import template_folder
 from modelgen.report.chain_drawing import chain_section
+from modelgen.report.html import asset, policy_of, report_environment, safe_json
 from modelgen.report.mathml import row_equations, symbol
 from modelgen.report.plots import (
     autocorrelation_plot,
@@ -36,11 +31,10 @@ from modelgen.report.unmade import Unmade
 from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild
 from modelgen.runtime.curves.responses import moving_forces, responses
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.modes.modes import cells, peak_hz
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.read_record import Reading
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.results.answer import asked_for, plus_minus
+from modelgen.runtime.results.answer import asked_for
 from modelgen.runtime.results.check_tables import check_tables
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.results.summary import INTERVAL_KINDS
@@ -78,10 +72,10 @@ def report_page(
     left = Unmade(unmade or {})
     records = [item.record if isinstance(item, Reading) else item for item in readings]
     rows, singular = rebuild(model, records, estimate)
-    script, style = _asset("report.js"), _asset("report.css")
+    script, style = asset("report.js"), asset("report.css")
     plots = zoomable(rows, validations)
     return (
-        _environment()
+        report_environment()
         .get_template("report.html.j2")
         .render(
             title=str(estimate.model),
@@ -93,8 +87,8 @@ def report_page(
             modes=estimate.modes(),
             style=Markup(style),
             script=Markup(script),
-            policy=_policy(script),
-            data=_json(plots),
+            policy=policy_of(script),
+            data=safe_json(plots),
             plots=plots,
             row_plots=len(rows),
             equations=row_equations(model),
@@ -115,62 +109,6 @@ def report_page(
             validations=validations,
             provenance=_provenance(model, estimate, options or {}),
         )
-    )
-
-
-def _environment() -> jinja2.Environment:
-    env = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(template_folder()),
-        undefined=jinja2.StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    env.filters["number"] = _number
-    env.filters["unit"] = _unit
-    env.filters["reached"] = lambda entry: _typeset(plus_minus(entry))
-    env.filters["peak"] = lambda mode: _typeset(peak_hz(mode))
-    env.filters["cells"] = lambda one: [_typeset(text) for text in cells(one)]
-    return env
-
-
-def _asset(name: str) -> str:
-    return (Path(template_folder()) / name).read_text(encoding="utf-8")
-
-
-def _policy(script: str) -> str:
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
-    return f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'; img-src data:"
-
-
-def _json(value: Any) -> Markup:
-    """Return JSON that cannot end the element that contains it."""
-    text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
-    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
-
-
-def _number(value: float | None, digits: int = 5) -> Markup:
-    if value is None or not np.isfinite(value):
-        return Markup("–")
-    mantissa, _, exponent = f"{value:.{digits}g}".replace("-", "−").partition("e")
-    power = exponent.replace("+", "").replace("−0", "−").lstrip("0")
-    return Markup("{}·10<sup>{}</sup>").format(mantissa, power) if exponent else Markup(mantissa)
-
-
-def _typeset(text: str) -> Markup:
-    """Return "(9.87 +- 0.02)e-06" with its signs and power as they are printed."""
-    mantissa, _, exponent = text.replace("+-", "±").replace("-", "−").partition(")e")
-    if not exponent:
-        return escape(mantissa)
-    power = exponent.replace("+", "").replace("−0", "−").lstrip("0")
-    return Markup("{})·10<sup>{}</sup>").format(mantissa, power)
-
-
-def _unit(text: str) -> Markup:
-    """Return "N m/s^2" with its powers raised."""
-    head, *rest = text.split("^")
-    return Markup("").join(
-        [escape(head), *(Markup("<sup>{}</sup>{}").format(part[:1], part[1:]) for part in rest)]
     )
 
 

@@ -47,7 +47,8 @@ def zoomable(rows: Sequence[Rebuilt], validations: Sequence[Validation]) -> list
     ]
     plots += [
         {
-            "title": f"{validation.record}, closed loop: {check.channel}, {check.kind}, fit {check.fit:.2f}%",
+            "title": f"{validation.record}, {validation.kind}: {check.channel}, {check.kind}, "
+            f"fit {check.fit:.2f}%",
             "unit": check.unit,
             "start": check.start / validation.fs,
             "step": 1.0 / validation.fs,

@@ -163,6 +163,31 @@ def heat_map(names: Sequence[str], matrix: FloatArray, title: str) -> Markup:
     return _svg(title, parts, height, width)
 
 
+def interval_plot(x_axis: Axis, rows: Sequence[tuple[str, float, float, float]], title: str) -> Markup:
+    """Return a row for each label, value and ends of its interval: a line with the value as a mark on it."""
+    left, step = 170, 24
+    height = TOP + step * len(rows) + BOTTOM
+
+    def place(value: float) -> float:
+        within = float(np.clip(x_axis.place(np.array([value]))[0], -0.02, 1.02))
+        return left + within * (WIDTH - left - RIGHT)
+
+    parts = [_rect("frame", left, TOP, WIDTH - left - RIGHT, height - TOP - BOTTOM)]
+    for value in x_axis.ticks():
+        x = place(value)
+        parts.append(Markup('<path class="grid" d="M{0} {1}V{2}"/>').format(_n(x), TOP, height - BOTTOM))
+        parts.append(_text("tick", x, height - BOTTOM + 15, _label(value), "middle"))
+    for index, (name, value, low, high) in enumerate(rows):
+        y = TOP + step * (index + 0.5)
+        shown = name if len(name) <= 24 else f"{name[:21]}..."
+        parts.append(_text("tick", left - 6, y + 4, shown, "end"))
+        line = Markup('<path class="line rebuilt" d="M{0} {1}H{2}M{3} {4}V{5}"/>')
+        ends = (_n(place(low)), _n(y), _n(place(high)), _n(place(value)), _n(y - 5), _n(y + 5))
+        parts.append(line.format(*ends))
+    parts.append(_text("label", (left + WIDTH - RIGHT) / 2, height - 6, x_axis.label, "middle"))
+    return _svg(title, parts, height)
+
+
 def _frame(x_axis: Axis, y_axis: Axis, height: int, x_ticks: bool = True) -> Markup:
     parts = [_rect("frame", LEFT, TOP, WIDTH - LEFT - RIGHT, height - TOP - BOTTOM)]
     base = height - BOTTOM

@@ -43,6 +43,7 @@ LACKING: dict[str, dict[str, str]] = {
 # options of the same name whose values differ in form, and why
 FORMS = {
     "--output": "what is written differs: an estimate, a folder, a mapping, a record",
+    "--sensors": "records of identify may be of several sets, each of its own",
     "--hold-out": "validate has no records to name: all of them are its own",
 }
 # commands without --overwrite, and why

@@ -16,7 +16,9 @@ from modelgen.cli.estimation_options import Cutoff, EstimationOptions, Method, P
 from modelgen.cli.options import ResultOptions, SensorSet, Trust, Values, refuse_given
 from modelgen.cli.output import deliver, note
 from modelgen.cli.output_files import check_result
-from modelgen.errors import DataError, ModelgenError
+from modelgen.cli.result_pages.printed_parts import intervals_of
+from modelgen.cli.result_pages.write_page import ReportFile, check_report, write_result_page
+from modelgen.errors import DataError, ModelgenError, listed
 from modelgen.progress import counted, step
 
 if TYPE_CHECKING:
@@ -45,6 +47,7 @@ PAIR_HZ = 5000.0  # sampling frequency of the simulated pair
 
 
 def compare(
+    context: typer.Context,
     sources: Sources,
     given: DataOptions,
     estimation: EstimationOptions,
@@ -58,6 +61,7 @@ def compare(
     period_s: Periods = None,
     value: Values = None,
     yardsticks: Yardsticks = False,
+    report_file: ReportFile = None,
     trust: Trust = False,
     *,
     result: ResultOptions,
@@ -73,6 +77,7 @@ def compare(
     from modelgen.runtime.results.estimate import Estimate
 
     check_result(result)
+    check_report(report_file, result.overwrite)
     if not data:
         refuse_given(replace(given, fs=None), "--data")
         refuse_given(estimation, "--data", (cutoff_hz, tag, pairing != "all", period_s))
@@ -100,6 +105,9 @@ def compare(
     if saved or data:
         described["estimates"] = _describe_estimates({**saved, **found})
     deliver(described, lambda: console().print(comparison_tables(described)), result)
+    title, intervals = f"Comparison of {listed([*models, *saved])}", intervals_of({**saved, **found})
+    printed = comparison_tables(described)
+    write_result_page(report_file, result.overwrite, title, printed, context, intervals)
 
 
 def _models(sources: Sequence[str], sensors: str | None, trust: bool) -> dict[str, Model]:

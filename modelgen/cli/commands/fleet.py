@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modelgen.cli.arguments import amounts, cutoffs_from, hold_out_from, period_from
+from modelgen.cli.arguments import amounts
 from modelgen.cli.data_arguments import DataOptions, reading_options
 from modelgen.cli.estimation_options import (
     Cutoff,
@@ -22,10 +22,12 @@ from modelgen.cli.estimation_options import (
     Periods,
     PrunePercent,
     ScanCutoffs,
+    settings_typed,
 )
 from modelgen.cli.options import Module, ResultOptions, Trust, Values
 from modelgen.cli.output import deliver, note, report
 from modelgen.cli.output_files import check_result
+from modelgen.cli.result_pages.write_page import ReportFile, check_report, write_result_page
 from modelgen.errors import DataError
 from modelgen.progress import step
 
@@ -60,6 +62,7 @@ PARAMETERS_A_TABLE = 3
 
 
 def fleet(
+    context: typer.Context,
     data: FleetData,
     module: Module,
     given: DataOptions,
@@ -78,6 +81,7 @@ def fleet(
     tls_key: TlsKey = None,
     workers: Workers = None,
     checkpoint: CheckpointFolder = None,
+    report_file: ReportFile = None,
     trust: Trust = False,
     *,
     result: ResultOptions,
@@ -94,6 +98,7 @@ def fleet(
     from modelgen.runtime.model.module_file import read_module
 
     check_result(result)
+    check_report(report_file, result.overwrite)
     certificates = _certificates(tls_ca_file, tls_cert, tls_key)
     check_cluster(scheduler, workers, certificates)
     if scheduler is not None and not scheduler.startswith("tls://"):
@@ -102,26 +107,23 @@ def fleet(
     known = amounts("--set", value or ())
     model = with_known(model_from_text(text, str(module), trust), known, "--set")
     records = _records(data, model, given)
-    settings = estimation.settings(
-        method,
-        given,
-        cutoff_hz=cutoff_hz,
-        rows_for_tag=None if pairing == "all" else pairing,
-        prune_percent=prune_percent,
-        period_s=period_from(period_s or (), given.map_file),
-        hold_out=hold_out_from(hold_out or ()),
-        scan_cutoffs=cutoffs_from(scan_cutoffs),
-    )
+    settings = settings_typed(estimation, given, context.params)
     step("starting the workers" if scheduler is None else f"asking {scheduler}")
     with fleet_client(scheduler, workers, certificates=certificates) as client:
         found = identify_fleet(client, text, records, settings, checkpoint, trust, known)
-    facts = {
+    facts = _facts(found)
+    deliver(facts, lambda: report(facts, _lines(found), as_json=False), result)
+    title = f"{model.chain}, sensors {model.sensor_set}: {len(found.machines)} machines"
+    write_result_page(report_file, result.overwrite, title, _printed(found), context, _intervals(found))
+
+
+def _facts(found: FleetEstimate) -> dict[str, Any]:
+    return {
         "machines": dict(found.machines),
         "pooled": [asdict(one) for one in found.pooled],
         "failed": dict(found.failed),
         "refused": dict(found.refused),
     }
-    deliver(facts, lambda: report(facts, _lines(found), as_json=False), result)
 
 
 def _certificates(ca_file: str | None, cert: str | None, key: str | None) -> Certificates | None:
@@ -217,7 +219,12 @@ def _lines(found: FleetEstimate) -> list[str]:
             lines.append(_line("all", [_cell(one.value, one.std) for one in shown_here]))
             lines.append(_line("machines", [_verdict(one) for one in shown_here]))
         lines.append("")
-    lines.append("value +- half the 95 % interval; - where a machine does not give it")
+    return lines + _notes(found)
+
+
+def _notes(found: FleetEstimate) -> list[str]:
+    """Return how to read the table, and what was left out."""
+    lines = ["value +- half the 95 % interval; - where a machine does not give it"]
     for machine, estimate in found.machines.items():
         refused = estimate["not_identifiable"]
         if refused:
@@ -227,6 +234,36 @@ def _lines(found: FleetEstimate) -> list[str]:
     lines += [f"{machine}: no estimate ({why})" for machine, why in found.refused.items()]
     lines += [f"left out: {why}" for why in found.failed.values()]
     return lines
+
+
+def _printed(found: FleetEstimate) -> list[Any]:
+    """Return what the page shows: one table of all parameters, and the lines below it."""
+    from modelgen.cli.tables import table
+
+    heads = [f"{one.name} [{one.unit}]" if one.unit else one.name for one in found.pooled]
+    rows = [
+        [machine, *(_cell(e["params"].get(one.name), e["bse"].get(one.name)) for one in found.pooled)]
+        for machine, e in found.machines.items()
+    ]
+    if len(found.machines) > 1:
+        rows.append(["all", *(_cell(one.value, one.std) for one in found.pooled)])
+        rows.append(["machines", *map(_verdict, found.pooled)])
+    columns: list[Any] = [("machine", "left"), *((head, "right") for head in heads)]
+    return [table("Machines", columns, rows), *_notes(found)]
+
+
+def _intervals(found: FleetEstimate) -> dict[str, list[tuple[str, float, float, float]]]:
+    """Return the 95 % intervals of the machines and of all of them, by parameter and unit."""
+    every: dict[str, list[tuple[str, float, float, float]]] = {}
+    for one in found.pooled:
+        told = [(m, e["params"].get(one.name), e["bse"].get(one.name)) for m, e in found.machines.items()]
+        told += [("all", one.value, one.std)] if len(found.machines) > 1 else []
+        every[f"{one.name} in {one.unit}" if one.unit else one.name] = [
+            (title, value, value - 1.96 * std, value + 1.96 * std)
+            for title, value, std in told
+            if value is not None and std is not None
+        ]
+    return every
 
 
 def _line(title: str, cells: Sequence[str]) -> str:

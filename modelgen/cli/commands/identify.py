@@ -7,14 +7,12 @@ from typing import Annotated
 
 import typer
 
-from modelgen.cli.arguments import amounts, cutoffs_from, given_options, hold_out_from, period_from
+from modelgen.cli.arguments import amounts, given_options
 from modelgen.cli.data_arguments import (
     FURTHER_INPUTS,
     REFERENCE,
     DataOptions,
-    read_files,
     reading_lines,
-    tagged,
 )
 from modelgen.cli.estimation_options import (
     Cutoff,
@@ -26,21 +24,35 @@ from modelgen.cli.estimation_options import (
     PrunePercent,
     ScanCutoffs,
     Tags,
+    settings_typed,
 )
-from modelgen.cli.options import Data, Details, Json, Module, Overwrite, Trust, Values
+from modelgen.cli.options import Data, Details, Json, Overwrite, Trust, Values
 from modelgen.cli.output import note, print_json
+from modelgen.cli.result_pages.write_page import ReportFile
 
+Modules = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--model", metavar="MODULE.py", help="A generated module; several for records of several sensor sets."
+    ),
+]
+SensorsOf = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--sensors",
+        metavar="S|RECORD=S",
+        help="Sensor set of all records or of one, where files do not tell; repeatable.",
+    ),
+]
 Output = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="FILE.json", help="Save the estimate.")
-]
-ReportFile = Annotated[
-    Path | None, typer.Option("--report", metavar="FILE.html", help="Write everything as one HTML page.")
 ]
 FigureFile = Annotated[
     Path | None, typer.Option(metavar="FILE.png", help="Draw measured and rebuilt forces: png, svg, pdf.")
 ]
 ReportSpec = Annotated[
-    str | None, typer.Option(metavar="SPEC", help="The chain, for the report's table of sensor sets.")
+    str | None,
+    typer.Option(metavar="SPEC", help="The chain: in place of --model, and for the report's sensor sets."),
 ]
 Controller = Annotated[
     Path | None,
@@ -55,7 +67,8 @@ SaveProject = Annotated[
 def identify(
     context: typer.Context,
     data: Data,
-    module: Module,
+    module: Modules = None,
+    *,
     given: DataOptions,
     estimation: EstimationOptions,
     method: Method = "auto",
@@ -66,6 +79,7 @@ def identify(
     period_s: Periods = None,
     hold_out: HoldOut = None,
     scan_cutoffs: ScanCutoffs = None,
+    sensors: SensorsOf = None,
     value: Values = None,
     output: Output = None,
     report_file: ReportFile = None,
@@ -78,39 +92,38 @@ def identify(
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
-    """Identify a generated module's parameters from measured records.
+    """Identify a chain's parameters from measured records.
 
+    Records of different sensors, each with the channels of a sensor set, are joined to one answer.
     Prints parameters, modes, whether to trust them and what to do next. What is "chosen" is chosen from the
     records, unless it is given; --details explains it.
     """
     from modelgen.cli.output_files import OutputFiles
     from modelgen.cli.project.from_options import save_project
-    from modelgen.runtime.identification.identify import identify as run
-    from modelgen.runtime.model.known_parameters import with_known
-    from modelgen.runtime.model.model import load_model
+    from modelgen.cli.sensor_sets.identified import (
+        identified,
+        models_of,
+        read_for,
+        refuse_several,
+        sensors_from,
+    )
 
-    model = with_known(load_model(module, trust), amounts("--set", value or ()), "--set")
+    wanted, of_records = sensors_from(sensors or ())
+    chosen = wanted or list(of_records.values())
+    models = models_of(module or (), spec, chosen, amounts("--set", value or ()), trust)
     outputs = OutputFiles(output, report_file, figure, overwrite, project_file)
     outputs.check(spec, controller)  # before the work, not after it
     inputs = (REFERENCE, FURTHER_INPUTS) if controller and report_file else ()
-    readings = tagged(read_files(data, [model], given, *inputs), tag or ())
-    settings = estimation.settings(
-        method,
-        given,
-        cutoff_hz=cutoff_hz,
-        rows_for_tag=None if pairing == "all" else pairing,
-        prune_percent=prune_percent,
-        period_s=period_from(period_s or (), given.map_file),
-        hold_out=hold_out_from(hold_out or ()),
-        scan_cutoffs=cutoffs_from(scan_cutoffs),
-    )
-    estimate = run(model, [reading.record for reading in readings], **settings)
-    note(reading_lines(data, readings))
+    read = read_for(data, models, given, tag or (), of_records, inputs)
+    refuse_several({title for title, _ in read}, {"--controller": controller, "--figure": figure})
+    settings = settings_typed(estimation, given, context.params)
+    found = identified(models, read, settings)
+    note(reading_lines(data, found.readings))
     # before the files: whatever becomes of these, the answer is there
     if as_json:
-        print_json(estimate.to_dict())
+        print_json(found.estimate.to_dict())
     else:
-        typer.echo(estimate.summary() if details else estimate.answer(), nl=False)
-    outputs.write(model, module, readings, estimate, given_options(context), spec, controller)
+        typer.echo(found.text(details), nl=False)
+    outputs.write(found, module[0] if module else Path(str(spec)), given_options(context), spec, controller)
     save_project(outputs, context.params)
     note([f"wrote {path}" for path in outputs.paths])

@@ -37,7 +37,7 @@ def run(
 
     found = load_project(project)
     ran = run_project(found, lock, overwrite, trust)
-    note(reading_lines(ran.paths, ran.readings))
+    note(reading_lines(ran.paths, ran.found.readings))
     note([f"locked {name}" for name in ran.locked])
     for entry, added in ran.entries:
         note([f"{entry.label}: {'added to' if added else 'is in'} {found.history}"])
@@ -45,7 +45,7 @@ def run(
     if as_json:
         print_json(facts_of(found, ran))
     else:
-        typer.echo(ran.estimate.summary() if details else ran.estimate.answer(), nl=False)
+        typer.echo(ran.found.text(details), nl=False)
     for error in ran.failed:
         explain_all(error.problems)
     if ran.failed:

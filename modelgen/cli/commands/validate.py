@@ -13,6 +13,7 @@ from modelgen.cli.estimation_options import EstimationOptions, MethodName
 from modelgen.cli.options import Data, Module, ResultOptions, Trust, Values, refuse_given
 from modelgen.cli.output import deliver, note
 from modelgen.cli.output_files import check_result
+from modelgen.cli.result_pages.write_page import ReportFile, check_report, write_result_page
 from modelgen.errors import DataError
 from modelgen.progress import step
 
@@ -46,6 +47,7 @@ OwnCutoff = Annotated[float | None, typer.Option(help="Its cut-off in Hz; chosen
 
 
 def validate(
+    context: typer.Context,
     data: Data,
     module: Module,
     estimate: EstimateFile,
@@ -59,6 +61,7 @@ def validate(
     hold_out: HoldOut = None,
     method: OwnMethod = None,
     identify_cutoff_hz: OwnCutoff = None,
+    report_file: ReportFile = None,
     trust: Trust = False,
     *,
     result: ResultOptions,
@@ -78,6 +81,7 @@ def validate(
     from modelgen.runtime.simulation.validate import parameters_of, split
 
     check_result(result)
+    check_report(report_file, result.overwrite)
     if hold_out is None:
         refuse_given(estimation, "--hold-out", (method, identify_cutoff_hz))
     model = load_model(module, trust)
@@ -101,6 +105,9 @@ def validate(
         found += beside({**parameters, **again.physical}, rest)
     described = describe(found)
     deliver(described, lambda: console().print(validation_tables(described)), result)
+    title = f"{model.chain}, sensors {model.sensor_set}: measured and simulated"
+    printed = validation_tables(described)
+    write_result_page(report_file, result.overwrite, title, printed, context, validations=found)
 
 
 def _beside(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,12 @@ from modelgen.cli.arguments import (
     delays_from,
     directions_from,
     hold_out_from,
+    load_chain,
     period_from,
+    sensor_sets,
 )
 from modelgen.cli.output_files import OutputFiles
+from modelgen.cli.sensor_sets.identified import sensors_from
 from modelgen.errors import DataError
 from modelgen.project.lock_file import Lock, file_hash, save_lock
 from modelgen.project.project_file import load_project
@@ -51,10 +54,11 @@ def save_project(outputs: OutputFiles, typed: Mapping[str, Any]) -> None:
         return
     files = tuple(_relative(one, path) for one in typed["data"])
     map_file = typed["map_file"]
+    sets, of_records = sensors_from(typed["sensors"] or ())
     identify = {one.name: _option(one.name, typed[one.name]) for one in fields(IdentifyTable)}
     table = ProjectTable(
-        records=(RecordsTable(files, tags=parse_names("--tag", typed["tag"] or ())),),
-        model=_relative(typed["module"], path),
+        records=(RecordsTable(files, tags=parse_names("--tag", typed["tag"] or ()), sensors=of_records),),
+        **_chain(typed, sets, path),
         known=amounts("--set", typed["value"] or ()),
         data=DataTable(
             None if map_file is None else _relative(map_file, path),
@@ -74,6 +78,19 @@ def save_project(outputs: OutputFiles, typed: Mapping[str, Any]) -> None:
     written = [name for name in (table.output.estimate, table.output.report) if name is not None]
     hashes = [{name: file_hash(project.place(name)) for name in names} for names in (files, written)]
     save_lock(project.lock, Lock(records=hashes[0], written=hashes[1]))
+
+
+def _chain(typed: Mapping[str, Any], sets: Sequence[str], path: Path) -> dict[str, Any]:
+    """Return the keys that say what was identified: modules, or a spec and its sensor sets."""
+    modules = [_relative(module, path) for module in typed["module"] or ()]
+    if modules:
+        return {"model": modules[0] if len(modules) == 1 else tuple(modules)}
+    spec = typed["spec"]
+    chain = load_chain(spec)
+    is_path = Path(spec).suffix or Path(spec).name != spec
+    names = list(sets) or sensor_sets(chain, None)
+    place = _relative(Path(spec), path) if is_path else spec
+    return {"spec": place, "sensors": names[0] if len(names) == 1 else tuple(names)}
 
 
 def _option(name: str, value: Any) -> Any:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import modelgen
 from modelgen.cli.data_arguments import DataOptions
+from modelgen.errors import DataError
 from modelgen.project.project_file import Project
 from modelgen.project.tables import DataTable, RecordsTable
 from modelgen.read_file import MAPPING, read_text
@@ -28,7 +29,7 @@ class Prepared:
     """
 
     project: Project
-    model: Model
+    models: Mapping[str, Model]
     module: Path
     text: str
     spec: str | None
@@ -49,6 +50,8 @@ class Prepared:
         }
         if table.model is not None and table.known:  # with a spec they are in the module
             told["known"] = dict(table.known)
+        if group.sensors:
+            told["sensors"] = dict(group.sensors)
         return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
     def described(self) -> dict[str, str]:
@@ -74,15 +77,20 @@ def prepare(project: Project, trust: bool) -> Prepared:
     from modelgen.runtime.model.model import model_from_text
 
     table = project.table
-    spec, module, text = _module_text(project)
-    model = model_from_text(text, str(module), trust)
+    spec, texts = _module_texts(project)
+    models = [model_from_text(text, str(module), trust) for module, text in texts]
     if table.model is not None:
-        model = with_known(model, table.known, f"{project.path}: known")
-    return Prepared(project, model, module, text, spec, _given(project, table.data), _settings(project))
+        models = [with_known(model, table.known, f"{project.path}: known") for model in models]
+    by_sensors = {model.sensor_set: model for model in models}
+    if len(by_sensors) < len(models):
+        raise DataError.at(f"{project.path}: model", "names sensors twice", "give one module a sensor set")
+    text = "".join(text for _, text in texts)
+    given, settings = _given(project, table.data), _settings(project)
+    return Prepared(project, by_sensors, texts[0][0], text, spec, given, settings)
 
 
-def _module_text(project: Project) -> tuple[str | None, Path, str]:
-    """Return the chain if the project names one, the path that messages speak of, and the module's text."""
+def _module_texts(project: Project) -> tuple[str | None, list[tuple[Path, str]]]:
+    """Return the chain if the project names one, and of each module the path to speak of and the text."""
     from modelgen.cli.arguments import load_chain
     from modelgen.render.writer import generate
     from modelgen.runtime.model.module_file import read_module
@@ -90,13 +98,17 @@ def _module_text(project: Project) -> tuple[str | None, Path, str]:
 
     table = project.table
     if table.model is not None:
-        module = project.place(table.model)
-        return None, module, read_module(module)
+        modules = [project.place(name) for name in _several(table.model)]
+        return None, [(module, read_module(module)) for module in modules]
     name = str(table.spec)
     is_path = Path(name).suffix or Path(name).name != name
     spec = str(project.place(name)) if is_path else name
     chain = with_known(load_chain(spec), table.known, str(project.path))
-    return spec, Path(spec), generate(chain, str(table.sensors))
+    return spec, [(Path(spec), generate(chain, sensors)) for sensors in _several(table.sensors)]
+
+
+def _several(given: str | tuple[str, ...] | None) -> tuple[str, ...]:
+    return given if isinstance(given, tuple) else () if given is None else (given,)
 
 
 def _given(project: Project, data: DataTable) -> DataOptions:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from modelgen.atomic_write import write_whole
-from modelgen.cli.data_arguments import read_files, tagged
 from modelgen.cli.project.prepared import Prepared, prepare
+from modelgen.cli.sensor_sets.identified import Identified, identified, read_for
 from modelgen.errors import ModelgenError, Problem
 from modelgen.progress import step
 from modelgen.project.history import HistoryEntry, append, load_history
@@ -18,7 +18,6 @@ from modelgen.project.project_file import Project
 from modelgen.project.tables import RecordsTable
 
 if TYPE_CHECKING:
-    from modelgen.runtime.records.read_record import Reading
     from modelgen.runtime.results.estimate import Estimate
 
 
@@ -26,14 +25,14 @@ if TYPE_CHECKING:
 class Ran:
     """What a run did.
 
-    Entries and whether each is new, why groups have no estimate; files and readings of the last group; names
+    Entries and whether each is new, why groups have no estimate; files and estimate of the last group; names
     of the files that were written, and of records that are new in the lock.
     """
 
     entries: tuple[tuple[HistoryEntry, bool], ...]
     failed: tuple[ModelgenError, ...]
     paths: tuple[Path, ...]
-    readings: tuple[Reading, ...]
+    found: Identified
     written: tuple[str, ...]
     locked: tuple[str, ...]
 
@@ -70,7 +69,7 @@ def run_project(project: Project, renew: bool, overwrite: bool, trust: bool) -> 
     before = load_history(project.history) if project.history.exists() else ()
     known = {entry.inputs: entry for entry in before}
     entries: list[tuple[HistoryEntry, bool]] = []
-    readings: list[Reading] = []
+    found: Identified | None = None
     failed: list[ModelgenError] = []
     groups = project.table.records
     for group in groups:
@@ -79,36 +78,33 @@ def run_project(project: Project, renew: bool, overwrite: bool, trust: bool) -> 
             entries.append((known[inputs], False))
             continue
         try:
-            estimate, readings = _identified(prepared, group)
+            found = _identified(prepared, group)
         except ModelgenError as error:
             failed.append(error)  # the other months are not lost with this one
             if group is groups[-1]:
                 raise type(error)(*(problem for one in failed for problem in one.problems)) from error
             continue
         own = {name: hashes[name] for name in group.files}
-        entry = HistoryEntry(project.name, group.date, own, inputs, estimate)
+        entry = HistoryEntry(project.name, group.date, own, inputs, found.estimate)
         entries.append((entry, append(project.history, entry)))
-    written = _write(prepared, entries[-1][0].estimate, readings)
+    assert found is not None  # the last group is identified in any case
+    written = _write(prepared, found)
     after = {**lock.written, **{name: file_hash(project.place(name)) for name in names}}
     save_lock(project.lock, Lock(records=hashes, written=after))
     paths = tuple(project.place(name) for name in groups[-1].files)
     new = tuple(name for name, one in hashes.items() if lock.records.get(name) != one)
-    return Ran(tuple(entries), tuple(failed), paths, tuple(readings), tuple(written), new)
+    return Ran(tuple(entries), tuple(failed), paths, found, tuple(written), new)
 
 
-def _identified(prepared: Prepared, group: RecordsTable) -> tuple[Estimate, list[Reading]]:
+def _identified(prepared: Prepared, group: RecordsTable) -> Identified:
     """Return the estimate of a group; a mistake names the group."""
-    from modelgen.runtime.identification.identify import identify
-
     label = group.files[0] if group.date is None else group.date.isoformat()
     paths = [prepared.project.place(name) for name in group.files]
     step(f"identifying {label}")
     try:
-        readings = tagged(
-            read_files(paths, [prepared.model], prepared.given),
-            [f"{name}={tag}" for name, tag in group.tags.items()],
-        )
-        return identify(prepared.model, [one.record for one in readings], **prepared.settings), readings
+        tags = [f"{name}={tag}" for name, tag in group.tags.items()]
+        read = read_for(paths, prepared.models, prepared.given, tags, group.sensors)
+        return identified(prepared.models, read, prepared.settings)
     except ModelgenError as error:
         where = f"{prepared.project.path}: records of {label}"
         raise type(error)(
@@ -116,18 +112,18 @@ def _identified(prepared: Prepared, group: RecordsTable) -> tuple[Estimate, list
         ) from error
 
 
-def _write(prepared: Prepared, estimate: Estimate, readings: Sequence[Reading]) -> list[str]:
+def _write(prepared: Prepared, found: Identified) -> list[str]:
     """Write what the project asks for, where it is not there already to the byte."""
     from modelgen.cli.write_report import report_text
 
     project, output = prepared.project, prepared.project.table.output
     contents: dict[str, str] = {}
     if output.estimate is not None:
-        contents[output.estimate] = estimate.to_json()
+        contents[output.estimate] = found.estimate.to_json()
     if output.report is not None:
         step("writing the report")
         contents[output.report] = report_text(
-            prepared.model, prepared.module, readings, estimate, prepared.described(), prepared.spec, None
+            found, prepared.module, prepared.described(), prepared.spec, None
         )
     return [name for name, text in contents.items() if _changed(project.place(name), text)]
 

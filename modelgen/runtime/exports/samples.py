@@ -39,7 +39,8 @@ def with_samples(model: Model, values: Values, estimate: Estimate, count: int, s
     if not np.isfinite(spread).all():
         raise DataError.at("samples", "need standard deviations, which the estimate lacks", "identify again")
     drawing = Drawing.of(model, values, estimate, names)
-    sums, rng = Sums.of(model, estimate), np.random.default_rng(seed)
+    joined, rng = bool(estimate.model.joined), np.random.default_rng(seed)
+    sums = None if joined else Sums.of(model, estimate)
     fixed = {name: value for name, value in values.nominal.items() if values.origin[name] != FOLLOWS}
     kept: list[Mapping[str, float]] = []
     draws = 0
@@ -54,7 +55,7 @@ def with_samples(model: Model, values: Values, estimate: Estimate, count: int, s
             **fixed,
             **{n: values.nominal[n] + s * m for n, s, m in zip(names, spread, moved, strict=True)},
         }
-        sample |= sums.following(model, base, sample)
+        sample |= sums.following(model, base, sample) if sums is not None else {}
         draws += 1
         if _is_possible(model, values.nominal, sample):
             kept.append({name: float(sample[name]) for name in values.nominal})
@@ -85,13 +86,17 @@ class Drawing:
     @classmethod
     def of(cls, model: Model, values: Values, estimate: Estimate, names: list[str]) -> Drawing:
         """Return how to draw base parameters, and what they move the named ones by."""
+        if estimate.model.joined:  # what is drawn are physical parameters
+            found = list(estimate.params)
+            deviations, root = _deviations_and_root(estimate)
+            return cls(
+                np.arange(len(found)), deviations, root, np.eye(len(found))[[found.index(n) for n in names]]
+            )
         full = {**dict.fromkeys(model.parameters, 1.0), **values.nominal}
         rows = np.array([model.base_parameters.index(name) for name in estimate.params])
         size = np.array([abs(full[name]) or 1.0 for name in model.parameters])
-        deviations = np.sqrt(np.diag(estimate.cov_params()))
+        deviations, root = _deviations_and_root(estimate)
         divisor = np.where(deviations == 0.0, 1.0, deviations)
-        sizes, shapes = np.linalg.eigh(estimate.cov_params() / np.outer(divisor, divisor))
-        root = shapes * np.sqrt(np.maximum(sizes, 0.0))
         slopes = model.base_jacobian(full)[rows] * size / divisor[:, None]
         inverse = np.linalg.pinv(slopes, rcond=DETERMINED)[[model.parameters.index(name) for name in names]]
         spread = np.sqrt(np.sum((inverse @ root) ** 2, axis=1))
@@ -103,3 +108,11 @@ class Drawing:
         base = estimate.base.copy()
         base[self.rows] += self.deviations * moved
         return base, self.inverse @ moved
+
+
+def _deviations_and_root(estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+    """Return standard deviations and a root of the correlations, shape (parameters, parameters)."""
+    deviations = np.sqrt(np.diag(estimate.cov_params()))
+    divisor = np.where(deviations == 0.0, 1.0, deviations)
+    sizes, shapes = np.linalg.eigh(estimate.cov_params() / np.outer(divisor, divisor))
+    return deviations, shapes * np.sqrt(np.maximum(sizes, 0.0))

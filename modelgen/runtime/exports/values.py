@@ -76,7 +76,7 @@ def export_values(
     nominal |= given
     origin |= dict.fromkeys(given, "given")
     std = {name: value for name, value in std.items() if name not in given}
-    if isinstance(source, Estimate):
+    if isinstance(source, Estimate) and not source.model.joined:
         following = Sums.of(model, source).following(model, source.base, nominal)
         nominal |= following
         origin |= dict.fromkeys(following, FOLLOWS)
@@ -91,6 +91,8 @@ def export_values(
 
 
 def _refuse_other(model: Model, estimate: Estimate) -> None:
+    if estimate.model.joined and estimate.model.chain == model.chain:
+        return  # its parameters are physical ones, whatever the sensors
     if (estimate.model.chain, estimate.model.sensor_set) != (model.chain, model.sensor_set) or len(
         estimate.base
     ) != len(model.base_parameters):

@@ -37,6 +37,16 @@ class PhysicalSolution:
     left: FloatArray
     error: FloatArray
 
+    def left_over(self, covariance: FloatArray) -> tuple[float, int]:
+        """Return the chi square of what is left of the composites, and its degrees of freedom.
+
+        `covariance` is that of the composites, shape (identified, identified).
+        """
+        if not self.error.size:
+            return 0.0, 0
+        whiten = whitening(self.left @ covariance @ self.left.T, SMALLEST_SPREAD)
+        return float(np.sum((whiten @ self.error) ** 2)), self.error.size
+
     def contradiction(self, covariance: FloatArray) -> float:
         """Return by which factor the composites contradict each other, in standard deviations; 1 where not.
 
@@ -45,11 +55,8 @@ class PhysicalSolution:
         """
         from scipy.stats import chi2
 
-        if not self.error.size:
-            return 1.0
-        whiten = whitening(self.left @ covariance @ self.left.T, SMALLEST_SPREAD)
-        found, spare = float(np.sum((whiten @ self.error) ** 2)), self.error.size
-        return float(np.sqrt(found / spare)) if found > chi2.isf(CONTRADICTION, spare) else 1.0
+        found, spare = self.left_over(covariance)
+        return float(np.sqrt(found / spare)) if spare and found > chi2.isf(CONTRADICTION, spare) else 1.0
 
 
 def fit_composites(

@@ -31,6 +31,7 @@ LATER = (
     "roles",
     "unseen",
     "known",
+    "joined",
     "verdict",
 )
 CHANGED = "was changed by hand: identify again, or undo the change"
@@ -66,6 +67,7 @@ def estimate_parts(document: Mapping[str, Any], where: str) -> dict[str, Any]:
             saved.get("roles", {}),
             tuple(saved.get("unseen", ())),
             _reals(saved.get("known", {})),
+            tuple(saved.get("joined", ())),
         ),
         "records": tuple(saved["records"]),
         "fit": _fit(saved, parts),

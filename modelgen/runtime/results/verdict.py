@@ -53,6 +53,7 @@ MODEL = {
     "periods differ": CHECK,
     "more than noise": CHECK,
     "not checked": CHECK,
+    "sensor sets disagree": CHECK,
 }
 KINDS: Mapping[str, str] = {**DATA, **EXPERIMENT, **MODEL}
 FIRST, SECOND, REFUSED, LATER, LAST = range(5)

@@ -1,0 +1,1 @@
+"""What a command prints, as an HTML page."""

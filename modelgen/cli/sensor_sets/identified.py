@@ -1,0 +1,119 @@
+"""Data files and modules, or a spec -> an estimate: of one sensor set, or joined from records of several."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from modelgen.cli.data_arguments import DataOptions, read_files, tagged
+from modelgen.errors import DataError, listed
+
+if TYPE_CHECKING:
+    from modelgen.runtime.joining.joint_estimate import JointEstimate
+    from modelgen.runtime.model.model import Model
+    from modelgen.runtime.records.read_record import Reading
+    from modelgen.runtime.results.estimate import Estimate
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """An estimate and what it was made from; `joint` where records of several sensor sets were joined.
+
+    `models` are those that have records, by their sensor sets.
+    """
+
+    models: Mapping[str, Model]
+    readings: Sequence[Reading]
+    estimate: Estimate
+    joint: JointEstimate | None = None
+
+    def text(self, details: bool) -> str:
+        """Return what is printed."""
+        if not details:
+            return self.estimate.answer()
+        return self.estimate.summary() if self.joint is None else self.joint.summary()
+
+
+def models_of(
+    modules: Sequence[Path], spec: str | None, sensors: Sequence[str], known: Mapping[str, float], trust: bool
+) -> dict[str, Model]:
+    """Return the models by their sensor sets: of modules, or of a spec's sets (`sensors`; else all of them).
+
+    Raises
+    ------
+    ModelgenError
+    """
+    from modelgen.cli.arguments import load_chain, sensor_sets
+    from modelgen.cli.candidates import spec_model
+    from modelgen.runtime.model.known_parameters import with_known
+    from modelgen.runtime.model.model import load_model
+
+    if modules:
+        models = [load_model(module, trust) for module in modules]
+    elif spec is not None:
+        chain = load_chain(spec)
+        models = [spec_model(chain, name) for name in (sensors or sensor_sets(chain, None))]
+    else:
+        raise DataError.at("--model", "is missing", "give a generated module, or the chain with --spec")
+    titles = [model.sensor_set for model in models]
+    twice = next((title for title in titles if titles.count(title) > 1), None)
+    if twice is not None:
+        raise DataError.at("--model", f"names the sensors {twice} twice", "give one module a sensor set")
+    return {model.sensor_set: with_known(model, known, "--set") for model in models}
+
+
+def read_for(
+    data: Sequence[Path],
+    models: Mapping[str, Model],
+    given: DataOptions,
+    tags: Sequence[str] = (),
+    of_records: Mapping[str, str] | None = None,
+    inputs: Sequence[Sequence[str]] = (),
+) -> list[tuple[str, Reading]]:
+    """Return the readings, each with its sensor set; `inputs` are further channels, see `read_files`."""
+    from modelgen.cli.sensor_sets.read_by_sensors import read_by_sensors
+
+    if len(models) == 1 and not of_records:
+        (title,) = models
+        return [(title, one) for one in tagged(read_files(data, list(models.values()), given, *inputs), tags)]
+    found = read_by_sensors(data, models, given, of_records)
+    readings = tagged([one for _, one in found], tags)
+    return [(title, one) for (title, _), one in zip(found, readings, strict=True)]
+
+
+def identified(
+    models: Mapping[str, Model], read: Sequence[tuple[str, Reading]], settings: Mapping[str, Any]
+) -> Identified:
+    """Return the estimate of readings, each with its sensor set; raises as `identify`."""
+    from modelgen.cli.sensor_sets.read_by_sensors import by_set
+    from modelgen.runtime.identification.identify import identify
+    from modelgen.runtime.joining.identify_jointly import identify_jointly
+
+    readings = [one for _, one in read]
+    used = {title: model for title, model in models.items() if title in {title for title, _ in read}}
+    if len(used) == 1:
+        (model,) = used.values()
+        return Identified(used, readings, identify(model, [one.record for one in readings], **settings))
+    joint = identify_jointly(by_set(models, [(title, one.record) for title, one in read]), **settings)
+    return Identified(used, readings, joint.estimate, joint)
+
+
+def sensors_from(given: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Return what --sensors says: names of sensor sets, and sets by record."""
+    pairs = dict(item.split("=", 1) for item in given if "=" in item)
+    return [item for item in given if "=" not in item], pairs
+
+
+def refuse_several(found: Collection[str], given: Mapping[str, Any]) -> None:
+    """Refuse options that are of one sensor set where the records are of several.
+
+    Raises
+    ------
+    DataError
+    """
+    wrong = [option for option, value in given.items() if value]
+    if len(found) > 1 and wrong:
+        what = f"is of one sensor set, and these records are of {listed(sorted(found))}"
+        raise DataError.at(wrong[0], what, "leave it out, or give the records of one set")

@@ -1,0 +1,107 @@
+"""Records of different sensors through the commands; pages of what commands print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from modelgen.cli.main import app
+from modelgen.runtime.results.estimate import Estimate
+from tests.runtime.joining.test_identify_jointly import TOWER
+
+SETS = ("low", "ends")
+
+
+def run(*arguments: str, code: int = 0) -> str:
+    done = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
+    assert done.exit_code == code, done.output
+    return str(done.stdout if code == 0 else done.output)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("tower")
+    (folder / "tower.toml").write_text(TOWER, encoding="utf-8")
+    for seed, name in enumerate((*SETS, "all")):
+        given = ("simulate", str(folder / "tower.toml"), "--sensors", name, "--excitation", "chirp")
+        noise = ("--noise", "q_1=1e-7", "--noise", "F=1e-3", "--seed", str(seed))
+        run(*given, "--fs", "1000", "--duration-s", "3", *noise, "-o", str(folder / f"{name}.csv"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def answer(folder: Path) -> str:
+    files = [str(folder / f"{name}.csv") for name in SETS]
+    chosen = [word for name in SETS for word in ("--sensors", name)]
+    outputs = ["-o", str(folder / "j.json"), "--report", str(folder / "j.html")]
+    project = ["--save-project", str(folder / "j.project.toml")]
+    return run(
+        "identify",
+        *files,
+        "--spec",
+        str(folder / "tower.toml"),
+        *chosen,
+        "--method",
+        "wls",
+        *outputs,
+        *project,
+    )
+
+
+def test_each_file_is_for_the_sensors_it_has(folder: Path, answer: str) -> None:
+    assert "tower, sensors low + ends" in answer
+    saved = Estimate.load(folder / "j.json")
+    assert saved.model.joined == SETS
+    assert {*saved.physical} >= {"M_1", "M_2", "M_3", "K_1"}
+    page = (folder / "j.html").read_text(encoding="utf-8")
+    assert "all sensor sets and each alone" in page and page.count("<svg") >= 3 and "<script src" not in page
+
+
+def test_the_project_says_the_same(folder: Path, answer: str) -> None:
+    found = json.loads(run("run", str(folder / "j.project.toml"), "--json"))["estimate"]
+    assert found["params"] == dict(Estimate.load(folder / "j.json").params)
+
+
+def test_a_joined_estimate_is_validated_with_a_page(folder: Path, answer: str) -> None:
+    run("generate", str(folder / "tower.toml"), "--sensors", "all", "-o", str(folder))
+    given = ("--model", str(folder / "tower_all.py"), "--estimate", str(folder / "j.json"))
+    run("validate", str(folder / "all.csv"), *given, "--report", str(folder / "v.html"))
+    page = (folder / "v.html").read_text(encoding="utf-8")
+    assert "open loop" in page and page.count("<canvas") == 3 and "fit %" in page
+    again = run("validate", str(folder / "all.csv"), *given, "--report", str(folder / "v.html"), code=2)
+    assert "exists already" in again
+
+
+def test_compare_writes_a_page(folder: Path, answer: str) -> None:
+    run(
+        "compare",
+        str(folder / "j.json"),
+        str(folder / "j.json").replace("j.json", "./j.json"),
+        "--report",
+        str(folder / "c.html"),
+    )
+    page = (folder / "c.html").read_text(encoding="utf-8")
+    assert "95 % intervals" in page and "<svg" in page and "chi2" in page
+
+
+def test_what_fits_no_set_or_two_is_explained(folder: Path) -> None:
+    spec = str(folder / "tower.toml")
+    told = run(
+        "identify", str(folder / "low.csv"), "--spec", spec, "--sensors", "ends", "--sensors", "all", code=2
+    )
+    assert "q_3" in told and "Traceback" not in told
+    both = run(
+        "identify", str(folder / "all.csv"), "--spec", spec, "--sensors", "low", "--sensors", "ends", code=2
+    )
+    assert "has the channels of low, ends" in both and "--sensors all=low" in both
+    missing = run("identify", str(folder / "all.csv"), code=2)
+    assert "--model" in missing and "--spec" in missing
+    figure = ("--figure", str(folder / "x.png"))
+    files = [str(folder / f"{name}.csv") for name in SETS]
+    several = run(
+        "identify", *files, "--spec", spec, "--sensors", "low", "--sensors", "ends", *figure, code=2
+    )
+    assert "is of one sensor set" in several
