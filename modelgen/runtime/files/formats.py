@@ -12,7 +12,20 @@ from modelgen.runtime.files.size_limits import check_columns
 from modelgen.runtime.files.source import Source
 
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
-SUFFIXES = (*TEXT_SUFFIXES, ".npz", ".mat", ".parquet", ".h5", ".hdf5", ".mf4", ".mdf", ".tdms", ".mcap")
+SUFFIXES = (
+    *TEXT_SUFFIXES,
+    ".npz",
+    ".mat",
+    ".parquet",
+    ".h5",
+    ".hdf5",
+    ".mf4",
+    ".mdf",
+    ".tdms",
+    ".mcap",
+    ".bag",
+    ".db3",
+)
 
 
 def open_source(path: Path) -> Source:
@@ -56,9 +69,13 @@ def _opener(suffix: str) -> Callable[[Path], Source]:
 
         return open_mdf
     if suffix == ".mcap":
-        from modelgen.runtime.files.child_process.mcap import open_mcap
+        from modelgen.runtime.files.child_process.messages import open_mcap
 
         return open_mcap
+    if suffix in (".bag", ".db3"):
+        from modelgen.runtime.files.child_process.messages import open_rosbag
+
+        return open_rosbag
     if suffix == ".parquet":
         from modelgen.runtime.files.parquet import open_parquet
 

@@ -27,12 +27,16 @@ PLAIN = "biufcSUmM"  # kinds of arrays whose bytes are all there is
 Call = Callable[..., Iterator[Any]]
 BUFFER = 1 << 20  # bytes of a pipe
 PATIENCE_S, BYTES_PER_S = 2, 2_000_000  # of processor time for a file, and more for a large one
-SLOW = {"mcap": 50_000}  # bytes/s where the library decodes message by message, from packed files
+SLOW = {
+    "mcap": 50_000,
+    "rosbag": 50_000,
+}  # bytes/s where the library decodes message by message, from packed files
 # the module that answers a kind of call, and the library that it needs
 MODULES = {
     "hdf5": ("modelgen.runtime.files.child_process.hdf5_calls", "h5py"),
     "mdf": ("modelgen.runtime.files.child_process.mdf_calls", "asammdf"),
     "mcap": ("modelgen.runtime.files.child_process.mcap_calls", "mcap_ros2"),
+    "rosbag": ("modelgen.runtime.files.child_process.rosbag_calls", "numpy"),
 }
 
 

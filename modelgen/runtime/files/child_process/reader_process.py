@@ -37,6 +37,7 @@ KINDS = {
     "hdf5": ("HDF5 file", "h5py"),
     "mdf": ("MDF file", "asammdf"),
     "mcap": ("MCAP file", "mcap_ros2"),
+    "rosbag": ("ROS bag", "numpy"),
 }
 MORE_ARGUMENTS: tuple[str, ...] = ()
 

@@ -1,4 +1,4 @@
-"""Recordings of robots (.mcap, what ROS 2 records) -> Source; needs mcap and mcap-ros2-support."""
+"""Recordings of robots -> Source: .mcap (needs mcap and mcap-ros2-support), bags of ROS 1 and ROS 2."""
 
 from __future__ import annotations
 
@@ -12,14 +12,24 @@ from modelgen.runtime.files.source import Columns, Source
 
 
 def open_mcap(path: Path) -> Source:
-    """Return the source of an MCAP file: a column a number of a message, a column of times a topic.
+    """Return the source of an MCAP file; raises as `open_messages`."""
+    return open_messages(path, "mcap", "an MCAP file")
+
+
+def open_rosbag(path: Path) -> Source:
+    """Return the source of a bag of ROS 1 (.bag) or ROS 2 (.db3); raises as `open_messages`."""
+    return open_messages(path, "rosbag", f"a bag of ROS {1 if path.suffix.lower() == '.bag' else 2}")
+
+
+def open_messages(path: Path, kind: str, title: str) -> Source:
+    """Return the source of a recording: a column a number of a message, a column of times a topic.
 
     Raises
     ------
     DataError
         When the libraries are missing, the file is none or damaged, or holds too many columns.
     """
-    topics, left_out = ask("mcap.listing", path)
+    topics, left_out = ask(f"{kind}.listing", path)
     names: dict[str, None] = {}
     places: dict[str, tuple[str, str]] = {}
     times: dict[str, str] = {}
@@ -38,12 +48,12 @@ def open_mcap(path: Path) -> Source:
         stamps = [name for name in asked if name in times]
         # every topic's times are counted from one instant
         every = list(dict.fromkeys([*(times[clock] for clock in stamps), *times.values()]))
-        read = ask("mcap.columns", path, wanted=[places[name] for name in samples], clocks=every)
+        read = ask(f"{kind}.columns", path, wanted=[places[name] for name in samples], clocks=every)
         found = dict(zip(samples, read, strict=False))
         of_topic = dict(zip(every, read[len(samples) :], strict=True))
         return {name: found[name] if name in places else of_topic[times[name]] for name in asked}
 
-    took = [f"an MCAP file of {len(times)} topic(s), times of the messages' headers, or of logging"]
+    took = [f"{title} of {len(times)} topic(s), times of the messages' headers, or of logging"]
     if left_out:
         took.append("left out: " + listed(f"{topic} ({why})" for topic, why in left_out.items()))
     units = dict.fromkeys(times, "s")
