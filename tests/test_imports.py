@@ -39,6 +39,7 @@ PUBLIC = {
     "export",
     "generate",
     "identify",
+    "identify_jointly",
     "load_model",
     "load_arm",
     "load_spec",
@@ -46,6 +47,7 @@ PUBLIC = {
     "read_record",
     "record_from_frame",
     "simulate",
+    "with_known",
 }
 
 LOADED = """

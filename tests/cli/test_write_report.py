@@ -12,6 +12,7 @@ import pytest
 
 from generated import emps_rigid_qm
 from modelgen.cli.output_files import FIGURES, REPORTS, OutputFiles, check_output
+from modelgen.cli.sensor_sets.identified import Identified
 from modelgen.cli.write_report import _spec_of, check_inputs, sensor_set_rows, write_figure
 from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.identification.identify import identify
@@ -45,7 +46,8 @@ def report(
     options = {"--method": "wls", "--mend": [], "data": ["run1.csv"]}
     module = Path(str(emps_rigid_qm.__file__))
     arguments: dict[str, Any] = {"spec": None, "controller": None, **given}
-    OutputFiles(None, path, None, overwrite).write(MODEL, module, readings, estimate, options, **arguments)
+    found = Identified({MODEL.sensor_set: MODEL}, readings, estimate)
+    OutputFiles(None, path, None, overwrite).write(found, module, options, **arguments)
     return path.read_text(encoding="utf-8")
 
 

@@ -34,7 +34,7 @@ ALLOWED = {
     "atomic_write.py": "writes",
     "cli/standard_streams.py": "the null device, in place of a closed stream",
     "render/environment.py": "the program's own templates",
-    "report/page.py": "the program's own templates",
+    "report/html.py": "the program's own templates",
     "render/user_templates.py": "the pipe of its child, and what the system says of its memory",
     "runtime/exports/fmu.py": "the program's own C source, and what the compiler made of it",
     "runtime/files/child_process/reader_process.py": "what its own child answers",

@@ -15,18 +15,22 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from modelgen.read_file import DATA, open_file
-from modelgen.runtime.files.child_process import message_columns
-from modelgen.runtime.files.child_process.message_columns import Decoder, Message
+from modelgen.runtime.files.child_process.message_columns import (
+    Decoder,
+    Message,
+    columns_of,
+    listing_of,
+)
 
 
 def listing(path: Path) -> Iterator[Any]:
-    """Yield the topics and those that are left out, see `message_columns.listing`."""
-    return message_columns.listing(_messages(path, None), "neither ROS 2 nor JSON")
+    """Yield the topics and those that are left out, see `message_columns`."""
+    return listing_of(_messages(path, None), "neither ROS 2 nor JSON")
 
 
 def columns(path: Path, wanted: Sequence[Sequence[str]], clocks: Sequence[str]) -> Iterator[Any]:
-    """Yield the samples of fields and the times of topics, see `message_columns.columns`."""
-    return message_columns.columns(partial(_messages, path), wanted, clocks)
+    """Yield the samples of fields and the times of topics, see `message_columns`."""
+    return columns_of(partial(_messages, path), wanted, clocks)
 
 
 def _messages(path: Path, topics: Sequence[str] | None) -> Iterator[Message]:

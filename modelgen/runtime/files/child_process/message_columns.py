@@ -19,7 +19,7 @@ Decoder = Callable[[bytes], Any]
 Message = tuple[str, Decoder | None, bytes, int]
 
 
-def listing(messages: Iterable[Message], unknown: str) -> Iterator[Any]:
+def listing_of(messages: Iterable[Message], unknown: str) -> Iterator[Any]:
     """Yield the topics, {"topic", "fields", "messages"}, and those that are left out with the reason.
 
     `unknown` is that of topics without a decoder.
@@ -45,7 +45,7 @@ def listing(messages: Iterable[Message], unknown: str) -> Iterator[Any]:
     yield left_out
 
 
-def columns(
+def columns_of(
     messages: Callable[[Sequence[str]], Iterable[Message]],
     wanted: Sequence[Sequence[str]],
     clocks: Sequence[str],

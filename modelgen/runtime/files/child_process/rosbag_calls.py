@@ -17,8 +17,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from modelgen.read_file import DATA, open_file
-from modelgen.runtime.files.child_process import message_columns
-from modelgen.runtime.files.child_process.message_columns import Decoder, Message
+from modelgen.runtime.files.child_process.message_columns import (
+    Decoder,
+    Message,
+    columns_of,
+    listing_of,
+)
 from modelgen.runtime.files.child_process.ros_messages import decoder
 
 MAGIC = b"#ROSBAG V2.0\n"
@@ -27,13 +31,13 @@ LARGEST_CHUNK = 1 << 30  # bytes, unpacked
 
 
 def listing(path: Path) -> Iterator[Any]:
-    """Yield the topics and those that are left out, see `message_columns.listing`."""
-    return message_columns.listing(_messages(path, None), "a type without its definition in the bag")
+    """Yield the topics and those that are left out, see `message_columns`."""
+    return listing_of(_messages(path, None), "a type without its definition in the bag")
 
 
 def columns(path: Path, wanted: Sequence[Sequence[str]], clocks: Sequence[str]) -> Iterator[Any]:
-    """Yield the samples of fields and the times of topics, see `message_columns.columns`."""
-    return message_columns.columns(partial(_messages, path), wanted, clocks)
+    """Yield the samples of fields and the times of topics, see `message_columns`."""
+    return columns_of(partial(_messages, path), wanted, clocks)
 
 
 def _messages(path: Path, topics: Sequence[str] | None) -> Iterator[Message]:
