@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 from xml.etree import ElementTree
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modelgen.cli.arms.arm_tables import describe_arm
@@ -14,7 +14,17 @@ from modelgen.report.arm_drawing import draw_arm
 from modelgen.spec.arms.draft import Described
 from modelgen.spec.arms.load import parse_arm
 from modelgen.spec.arms.urdf.read_urdf import described_arm
-from tests.fuzz.test_specs import FUZZ, MARKS, NUMBER, TEXT, check_lines, document_text, mostly, table
+from tests.fuzz.test_specs import (
+    FUZZ,
+    MARKS,
+    NIGHTLY,
+    NUMBER,
+    TEXT,
+    check_lines,
+    document_text,
+    mostly,
+    table,
+)
 from tests.spec.arms.random_urdf import random_urdf
 
 NAME = st.sampled_from(["1", "2", "3", "tool", "base", "L1", "Ia_1"])
@@ -59,19 +69,56 @@ DOCUMENT = st.fixed_dictionaries(
 )
 
 
-def explained(text: str) -> None:
+def explained(text: str) -> bool:
     """Parse an arm, and show and draw it if it is one."""
     try:
         arm = parse_arm(text, "arm.toml")
     except SpecError as error:
         check_lines(error)
         assert all(problem.where.startswith("arm.toml") for problem in error.problems)
-        return
+        return False
     try:
         describe_arm(arm)
     except ModelgenError as error:
         check_lines(error)
     ElementTree.fromstring(draw_arm(arm))
+    return True
+
+
+@st.composite
+def good_documents(draw: st.DrawFn) -> dict[str, Any]:
+    """Draw an arm of at most four joints that is free of mistakes."""
+    angles = st.sampled_from([0, 90, -90, 180, 30.5, "pi/2", "0.3 rad"])
+    lengths = st.sampled_from([0, 0.4, -1.25, "1/3", "L", "-L/2"])
+    joints: list[dict[str, Any]] = []
+    for k in range(draw(st.integers(1, 4))):
+        row = {"gamma": angles, "alpha": angles, "b": lengths, "d": lengths}
+        origin = {
+            "xyz": st.lists(lengths, min_size=3, max_size=3),
+            "rpy": st.lists(angles, min_size=3, max_size=3),
+        }
+        place = draw(st.sampled_from([row, origin])) | {"theta": angles, "r": lengths}
+        kind = draw(st.sampled_from(["revolute", "prismatic", "fixed"] if k else ["revolute", "prismatic"]))
+        drive = {
+            "viscous": st.booleans(),
+            "friction": st.just("asymmetric"),
+            "gear": st.just(-50),
+            "gain": st.booleans(),
+        }
+        more = {} if kind == "fixed" else drive
+        joint = draw(st.fixed_dictionaries({}, optional=place | more | {"massless": st.booleans()}))
+        parent = draw(st.sampled_from(["base", *(one["name"] for one in joints)]))
+        joints.append({"name": f"j{k}", "type": kind, "parent": parent, **joint})
+    document: dict[str, Any] = {"arm": {"name": "arm"}, "joints": joints}
+    if any("L" in str(joint) for joint in joints):
+        document["lengths"] = {"L": draw(st.sampled_from([0.5, "symbolic"]))}
+    return document
+
+
+@settings(FUZZ, max_examples=1000 if NIGHTLY else 40)
+@given(good_documents())
+def test_good_arms_are_shown_and_drawn(document: dict[str, Any]) -> None:
+    assert explained(document_text(document))
 
 
 @FUZZ

@@ -28,12 +28,16 @@ from modelgen.runtime.records.mapping_file import load_mapping
 from modelgen.runtime.records.read_record import read_record
 from modelgen.runtime.results.estimate_file import load_estimate
 from modelgen.runtime.simulation.controller_file import load_controller
+from modelgen.spec.arms.load import load_arm, parse_arm
 from modelgen.spec.load import catalog_path, load_spec
 
 CHAIN = load_spec(catalog_path("emps_rigid"))
+ARM = '[arm]\nname = "a"\nurdf = "{}"\n'
 MEGABYTES = 500
 ENTRIES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "spec": ("a.toml", load_spec),
+    "arm": ("a.toml", load_arm),
+    "urdf": ("a.urdf", lambda path: parse_arm(ARM.format(path.name), "a.toml", path.parent)),
     "module": ("a.py", load_model),
     "trusted module": ("a.py", lambda path: load_model(path, trust=True)),
     "mapping": ("a.toml", load_mapping),
