@@ -22,14 +22,16 @@ FromUrdf = Annotated[
 
 
 def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of it: letters, digits and _.")],
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of the chain or arm: letters, digits and _.")
+    ],
     arm: OfArm = False,
     urdf: FromUrdf = None,
     project: WithProject = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
-    """Write NAME.toml, a commented starter spec; or a project file for a chain."""
+    """Write NAME.toml, a commented starter spec of a chain or an arm; or a project file for a chain."""
     from modelgen.atomic_write import write_whole
 
     if project and (arm or urdf):

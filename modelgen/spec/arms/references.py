@@ -28,15 +28,12 @@ def check_arm(document: Document, spec: ArmSpec, described: Described | None) ->
     complete = not unread and ("joints" not in document or document["joints"] is not None)
     joints = {joint.name: joint for joint in reversed(spec.joints)}
     joints = dict(reversed(joints.items()))  # of two with one name the first, in the order of the file
+    theirs = frozenset(joint.name for joint in described.joints) if described else frozenset()
     return [
         *(_check_present(spec, described) if complete else ()),
-        *_check_names(tables, described),
-        *(_check_parents(tables, joints, described) if complete else ()),
-        *(
-            found
-            for k, table in enumerate(tables)
-            for found in _check_joint(k, table or {}, joints, described)
-        ),
+        *_check_names(tables, theirs if described else None),
+        *(_check_parents(tables, joints) if complete else ()),
+        *(found for k, table in enumerate(tables) for found in _check_joint(k, table or {}, joints, theirs)),
         *check_transmission(document, spec, joints if complete else None),
         *check_shared_names(spec, tables),
         *(check_lengths(document, spec) if complete else ()),
@@ -67,7 +64,7 @@ def _check_present(spec: ArmSpec, described: Described | None) -> Iterator[Probl
         yield Problem("joints", "hold none that moves", 'write one of type = "revolute" or "prismatic"')
 
 
-def _check_names(tables: Sequence[Document | None], described: Described | None) -> Iterator[Problem]:
+def _check_names(tables: Sequence[Document | None], theirs: frozenset[str] | None) -> Iterator[Problem]:
     first: dict[str, int] = {}
     for k, table in enumerate(tables):
         name = (table or {}).get("name")
@@ -75,9 +72,8 @@ def _check_names(tables: Sequence[Document | None], described: Described | None)
             yield Problem(
                 f"joints[{k}].name", f"{shown(name)} is the name of joints[{first[name]}]", "rename one"
             )
-    if described is None:
+    if theirs is None:
         return
-    theirs = {joint.name for joint in described.joints}
     for k, table in enumerate(tables):
         name = (table or {}).get("name")
         if table and isinstance(name, str) and name not in theirs and "parent" not in table:
@@ -87,9 +83,7 @@ def _check_names(tables: Sequence[Document | None], described: Described | None)
             yield Problem(f"joints[{k}].name", f"{shown(name)} is no joint of the URDF", remedy)
 
 
-def _check_parents(
-    tables: Sequence[Document], joints: Mapping[str, Joint], described: Described | None
-) -> Iterator[Problem]:
+def _check_parents(tables: Sequence[Document], joints: Mapping[str, Joint]) -> Iterator[Problem]:
     wrong = False
     for k, table in enumerate(tables):
         parent = table.get("parent")
@@ -128,10 +122,9 @@ def _cycle(joints: Mapping[str, Joint]) -> tuple[str, ...]:
 
 
 def _check_joint(
-    place: int, table: Document, joints: Mapping[str, Joint], described: Described | None
+    place: int, table: Document, joints: Mapping[str, Joint], theirs: frozenset[str]
 ) -> Iterator[Problem]:
     where = f"joints[{place}]"
-    theirs = {joint.name: joint for joint in described.joints} if described else {}
     name = str(table.get("name"))
     kind = joints[name].kind if name in joints else table.get("type") or "revolute"
     if name in theirs:

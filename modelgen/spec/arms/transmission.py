@@ -10,6 +10,8 @@ from modelgen.errors import Problem
 from modelgen.spec.arms.arm import ArmSpec, Joint
 from modelgen.spec.words import shown, suggest
 
+_PRIMES = (2**61 - 1, 2**89 - 1)
+
 
 def check_transmission(
     document: Document, spec: ArmSpec, joints: Mapping[str, Joint] | None
@@ -43,18 +45,25 @@ def check_transmission(
 
 
 def is_invertible(matrix: Sequence[Sequence[Fraction]]) -> bool:
-    """Return whether a square matrix has an inverse, by exact elimination; nearly all of it is diagonal."""
-    rows = [{k: value for k, value in enumerate(row) if value} for row in matrix]
+    """Return whether a square matrix has an inverse, by elimination modulo two primes.
+
+    What is not zero modulo a prime is not zero; both divide only determinants made for it.
+    """
+    return any(_is_invertible_modulo(matrix, prime) for prime in _PRIMES)
+
+
+def _is_invertible_modulo(matrix: Sequence[Sequence[Fraction]], prime: int) -> bool:
+    if any(value.denominator % prime == 0 for row in matrix for value in row):
+        return False
+    rows = [[v.numerator * pow(v.denominator, -1, prime) % prime for v in row] for row in matrix]
     for column in range(len(rows)):
-        pivot = next((k for k in range(column, len(rows)) if column in rows[k]), None)
+        pivot = next((k for k in range(column, len(rows)) if rows[k][column]), None)
         if pivot is None:
             return False
         rows[column], rows[pivot] = rows[pivot], rows[column]
-        for row in rows[column + 1 :]:
-            if column in row:
-                factor = row[column] / rows[column][column]
-                for k, value in rows[column].items():
-                    row[k] = row.get(k, Fraction(0)) - factor * value
-                    if not row[k]:
-                        del row[k]
+        inverse = pow(rows[column][column], -1, prime)
+        for k in range(column + 1, len(rows)):
+            factor = rows[k][column] * inverse % prime
+            if factor:
+                rows[k] = [(a - factor * b) % prime for a, b in zip(rows[k], rows[column], strict=True)]
     return True

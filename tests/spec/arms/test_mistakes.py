@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import pytest
+import sympy
+from hypothesis import given
+from hypothesis import strategies as st
 
 from modelgen.errors import SpecError
 from modelgen.spec.arms.load import parse_arm
+from modelgen.spec.arms.transmission import is_invertible
 
 GOOD = """
 [arm]
@@ -154,6 +160,22 @@ def test_couplings_that_leave_no_inverse_are_refused() -> None:
 )
 def test_a_file_that_is_hardly_begun_is_explained(text: str) -> None:
     assert problems(text)
+
+
+@given(st.lists(st.integers(-3, 3), min_size=16, max_size=16))
+def test_an_inverse_is_found_as_exact_elimination_finds_it(entries: list[int]) -> None:
+    rows = [[Fraction(entry, 7) for entry in entries[k : k + 4]] for k in range(0, 16, 4)]
+    assert is_invertible(rows) == (sympy.Matrix(4, 4, entries).det() != 0)
+
+
+def test_many_couplings_are_decided_at_once() -> None:
+    joints = "".join(f'[[joints]]\nname = "j{k}"\n' for k in range(100))
+    pairs = [(i, j) for i in range(100) for j in range(100) if i != j][:5000]
+    couplings = "".join(
+        f'[[couplings]]\nmotor = "j{i}"\njoint = "j{j}"\nratio = 1.{(i * 7919 + j * 104729) % 99991}e-7\n'
+        for i, j in pairs
+    )
+    assert len(parse_arm(f'[arm]\nname = "a"\n{joints}{couplings}', "a.toml").transmission) == 100
 
 
 def test_too_many_joints_are_refused_at_once() -> None:

@@ -14,6 +14,7 @@ from modelgen.spec.arms.urdf.xml_tree import Element
 from modelgen.spec.number_expression import PI
 
 _NONE = (Fraction(0),) * 3
+MOST_RADIANS = 1000  # a few turns are odd, hundreds are another unit
 #: Of a joint that has no axis; so the format says.
 USUAL_AXIS = (Fraction(1), Fraction(0), Fraction(0))
 Numbers = tuple[Fraction, ...]
@@ -21,7 +22,11 @@ Numbers = tuple[Fraction, ...]
 
 def origin_numbers(origin: Element | None, read: Attributes, of: str) -> tuple[Numbers, Numbers]:
     """Return xyz (m) and rpy (rad) of an origin, zeros where it says nothing."""
-    return without_dust(read.numbers(origin, "xyz", _NONE, of)), read.numbers(origin, "rpy", _NONE, of)
+    xyz, rpy = (read.numbers(origin, key, _NONE, of) for key in ("xyz", "rpy"))
+    if origin is not None and any(abs(angle) > MOST_RADIANS for angle in rpy):
+        read.report(origin, of, f"has an angle beyond {MOST_RADIANS} rad", "give rpy in rad, within a turn")
+        rpy = _NONE
+    return without_dust(xyz), rpy
 
 
 def turns(rpy: Sequence[Fraction]) -> tuple[Step, ...]:

@@ -174,6 +174,7 @@ WRONG = {
     "floating": (('type="continuous"', 'type="floating"'), "is of type floating: it moves in six directions"),
     "planar": (('type="continuous"', 'type="planar"'), "is of type planar"),
     "a misspelt type": (('type="continuous"', 'type="continous"'), 'did you mean "continuous"?'),
+    "degrees": (('rpy="1.5707963 0 -1.5708"', 'rpy="9000 0 0"'), "has an angle beyond 1000 rad"),
     "no axis": (('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>'), "has an axis without a direction"),
     "negative": (('value="2"', 'value="-2"'), "has value = -2, which is negative"),
     "limits": (('lower="-1"', 'lower="1.5"'), "has its lower limit 1.5 above 1"),
