@@ -63,12 +63,7 @@ def command(kind: Kind, motion: str, n: int, scale: float) -> Command:
             [0.0, 0.02, 0.08, 0.2, 0.26, 0.3, 0.36, 0.48, 0.54, 0.6, 0.66, 0.76, 0.8, 0.86, 0.96, 1.0]
         )
         levels = np.array([0, 0, 1, 1, 0, 0, -1, -1, 0, 0, 0.4, 0.4, 0, -0.4, -0.4, 0.0])
-        speed = peak * np.interp(t / T, corners, levels)
-        # jerk as a drive's generator of motion leaves it: no force steps between samples
-        width = round(0.004 / step)
-        speed = np.convolve(
-            np.pad(speed, (width // 2, width - 1 - width // 2), mode="edge"), np.ones(width) / width, "valid"
-        )
+        speed = smooth(peak * np.interp(t / T, corners, levels), step)
         return Command(np.cumsum(speed) * step, speed, np.gradient(speed, step), zero)
     low, high = 0.15 * w, min(1.8 * w, 2.0 * np.pi * 0.2 * kind.fs)
     force = scale * max(6.0 * friction, 0.02 * machine.referred * w * peak)
@@ -85,7 +80,15 @@ def command(kind: Kind, motion: str, n: int, scale: float) -> Command:
     if motion == "chirp":
         # both directions, so that friction and a constant force can be told
         speed = speed * np.where(t < 0.75 * T, 1.0, np.maximum(1.0 - (t - 0.75 * T) / (0.05 * T), -1.0))
+    speed = speed if kind.steps else smooth(speed, step)
     return Command(np.cumsum(speed) * step, speed, np.gradient(speed, step), inject)
+
+
+def smooth(speed: FloatArray, step: float) -> FloatArray:
+    """Return a speed with jerk as a drive's generator of motion leaves it: no force steps between samples."""
+    width = round(0.004 / step)
+    padded = np.pad(speed, (width // 2, width - 1 - width // 2), mode="edge")
+    return np.convolve(padded, np.ones(width) / width, "valid")
 
 
 def read(samples: FloatArray, kind: Kind, key: str, motion: Motion, n: int) -> FloatArray:

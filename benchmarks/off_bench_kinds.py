@@ -85,7 +85,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of records. `named`: words of a warning that names the cause."""
+    """One kind of records. `named`: words of a warning that names the cause; `steps`: the force jumps."""
 
     name: str
     machine: str = "table_2"
@@ -100,6 +100,7 @@ class Kind:
     held: bool = False
     noisy_loop: bool = False
     zeros_differ: float = 0.0
+    steps: bool = False
     named: tuple[str, ...] = ()
 
     @property
@@ -156,6 +157,7 @@ def _right() -> Iterator[Kind]:
     yield Kind("multisine alone", "drive", motions=("multisine",))
     yield Kind("chirp about rest", motions=("rest",), duration_s=4.0)
     yield Kind("short", "drive", duration_s=0.5)
+    yield Kind("force that steps, drive", "drive", steps=True)
 
 
 def _timing() -> Iterator[Kind]:
@@ -175,6 +177,7 @@ def _timing() -> Iterator[Kind]:
     yield Kind("force measured behind 0.3 ms", readings={"T": Reading(lag_s=3e-4)}, named=("lag",))
     yield Kind("force held over a sample", held=True, named=("held", "hold"))
     yield Kind("force held, 2 kHz drive", "drive", fs=2000.0, held=True, named=("held", "hold"))
+    yield Kind("force held, 1 kHz drive", "drive", fs=1000.0, held=True, named=("held", "hold"))
     yield Kind("load encoder early by a quarter", readings={"q_c": Reading(late_s=-5e-5)}, named=("q_c",))
     yield Kind(
         "load encoder late by a sample, drive",
@@ -282,6 +285,12 @@ def _physics() -> Iterator[Kind]:
     )
     yield Kind(
         "stiffening", change=lambda m: replace(m, cubic=200.0), named=("stiffen", "cubic", "deflection")
+    )
+    yield Kind(
+        "stiffening, drive",
+        "drive",
+        change=lambda m: replace(m, cubic=200.0),
+        named=("stiffen", "cubic", "deflection"),
     )
     yield Kind(
         "Stribeck friction",

@@ -68,6 +68,7 @@ def two_mass_records(
     seed: int = 5,
     geared: bool = False,
     noise: float = 1.0,
+    averaged: Mapping[str, int] | None = None,
 ) -> list[Record]:
     """A chirp and a trapezoid of 1.84 s.
 
@@ -77,6 +78,8 @@ def two_mass_records(
         Channel -> by how many samples it is late, in quarters of one; early where it is negative.
     zeros : mapping of str to float
         Channel -> what it reads at zero.
+    averaged : mapping of str to int
+        Channel -> over how many samples it is averaged, around the instant of the sample.
     noise : float
         Multiple of `NOISE`.
     """
@@ -88,7 +91,9 @@ def two_mass_records(
         signals = {}
         for key, samples in fine.signals.items():
             by = round(FINE * (late or {}).get(key, 0.0))
-            read = samples[ENDS - by : fine.n - ENDS - by : FINE]
+            width = FINE * (averaged or {}).get(key, 0) + 1
+            mean = np.convolve(samples, np.ones(width) / width, "same")
+            read = mean[ENDS - by : fine.n - ENDS - by : FINE]
             noisy = read + noise * rms[key] * rng.standard_normal(read.size)
             signals[key] = noisy + (zeros or {}).get(key, 0.0)
         found.append(Record(signals, FS, kind, kind))

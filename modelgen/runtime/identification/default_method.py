@@ -14,9 +14,6 @@ from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import usable_cutoff
 from modelgen.runtime.identification.explain_residual import (
-    ESTIMATED,
-    HELD,
-    estimated,
     explained,
     found_by,
     other_weights,
@@ -30,7 +27,6 @@ from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
-    AS_GOOD,
     BIAS_SHARE,
     DISAGREEMENT,
     LEFT_SHARE,
@@ -42,6 +38,8 @@ from modelgen.runtime.identification.thresholds import (
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.model_errors import delay_effects, zero_effects
+from modelgen.runtime.iv.thresholds import AS_GOOD
+from modelgen.runtime.iv.told_effects import ESTIMATED, HELD, estimated
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -205,8 +203,10 @@ def _with_starts(task: Task, method: IV) -> Begun | None:
     told = Explained(freed.observation, freed.fit, effects, freed.sizes, none, ())
     if task.checks.drift_check:
         told = explained(job, freed, start, effects)
-    advice = tuple(estimated(one, size, ()) for one, size in zip(effects, freed.sizes, strict=True))
-    return _with(replace(task, method=method), replace(told, advice=(*advice, *told.advice)))
+    else:
+        advice = tuple(estimated(one, size, ()) for one, size in zip(effects, freed.sizes, strict=True))
+        told = replace(told, advice=advice)
+    return _with(replace(task, method=method), told)
 
 
 def _starts(task: Task) -> Iterator[tuple[tuple[Effect, ...], Fit, tuple[float, ...]]]:

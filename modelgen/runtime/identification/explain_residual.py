@@ -8,7 +8,7 @@ be estimated, the intervals are widened by what it would move.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explained import Explained
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
-    AS_GOOD,
     DISAGREEMENT,
     INEXACT,
     LEFT_SHARE,
@@ -30,24 +29,21 @@ from modelgen.runtime.identification.thresholds import (
     OVER_NOISE,
     TRIED_TOO,
 )
-from modelgen.runtime.iv.effect import DIRECTION, Effect
+from modelgen.runtime.iv.effect import DIRECTION, Effect, unlike
 from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.model_errors import effects_of
-from modelgen.runtime.iv.score_tests import Score, scores, without_noise
+from modelgen.runtime.iv.other_explanations import Looked, other_explanations
+from modelgen.runtime.iv.score_tests import Score, scores, slope_of, without_noise
+from modelgen.runtime.iv.thresholds import AS_GOOD
+from modelgen.runtime.iv.told_effects import estimated, left, summed
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.unrelated_regressions import across_rows
 from modelgen.runtime.rows.observation import Observation
-
-# What is done about an effect, in words.
-ESTIMATED = "; that is estimated with the parameters"
-HELD = "; the intervals hold what that moves"
-# Effects whose sum with what the spec names is told where sensors cannot tell them apart.
-SUMMED = ("Coulomb friction", "viscous friction")
 
 
 def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) -> Explained:
@@ -66,15 +62,16 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
     """
     c, given = len(fit.columns), len(effects)
     drift, advice = np.zeros((c, c)), list[Advice]()
-    slope = _slope(job, fit)
-    sums: tuple[str, ...] | None = None
+    slope = slope_of(job.model, fit)
+    labels: tuple[str, ...] | None = None
+    ties: tuple[tuple[_Equal, ...], ...] = ()
     while True:
-        found, unseen = _scores(job, now, effects, slope)
-        sums = _sums(unseen) if sums is None else sums
+        seen = _look(job, now, effects, slope)
+        labels = summed(seen.hidden) if labels is None else labels
         if fit.carried is not None:
-            drift, advice = _held(job, now.fit, found)
+            drift, advice = _held(job, now.fit, seen.found)
             break
-        shown = [one for one in found if one.matters and one.effect.possible(one.size)]
+        shown = [one for one in seen.found if one.matters and one.effect.possible(one.size)]
         if not shown:
             break
         best = shown[0]
@@ -83,22 +80,27 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
             break
         freed = None
         if len(effects) < given + MOST_EFFECTS:
-            best, freed = _best_freed(job, fit, effects, shown)
-        others = _as_good(best, shown)
+            best, freed, equal = _best_freed(job, fit, effects, shown)
         if freed is None:
             drift = drift + np.outer(best.move, best.move)
-            advice.append(_left(best, others))
+            advice.append(_left(best, shown))
             break
-        for other in others:
-            apart = other.move - best.move
-            drift = drift + np.outer(apart, apart) / len(others)
         change = INEXACT.get(best.effect.kind, 0.0) * (freed.fit.solution.x - now.fit.solution.x)
         drift = drift + np.outer(change, change)
-        now, effects = freed, (*effects, best.effect)
-        advice.append(estimated(best.effect, freed.sizes[-1], others))
+        now, effects, ties = freed, (*effects, best.effect), (*ties, equal)
     weighed, told = other_weights(job, now.fit)
-    fit = replace(now.fit, notes=now.fit.notes + sums)
-    return Explained(now.observation, fit, effects, now.sizes, drift + weighed, (*advice, *told))
+    others, apart = _others(now, effects, seen, slope)
+    for told_of, equal in zip(others[given:], ties, strict=True):
+        names = {effect.name for effect, _ in told_of}
+        told_of += [(one.effect, one.size) for one in equal if one.effect.name not in names]
+    # what stood equal to the last one, solved for; of those before, what is left of it was looked at above
+    for one in ties[-1] if ties else ():
+        apart = apart + np.outer(one.x - now.fit.solution.x, one.x - now.fit.solution.x) / len(ties[-1])
+    found = [estimated(*one) for one in zip(effects, now.sizes, others, strict=True)]
+    fit = replace(now.fit, notes=now.fit.notes + labels)
+    return Explained(
+        now.observation, fit, effects, now.sizes, drift + weighed + apart, (*found, *advice, *told)
+    )
 
 
 def _held(job: Job, fit: Fit, found: Sequence[Score]) -> tuple[FloatArray, list[Advice]]:
@@ -112,7 +114,7 @@ def _held(job: Job, fit: Fit, found: Sequence[Score]) -> tuple[FloatArray, list[
     loud = bool(exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE))
     held = dict.fromkeys([*shown[:1], *(apart[:1] if loud else ())])
     drift = sum((np.outer(one.move, one.move) for one in held), np.zeros((len(fit.columns),) * 2))
-    return drift, [_left(one, _as_good(one, shown)) for one in shown[:1]]
+    return drift, [_left(one, shown) for one in shown[:1]]
 
 
 def _of_the_same(score: Score, effects: Sequence[Effect]) -> bool:
@@ -135,7 +137,7 @@ def with_turns(job: Job, found: Explained) -> Explained:
     if fit.carried is not None or not any(block.turning for block in fit.blocks):
         return found
     now = found_by(job, found.observation, fit)
-    shown, _ = _scores(job, now, (), _slope(job, fit), (DIRECTION,))
+    shown = _look(job, now, (), slope_of(job.model, fit), (DIRECTION,)).found
     drift = sum((np.outer(one.move, one.move) for one in shown), found.drift)
     return replace(found, drift=drift, advice=(*found.advice, *(_left(one, ()) for one in shown)))
 
@@ -189,32 +191,32 @@ def _setting(job: Job, fit: Fit) -> Setting:
     return job.setting(records)
 
 
-def _slope(job: Job, fit: Fit) -> FloatArray | None:
-    """Return how the columns grow with the physical parameters, where those were fitted in their place."""
-    values = fit.physical(job.model.parameters)
-    if values is None:
-        return None
-    places = [job.model.base_parameters.index(name) for name in fit.columns]
-    return job.model.base_jacobian(values)[places]
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What a residual says: scores, effects that are nearly columns, and rows that grow with those tested."""
+
+    found: tuple[Score, ...] = ()
+    hidden: tuple[Effect, ...] = ()
+    tested: tuple[Effect, ...] = ()
+    rows: tuple[tuple[FloatArray, ...], ...] = ()
 
 
-def _scores(
+def _look(
     job: Job,
     now: Freed,
-    estimated: Sequence[Effect],
+    known: Sequence[Effect],
     slope: FloatArray | None,
     kinds: Sequence[str] = (),
-) -> tuple[tuple[Score, ...], tuple[Effect, ...]]:
-    """Return the scores of effects not estimated, of `kinds` if any, and those that are nearly columns."""
+) -> _Seen:
+    """Return what the residual says of effects that are not estimated, of `kinds` if any."""
     try:
         simulated = simulated_records(now.fit, now.setting)
     except IdentifiabilityError:
-        return (), ()
-    known = {effect.name for effect in estimated}
+        return _Seen()
     every = effects_of(job.model, simulated[0].plant.bodies, len(job.records))
     if not any(block.turning for block in now.fit.blocks):
         every = tuple(one for one in every if one.kind != DIRECTION)
-    tested = [one for one in every if one.name not in known and (not kinds or one.kind in kinds)]
+    tested = [one for one in unlike(every, known) if not kinds or one.kind in kinds]
     others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
                                  for channel, _, _ in now.fit.delays)  # fmt: skip
     rows = effect_rows(now.fit, now.setting, simulated, tested)
@@ -225,42 +227,63 @@ def _scores(
         noise = noise_rows(now.fit, now.setting, seen, [rows[index] for index in doubtful])
         found = without_noise(found, now.fit, seen, noise, others, slope)
     told = {one.effect.name for one in found if one.own > LITTLE_OWN}
-    return found, tuple(effect for effect in tested if effect.name not in told)
+    hidden = tuple(effect for effect in tested if effect.name not in told)
+    return _Seen(found, hidden, tuple(tested), rows)
 
 
-def _sums(unseen: Sequence[Effect]) -> tuple[str, ...]:
-    """Return the note that labels friction of several bodies that these sensors see as a sum."""
-    names = [effect.name for effect in unseen if effect.name.startswith(SUMMED)]
-    if not names:
-        return ()
-    return (
-        f"{' and '.join(names)}, which the spec does not name, can hardly be told from the friction that it "
-        "names with these sensors: if there is any, the value is the sum of all bodies' friction",
-    )
+def _others(
+    now: Freed, effects: Sequence[Effect], seen: _Seen, slope: FloatArray | None
+) -> tuple[list[list[tuple[Effect, float]]], FloatArray]:
+    """Return what could stand in the place of each effect that is estimated, and what that would move."""
+    late = len(now.others) - len(effects)
+    looked = Looked(now.others[:late], now.others[late:], seen.rows, slope)
+    return other_explanations(now.fit, effects, now.sizes, now.stds, seen.tested, looked)
 
 
-def _as_good(best: Score, shown: Sequence[Score]) -> list[Score]:
-    """Return the other effects that explain the residual nearly as well."""
+def _left(best: Score, shown: Sequence[Score]) -> Advice:
+    """Return what is said of an effect that the intervals hold, and of others that explain nearly as much."""
     per_share = (best.size / best.std) ** 2 / best.explained
-    return [
-        one for one in shown if one is not best and per_share * (best.explained - one.explained) < AS_GOOD
+    others = [
+        (one.effect, one.size)
+        for one in shown
+        if one is not best and per_share * (best.explained - one.explained) < AS_GOOD
     ]
+    return left(best.effect, best.size, others)
+
+
+@dataclass(frozen=True, eq=False)
+class _Equal:
+    """An effect that leaves as little as the one that is taken, with its size, and X with it estimated."""
+
+    effect: Effect
+    size: float
+    x: FloatArray
 
 
 def _best_freed(
     job: Job, fit: Fit, effects: tuple[Effect, ...], shown: Sequence[Score]
-) -> tuple[Score, Freed | None]:
-    """Return the effect that leaves least once it is estimated, and the fit with it.
+) -> tuple[Score, Freed | None, tuple[_Equal, ...]]:
+    """Return the effect that leaves least once it is estimated, the fit with it, and its equals.
 
-    Far from the truth the shares that effects explain are shares along a tangent only.
+    Far from the truth the shares that effects explain are shares along a tangent only. Of equals the one that
+    explains most there is taken.
     """
     tried = [one for one in shown if one.explained >= TRIED_TOO * shown[0].explained][:MOST_TRIED]
-    found = [(one, _freed(job, fit, (*effects, one.effect))) for one in tried]
-    left = [(freed.fit.misfit, one, freed) for one, freed in found if freed is not None]
-    if not left:
-        return shown[0], None
-    _, one, freed = min(left, key=lambda entry: entry[0])
-    return one, freed
+    known = {effect.name for effect in effects}
+    forms = [
+        replace(one, effect=effect)
+        for one in tried
+        for effect in (one.effect, *one.effect.forms)
+        if effect.name not in known
+    ]
+    found = [(one, _freed(job, fit, (*effects, one.effect))) for one in forms]
+    come_out = [(one, freed) for one, freed in found if freed is not None]
+    if not come_out:
+        return shown[0], None, ()
+    # the misfit is half a chi square
+    most = min(freed.fit.misfit for _, freed in come_out) + 0.5 * AS_GOOD
+    (one, taken), *equal = [entry for entry in come_out if entry[1].fit.misfit < most]
+    return one, taken, tuple(_Equal(e.effect, f.sizes[-1], f.fit.solution.x) for e, f in equal)
 
 
 def _freed(job: Job, fit: Fit, effects: tuple[Effect, ...]) -> Freed | None:
@@ -270,29 +293,3 @@ def _freed(job: Job, fit: Fit, effects: tuple[Effect, ...]) -> Freed | None:
         return None
     possible = all(effect.possible(size) for effect, size in zip(effects, found.sizes, strict=True))
     return found if possible else None
-
-
-def estimated(effect: Effect, size: float, others: Sequence[Score]) -> Advice:
-    """Return what is said of an effect that is estimated; `others` explain the residual nearly as well."""
-    return Advice(
-        "more than the model",
-        "the residual",
-        f"shows that {effect.said(size)}{ESTIMATED}{_or(others)}",
-        effect.remedy,
-    )
-
-
-def _left(best: Score, others: Sequence[Score]) -> Advice:
-    return Advice(
-        "more than the model",
-        "the residual",
-        f"shows that {best.effect.said(best.size)}{HELD}{_or(others)}",
-        best.effect.remedy,
-    )
-
-
-def _or(others: Sequence[Score]) -> str:
-    if not others:
-        return ""
-    listed = "; or ".join(one.effect.said(one.size) for one in others[:3])
-    return f" (or {listed}: the intervals hold for either)"

@@ -32,10 +32,8 @@ MOST_EFFECTS = 3
 # What an effect moves is known to this share, by kind: channels are set right by a low-pass of first order,
 # what acts on the chain is simulated in first order and has one form of many. What explains less than the
 # last share of the residual that it leaves may be of that order.
-INEXACT = {"lag": 0.01, "force": 0.02, "form": 0.05, "mass": 0.05, "direction": 0.05}
+INEXACT = {"lag": 0.002, "average": 0.002, "force": 0.02, "form": 0.05, "mass": 0.05, "direction": 0.05}
 LITTLE_LEFT = 0.05
-# Another effect explains the residual as well where it falls behind by less than this, as a chi square.
-AS_GOOD = 20.0
 # An effect of which no more than this share lies outside of the columns is hardly told from them.
 LITTLE_OWN = 0.05
 # A row is left unexplained from this share of its largest term on, and this multiple of the sensors' noise.

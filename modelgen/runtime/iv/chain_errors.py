@@ -10,7 +10,6 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import DIRECTION, Changes, Effect, curvature
 from modelgen.runtime.iv.pushed_chain import deflection_of, pushed
-from modelgen.runtime.iv.thresholds import STRIBECK_QUANTILE
 from modelgen.runtime.model.model import Friction, Model
 
 ROLE_OF = {"constant force": "offset", "Coulomb friction": "coulomb", "viscous friction": "viscous"}
@@ -50,7 +49,6 @@ def _body_effects(body: str, named: Collection[str]) -> Iterator[Effect]:
         "viscous friction": ("viscous friction that the spec does not name", np.asarray),
         "quadratic friction": ("friction that grows with the square of the speed", lambda v: v * np.abs(v)),
         "friction by direction": ("viscous friction that depends on the direction", np.abs),
-        "Stribeck friction": ("more friction at low speed (Stribeck)", _stribeck),
     }
     for name, (words, form) in forms.items():
         if ROLE_OF.get(name) in named:
@@ -59,6 +57,8 @@ def _body_effects(body: str, named: Collection[str]) -> Iterator[Effect]:
         kind, said = KIND_OF.get(name, "form"), f"{words} acts on {body}"
         changes = _friction(body, form)
         yield Effect(f"{name} on {body}", kind, said, negative, "add it to the spec", changes)
+    words = f"more friction at low speed (Stribeck) acts on {body}"
+    yield Effect(f"Stribeck friction on {body}", "form", words, "", "add it to the spec", _stribeck(body))
     yield Effect(f"further mass on {body}", "mass", f"a further mass on a spring hangs on {body}",
                  "", "add the body to the spec, or excite less of the high frequencies",
                  _further_mass(body))  # fmt: skip
@@ -88,9 +88,14 @@ def _link_effects(stiffness: str, bodies: tuple[str, ...]) -> Iterator[Effect]:
                  _spring(stiffness, lambda d: -np.sign(d)))  # fmt: skip
 
 
-def _stribeck(v: FloatArray) -> FloatArray:
-    slow = float(np.quantile(np.abs(v), STRIBECK_QUANTILE)) or float(np.max(np.abs(v))) or 1.0
-    return np.asarray(np.sign(v) * np.exp(-np.abs(v) / slow))
+def _stribeck(body: str) -> Callable[[Simulated], Changes]:
+    """Return what friction does that falls with the speed, from a speed on that all records share."""
+
+    def force(simulated: Simulated) -> FloatArray:
+        v = simulated.motion[f"v_{body}"]
+        return np.asarray(-np.sign(v) * np.exp(-np.abs(v) / simulated.slow[body]))
+
+    return _on_body(body, force)
 
 
 def _on_body(body: str, force: Callable[[Simulated], FloatArray]) -> Callable[[Simulated], Changes]:
@@ -121,7 +126,6 @@ def _spring(stiffness: str, form: Callable[[FloatArray], FloatArray]) -> Callabl
         lever = deflection_of(simulated.plant, stiffness)
         motion = [simulated.motion[f"q_{body}"] for body in simulated.plant.bodies]
         d = sum(share * q for share, q in zip(lever, motion, strict=True))
-        d = d - np.mean(d)
-        return pushed(simulated, lever, -form(d / (np.std(d) or 1.0)))
+        return pushed(simulated, lever, -form(np.asarray(d)))
 
     return changes

@@ -45,13 +45,15 @@ class Simulated:
     """A record as the model would have read it, noise-free.
 
     `record` holds the channels, `motion` the signals of all bodies (``v_BODY`` and the like), `index` says
-    which of the records it is. `response` is for `modelgen.runtime.iv.pushed_chain`: what it last worked out.
+    which of the records it is. `slow` is a speed that counts as low, by body, the same for all records.
+    `response` is for `modelgen.runtime.iv.pushed_chain`: what it last worked out.
     """
 
     plant: Plant
     record: Record
     motion: Mapping[str, FloatArray]
     index: int
+    slow: Mapping[str, float] = field(default_factory=dict)
     response: dict[tuple[float, ...], tuple[ComplexArray, ComplexArray]] = field(
         default_factory=dict, repr=False
     )

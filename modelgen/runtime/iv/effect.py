@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +26,8 @@ class Effect:
     name : str
         "delay of q_c", unique.
     kind : str
-        "delay", "direction", "lag", "clock", "gain", "zero", "constant", "force", "form" (of friction or of a
-        link: one of many) or "mass": how its size is said, and how exactly it is known.
+        "delay", "direction", "lag", "average", "clock", "gain", "zero", "constant", "force", "form" (one of
+        many, of friction or of a link) or "mass": how its size is said, and how exactly it is known.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
     remedy : str
@@ -39,6 +39,11 @@ class Effect:
         for small sizes, rows are made of channels set right.
     record : int, optional
         Which record has it; None for what all of them have.
+    forms : tuple of Effect
+        Others that small sizes cannot tell from it.
+    at : callable, optional
+        (Simulated, size) -> what is added per unit of further size where the effect is set right up to that
+        size; by default what `changes` gives.
     """
 
     name: str
@@ -50,6 +55,12 @@ class Effect:
     channel: str = ""
     edit: Callable[[str, float, float], Edit] | None = None
     record: int | None = None
+    forms: tuple[Effect, ...] = ()
+    at: Callable[[Simulated, float], Changes] | None = None
+
+    def added(self, simulated: Simulated, size: float) -> Changes:
+        """Return what is added to each channel per unit of further size, shape (n,) each."""
+        return self.changes(simulated) if self.at is None or not size else self.at(simulated, size)
 
     def corrected(self, record: Record, size: float) -> Record:
         """Return a measured record without the effect, as far as its channels can be set right."""
@@ -65,7 +76,11 @@ class Effect:
         """Return the size of a delay or lag in samples at fs, in Hz; 0 for other effects."""
         if self.edit is None:
             return 0.0
-        return fs * (abs(size) if self.kind == "delay" else float(np.sqrt(2.0 * abs(size))))
+        return fs * (abs(size) if self.kind == "delay" else self._width(size))
+
+    def _width(self, size: float) -> float:
+        """Return the time constant of a lag, or the length of an average, in s."""
+        return float(np.sqrt((24.0 if self.kind == "average" else 2.0) * abs(size)))
 
     def said(self, size: float) -> str:
         """Return the effect with its size in words."""
@@ -73,7 +88,9 @@ class Effect:
         if self.kind in ("delay", DIRECTION):
             return f"{words} by {1e6 * shown:.3g} us"
         if self.kind == "lag":
-            return f"{words} (time constant about {1e6 * float(np.sqrt(2.0 * shown)):.2g} us)"
+            return f"{words} (time constant about {1e6 * self._width(size):.2g} us)"
+        if self.kind == "average":
+            return f"{words} (over about {1e6 * self._width(size):.2g} us)"
         if self.kind == "clock":
             return f"{words} ({1e6 * size:+.3g} ppm)"
         if self.kind == "gain":
@@ -81,6 +98,18 @@ class Effect:
         if self.kind == "zero":
             return f"{words} ({size:+.3g})"
         return words
+
+
+def unlike(effects: Iterable[Effect], known: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return the effects to be looked for beside those that are known: other forms only of what is known."""
+    names, found = {effect.name for effect in known}, list[Effect]()
+    for effect in effects:
+        forms = (effect, *effect.forms)
+        if any(one.name in names for one in forms):
+            found += [one for one in forms if one.name not in names]
+        else:
+            found.append(effect)
+    return tuple(found)
 
 
 def curvature(samples: FloatArray, dt: float) -> FloatArray:

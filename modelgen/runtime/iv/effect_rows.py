@@ -14,7 +14,7 @@ from modelgen.runtime.iv.companion_simulation import Simulated, possible, simula
 from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
-from modelgen.runtime.iv.thresholds import TRIED_SHARE
+from modelgen.runtime.iv.thresholds import SLOW_QUANTILE, TRIED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -34,24 +34,42 @@ def simulated_records(fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
     model = setting.model
     values = possible(model, simulation_parameters(model, fit))
     try:
-        return tuple(
+        found = tuple(
             simulated_beside(model, values, record, setting.choice, setting.loop, index)
             for index, record in enumerate(setting.records)
         )
     except DataError as error:
         raise diverged(f"its simulation fails ({error.problems[0].what})", fit, model) from error
+    slow = _slow_speeds(found)
+    return tuple(replace(one, slow=slow) for one in found)
+
+
+def _slow_speeds(simulated: Sequence[Simulated]) -> dict[str, float]:
+    """Return a speed of each body that is low for it, over all records: a size means the same in each."""
+    found = {}
+    for body in simulated[0].plant.bodies:
+        speeds = np.abs(np.concatenate([one.motion[f"v_{body}"] for one in simulated]))
+        found[body] = float(np.quantile(speeds, SLOW_QUANTILE)) or float(np.max(speeds)) or 1.0
+    return found
 
 
 def effect_rows(
-    fit: Fit, setting: Setting, simulated: Sequence[Simulated], effects: Sequence[Effect]
+    fit: Fit,
+    setting: Setting,
+    simulated: Sequence[Simulated],
+    effects: Sequence[Effect],
+    sizes: Sequence[float] = (),
 ) -> tuple[tuple[FloatArray, ...], ...]:
-    """Return d(Y - W X) / d size of each effect: one array a block of the fit, shape (n,)."""
+    """Return d(Y - W X) / d size of each effect: one array a block of the fit, shape (n,).
+
+    `sizes` are those to which the first effects are set right in the channels.
+    """
     found = [[np.zeros(len(block.place)) for block in fit.blocks] for _ in effects]
     for record, indices in fit.by_record.items():
         one = simulated[record]
         calm = _mismatch(fit, setting, one.record, record)
-        for effect, rows in zip(effects, found, strict=True):
-            changes = effect.changes(one)
+        for effect, known, rows in zip(effects, (*sizes, *[0.0] * len(effects)), found, strict=False):
+            changes = effect.added(one, known)
             size = _tried_size(one.record, changes)
             if size == 0.0:
                 continue

@@ -96,7 +96,7 @@ def fit_with_effects(
             raise diverged("its columns change", now, setting.model)
         simulated = simulated_records(plain, here)
         Z = instruments(plain, here, {index: one.record for index, one in enumerate(simulated)})
-        grown = effect_rows(plain, here, simulated, effects)
+        grown = effect_rows(plain, here, simulated, effects, sizes.tolist())
         late = _late_rows(plain, here, delays)
         # what is set right in the records leaves only the step to its size in the rows
         left = np.where(edited, 0.0, sizes)

@@ -24,6 +24,7 @@ from modelgen.runtime.iv.thresholds import (
 )
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_run_covariance
+from modelgen.runtime.model.model import Model
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,20 +86,17 @@ def scores(
 
     if not effects:
         return ()
-    R, free = _regressors(fit, others, slope)
-    G = np.stack([_stacked(fit, one) for one in grown], axis=1)
-    scale = np.linalg.norm(R, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    r = fit.weighted_residual
-    r = r - R @ (np.linalg.lstsq(R / scale, r, rcond=None)[0] / scale)
-    share = np.linalg.lstsq(R / scale, G, rcond=None)[0] / scale[:, None]
-    own = G - R @ share
+    R, free = regressors(fit, others, slope)
+    G = np.stack([stacked(fit, one) for one in grown], axis=1)
+    r, _ = apart(R, fit.weighted_residual[:, None])
+    r = r[:, 0]
+    own, share = apart(R, G)
     power, whole = np.sum(own**2, axis=0), np.sum(G**2, axis=0)
     seen = np.flatnonzero(power > LEAST_OWN_SHARE * whole)
     sizes = own[:, seen].T @ r / power[seen]
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
     critical = float(norm.isf(0.5 * LEVEL / max(len(seen), 1)))
-    largest = LARGEST_SHARE * float(np.max(scale[:free] * np.abs(_unknowns(fit, R[:, :free]))))
+    largest = largest_overlooked(fit, R[:, :free])
     share_of = (power / np.maximum(whole, np.finfo(float).tiny)).tolist()
     explained = sizes**2 * power[seen] / float(r @ r)
     stds = _deviations(fit, r, own[:, seen], sizes, power[seen])
@@ -145,14 +143,10 @@ def without_noise(
     noise : pair
         What noise adds to the residual and to the effects, as `noise_rows` returns it.
     """
-    R, _ = _regressors(fit, others, slope)
-    scale = np.linalg.norm(R, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    r = _stacked(fit, noise[0])
-    r = r - R @ (np.linalg.lstsq(R / scale, r, rcond=None)[0] / scale)
+    R, _ = regressors(fit, others, slope)
+    r = apart(R, stacked(fit, noise[0])[:, None])[0][:, 0]
     shift = {
-        effect.name: float(_stacked(fit, change) @ r)
-        for effect, change in zip(effects, noise[1], strict=True)
+        effect.name: float(stacked(fit, change) @ r) for effect, change in zip(effects, noise[1], strict=True)
     }
     changed = []
     for one in found:
@@ -170,14 +164,36 @@ def without_noise(
     return tuple(sorted(changed, key=lambda one: -one.explained))
 
 
-def _regressors(
+def slope_of(model: Model, fit: Fit) -> FloatArray | None:
+    """Return how columns grow with the physical parameters, where those were fitted in their place."""
+    values = fit.physical(model.parameters)
+    if values is None:
+        return None
+    places = [model.base_parameters.index(name) for name in fit.columns]
+    return model.base_jacobian(values)[places]
+
+
+def regressors(
     fit: Fit, others: Sequence[Sequence[FloatArray]], slope: FloatArray | None
 ) -> tuple[FloatArray, int]:
     """Return the weighted regressors, those of the parameters first, and how many these are."""
     R = np.concatenate([w * r for w, r in zip(fit.weights, fit.regressors, strict=True)])
     if slope is not None:
         R = R @ slope
-    return np.column_stack([R, *(_stacked(fit, one) for one in others)]), R.shape[1]
+    return np.column_stack([R, *(stacked(fit, one) for one in others)]), R.shape[1]
+
+
+def apart(R: FloatArray, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return columns, shape (r, k), without what R explains of them, and the coefficients of that."""
+    scale = np.linalg.norm(R, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    share = np.linalg.lstsq(R / scale, columns, rcond=None)[0] / scale[:, None]
+    return columns - R @ share, share
+
+
+def largest_overlooked(fit: Fit, R: FloatArray) -> float:
+    """Return the norm of what an effect may add to the rows; R are their regressors, shape (r, p)."""
+    return LARGEST_SHARE * float(np.max(np.linalg.norm(R, axis=0) * np.abs(_unknowns(fit, R))))
 
 
 def _unknowns(fit: Fit, R: FloatArray) -> FloatArray:
@@ -187,7 +203,8 @@ def _unknowns(fit: Fit, R: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.lstsq(R, fit.weighted_measurement, rcond=None)[0])
 
 
-def _stacked(fit: Fit, parts: Sequence[FloatArray]) -> FloatArray:
+def stacked(fit: Fit, parts: Sequence[FloatArray]) -> FloatArray:
+    """Return parts of the blocks of a fit in one, weighted, shape (r,)."""
     return np.concatenate([w * part for w, part in zip(fit.weights, parts, strict=True)])
 
 

@@ -78,8 +78,10 @@ LAGS, SHORTEST_REACH = 14.0, 48
 KEPT = 0.3
 # and sampled so many times finer than the time it is followed for.
 RESOLVED = 8
-# Speeds at which Stribeck friction is tried, as quantiles of the speed.
-STRIBECK_QUANTILE = 0.1
+# What an average lets through is undone down to this share.
+LEAST_PASSED = 0.2
+# The speed below which friction rises (Stribeck) is tried at this quantile of the speeds in all records.
+SLOW_QUANTILE = 0.1
 
 # An effect with less than this share of itself outside of the regressors cannot be told from them.
 LEAST_OWN_SHARE = 1e-3
@@ -93,6 +95,9 @@ LEAST_MOVE = 0.5
 LEAST_MOVED_SHARE = 3e-4
 # What adds more than this multiple of the largest term to the rows is no effect that was overlooked.
 LARGEST_SHARE = 3.0
+
+# Another effect explains the residual as well where it falls behind by less than this, as a chi square.
+AS_GOOD = 20.0
 
 # Rounds with effects, at most; fewer where their sizes are known nearly.
 EFFECT_ROUNDS, KNOWN_ROUNDS = 25, 6

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from modelgen.runtime.iv.effect import Effect
-from modelgen.runtime.iv.model_errors import _without_lag, effects_of, zero_effects
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
+from modelgen.runtime.iv.companion_simulation import Simulated, simulated_beside
+from modelgen.runtime.iv.effect import Effect, unlike
+from modelgen.runtime.iv.effect_rows import simulated_records
+from modelgen.runtime.iv.low_pass import low_pass, without_average, without_lag
+from modelgen.runtime.iv.model_errors import effects_of, zero_effects
 from modelgen.runtime.records.record import Record
-from tests.runtime.two_mass_records import FS, GEARED, SMALL, two_mass_records
+from tests.runtime.two_mass_records import FS, GEARED, SMALL, TRUTH, two_mass_records
 
 BODIES = ("m", "c")
 EFFECTS = {effect.name: effect for effect in effects_of(SMALL, BODIES, 2)}
@@ -89,17 +97,17 @@ def test_a_low_pass_is_undone_below_a_tenth_of_the_sampling_frequency(
     true = np.exp(1j * (2.0 * np.pi * frequency * np.arange(n) + phase))
     behind = true * np.exp(s) / (1.0 + s)
     size = 0.5 * (tau / fs) ** 2
-    undone = _without_lag("q", size, fs).whole(behind.real)
+    undone = without_lag("q", size, fs).whole(behind.real)
     np.testing.assert_allclose(undone[middle], true.real[middle], atol=1e-4)
     # a force that acts behind a lag is its command through it
-    lagged = _without_lag("q", -size, fs).whole(true.real)
+    lagged = without_lag("q", -size, fs).whole(true.real)
     np.testing.assert_allclose(lagged[middle], behind.real[middle], atol=1e-4)
 
 
 @given(tau=st.floats(0.01, 30.0), level=st.floats(-1e3, 1e3))
 def test_a_constant_is_not_changed_by_a_low_pass(tau: float, level: float) -> None:
     for sign in (1.0, -1.0):
-        undone = _without_lag("q", sign * 0.5 * tau**2, 1.0).whole(np.full(50, level))
+        undone = without_lag("q", sign * 0.5 * tau**2, 1.0).whole(np.full(50, level))
         np.testing.assert_allclose(undone, level, rtol=1e-9, atol=1e-9)
 
 
@@ -114,8 +122,96 @@ def test_sizes_of_delays_and_lags_are_told_in_samples() -> None:
 
 def test_an_edit_reads_no_more_than_its_channel() -> None:
     record = Record({"q": np.arange(40.0), "r": np.zeros(40)}, 100.0, "run")
-    lag = Effect("lag of q", "lag", "q is behind", "", "mend it", lambda simulated: {}, "q", _without_lag)
+    lag = Effect("lag of q", "lag", "q is behind", "", "mend it", lambda simulated: {}, "q", without_lag)
     moved = lag.corrected(record, 0.5 * 0.02**2)
     assert moved.n == record.n
     np.testing.assert_array_equal(moved.signals["r"], record.signals["r"])
     assert np.any(moved.signals["q"] != record.signals["q"])
+
+
+@given(
+    length=st.floats(0.1, 2.0),
+    frequency=st.floats(0.0, 0.1),
+    phase=st.floats(0.0, 6.3),
+)
+def test_an_average_is_made_and_undone_below_a_tenth_of_the_sampling_frequency(
+    length: float, frequency: float, phase: float
+) -> None:
+    """`length` in samples; an average around each instant has no phase."""
+    fs, n = 1000.0, 800
+    middle = slice(300, 500)
+    true = np.cos(2.0 * np.pi * frequency * np.arange(n) + phase)
+    mean = true * np.sinc(frequency * length)
+    size = (length / fs) ** 2 / 24.0
+    undone = without_average("q", size, fs).whole(mean)
+    np.testing.assert_allclose(undone[middle], true[middle], atol=1e-3)
+    held = without_average("q", -size, fs).whole(true)
+    np.testing.assert_allclose(held[middle], mean[middle], atol=1e-3)
+
+
+def test_forms_of_one_thing_are_looked_for_only_beside_it() -> None:
+    lag, late = low_pass("q", force=True), EFFECTS["delay of q_c"]
+    (average,) = lag.forms
+    assert unlike([late, lag], []) == (late, lag)
+    assert unlike([late, lag], [lag]) == (late, average)
+    assert unlike([late, lag], [average]) == (late, lag)
+    assert unlike([late, lag], [lag, average, late]) == ()
+    assert average.samples(-((3e-3) ** 2) / 24.0, 1000.0) == pytest.approx(3.0)
+    assert "(over about 2e+02 us)" in average.said(-(2e-4**2) / 24.0)
+
+
+def test_what_a_longer_lag_adds_is_the_change_of_what_undoes_it() -> None:
+    """The column of a lag belongs to its present size: a tenth of a turn apart from that of none."""
+    lag, fs, n = EFFECTS["bandwidth of q_c"], 5000.0, 4000
+    t = np.arange(n) / fs
+    record = Record({"q_c": np.sin(2.0 * np.pi * 150.0 * t)}, fs, "run")
+    simulated = Simulated(None, record, {}, 0)  # type: ignore[arg-type]
+    middle = slice(1000, 3000)
+    for size in (-0.5 * 5e-4**2, 0.5 * 5e-4**2):
+        step = 0.02 * abs(size)
+        # set right up to a size, it still lacks a step
+        back = without_lag("q_c", -size, fs).whole(record.signals["q_c"])
+        less, more = (without_lag("q_c", size + by, fs).whole(back) for by in (-step, step))
+        found = (less - more) / (2.0 * step)
+        expected = lag.added(simulated, size)["q_c"]
+        scale = float(np.max(np.abs(expected[middle])))
+        np.testing.assert_allclose(found[middle], expected[middle], atol=0.02 * scale)
+    np.testing.assert_array_equal(lag.added(simulated, 0.0)["q_c"], lag.changes(simulated)["q_c"])
+
+
+def simulated_pair(scale: float) -> tuple[Simulated, Simulated]:
+    """A noise-free record as the model reads it, and the same with the motion of all bodies scaled."""
+    record = two_mass_records(noise=0.0)[0]
+    one = simulated_beside(SMALL, TRUTH, record, choose_filter(SMALL, (record,)))
+    one = replace(one, slow={"m": 1.0, "c": 1.0})
+    motion = {key: scale * samples for key, samples in one.motion.items()}
+    return one, replace(one, motion=motion)
+
+
+@pytest.mark.parametrize(
+    ("name", "power"),
+    [
+        ("stiffening of K", 3),
+        ("backlash of K", 0),
+        ("quadratic friction on c", 2),
+        ("viscous friction on c", 1),
+        ("Coulomb friction on c", 0),
+        ("constant force on c", 0),
+    ],
+)
+def test_a_size_means_the_same_in_every_record(name: str, power: int) -> None:
+    """A spring is as stiff in a slow record as in a fast one: what it adds follows from the motion alone."""
+    small, large = simulated_pair(3.0)
+    of_small, of_large = (EFFECTS[name].changes(one) for one in (small, large))
+    for key, samples in of_small.items():
+        scale = float(np.max(np.abs(samples)))
+        np.testing.assert_allclose(of_large[key], 3.0**power * samples, atol=1e-9 * 3.0**power * scale)
+
+
+def test_friction_that_falls_with_the_speed_has_one_speed_for_all_records() -> None:
+    records = tuple(two_mass_records(noise=0.0))
+    job = Job(SMALL, records, choose_filter(SMALL, records))
+    fit = METHODS["iv"].run(job)[1]
+    first, second = simulated_records(fit, job.setting())
+    assert first.slow == second.slow
+    assert all(speed > 0.0 for speed in first.slow.values())

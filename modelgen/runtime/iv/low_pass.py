@@ -1,0 +1,110 @@
+"""Low-passes that a channel may have gone through and the others not, as effects: a lag, or an average.
+
+A current loop, an amplifier or an analogue filter lags: 1 / (1 + tau s). A command held over a sample, a
+velocity from differences and a converter that integrates are averages, sinc(f T). Both are late as well,
+which is looked for apart; what is left differs in the third order of frequency only, by a phase as large as
+that of a damping. Small sizes do not tell the two apart: both are tried, and the better one is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from modelgen.array_types import ComplexArray, FloatArray
+from modelgen.runtime.filters.power_spectrum import quick_length
+from modelgen.runtime.iv.companion_simulation import Simulated
+from modelgen.runtime.iv.effect import Changes, Effect, curvature
+from modelgen.runtime.iv.thresholds import KEPT, LAGS, LEAST_PASSED, RESOLVED, SHORTEST_REACH
+from modelgen.runtime.records.channels import Edit
+
+# What is said: a lag of the reading, or else; an average of the reading, or else; what to do.
+_FORCE = (
+    "{} is read through a low-pass",
+    "{} acts behind a lag (a current loop)",
+    "{} is read as an average",
+    "{} is held over a sample, or acts as an average",
+    "record the force that acts; a command that is held can be named (--held {})",
+)
+_SENSOR = (
+    "{} is read through a low-pass of its own",
+    "another channel is read through a low-pass that {} has not",
+    "{} is read as an average, like a velocity from differences",
+    "another channel is read as an average that {} is not",
+    "give all channels the same filter",
+)
+
+
+def low_pass(key: str, force: bool) -> Effect:
+    """Return that a channel is read, or acts, behind a lag; or as an average, its other form.
+
+    A positive size is that of the reading.
+    """
+    read, acts, average, averaged, remedy = _FORCE if force else _SENSOR
+    other = Effect(f"average of {key}", "average", average.format(key), averaged.format(key),
+                   remedy.format(key), _bent(key), key, without_average)  # fmt: skip
+    name = f"{'lag' if force else 'bandwidth'} of {key}"
+    return Effect(name, "lag", read.format(key), acts.format(key), remedy.format(key), _bent(key), key,
+                  without_lag, forms=(other,), at=_bent_further(key))  # fmt: skip
+
+
+def without_lag(key: str, size: float, fs: float) -> Edit:
+    """Return what undoes 1 + size s^2 as a lag has it: e^(tau s) / (1 + tau s), tau = sqrt(-2 size).
+
+    A force that acts behind a lag is its command through that low-pass; the delay is looked for apart. A
+    positive size is that of a low-pass in the reading, which is undone.
+    """
+    tau = float(np.sqrt(2.0 * abs(size))) * fs
+
+    def response(frequency: FloatArray) -> ComplexArray:
+        phase = 2.0j * np.pi * frequency * tau
+        return np.asarray(np.exp(phase) / (1.0 + phase))
+
+    return _behind(key, response, size > 0.0, LAGS * tau)
+
+
+def without_average(key: str, size: float, fs: float) -> Edit:
+    """Return what undoes 1 + size s^2 as an average over T = sqrt(-24 size) has it: sinc(f T), centred.
+
+    What an average takes away cannot be restored near its zeros: no more than a share of it is.
+    """
+    length = float(np.sqrt(24.0 * abs(size))) * fs
+
+    def response(frequency: FloatArray) -> ComplexArray:
+        passed = np.sinc(frequency * length)
+        return np.asarray(np.maximum(passed, LEAST_PASSED) if size > 0.0 else passed, dtype=complex)
+
+    return _behind(key, response, size > 0.0, LAGS * length)
+
+
+def _behind(key: str, response: Callable[[FloatArray], ComplexArray], undone: bool, memory: float) -> Edit:
+    """Return a channel behind a frequency response (frequencies in cycles a sample), or without it."""
+    reach = int(np.ceil(memory)) + SHORTEST_REACH
+    # sampled so finely that the response does not wrap around
+    count = quick_length(RESOLVED * reach)
+    frequency = np.fft.rfftfreq(count)
+    passed = response(np.asarray(frequency))
+    # no step at half the sampling frequency, or the weights would hardly die away
+    kept = np.cos(0.5 * np.pi * np.clip((frequency - KEPT) / (0.5 - KEPT), 0.0, 1.0)) ** 2
+    weights = np.fft.irfft(1.0 + kept * ((1.0 / passed if undone else passed) - 1.0), count)
+    weights = np.r_[weights[-reach:], weights[: reach + 1]]
+    return Edit(key, lambda samples: np.convolve(samples, weights / weights.sum(), "valid"), reach)
+
+
+def _bent(key: str) -> Callable[[Simulated], Changes]:
+    return lambda simulated: {key: curvature(simulated.record.signals[key], simulated.record.dt)}
+
+
+def _bent_further(key: str) -> Callable[[Simulated, float], Changes]:
+    """Return what a longer time constant adds behind a lag of this size: s^2 / (1 + tau s)."""
+
+    def changes(simulated: Simulated, size: float) -> Changes:
+        from scipy.signal import lfilter
+
+        bent = curvature(simulated.record.signals[key], simulated.record.dt)
+        tau = float(np.sqrt(2.0 * abs(size))) / simulated.record.dt
+        # the trapezoidal rule has no delay
+        return {key: np.asarray(lfilter([0.5, 0.5], [0.5 + tau, 0.5 - tau], bent))}
+
+    return changes

@@ -1,0 +1,44 @@
+"""What is said of effects that a residual shows, and what is done about them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.iv.effect import Effect
+
+# What is done about an effect, in words.
+ESTIMATED = "; that is estimated with the parameters"
+HELD = "; the intervals hold what that moves"
+# Effects whose sum with what the spec names is told where sensors cannot tell them apart.
+SUMMED = ("Coulomb friction", "viscous friction")
+# So many other explanations are listed at most.
+LISTED = 3
+
+
+def estimated(effect: Effect, size: float, others: Sequence[tuple[Effect, float]]) -> Advice:
+    """Return what is said of an effect that is estimated; `others` explain the residual nearly as well."""
+    return _told(effect, size, ESTIMATED, others)
+
+
+def left(effect: Effect, size: float, others: Sequence[tuple[Effect, float]]) -> Advice:
+    """Return what is said of an effect that is not estimated, but held by the intervals."""
+    return _told(effect, size, HELD, others)
+
+
+def _told(effect: Effect, size: float, done: str, others: Sequence[tuple[Effect, float]]) -> Advice:
+    listed = "; or ".join(other.said(step) for other, step in others[:LISTED])
+    either = f" (or {listed}: the intervals hold for either)" if listed else ""
+    what = f"shows that {effect.said(size)}{done}{either}"
+    return Advice("more than the model", "the residual", what, effect.remedy)
+
+
+def summed(unseen: Sequence[Effect]) -> tuple[str, ...]:
+    """Return the note that labels friction of several bodies that these sensors see as a sum."""
+    names = [effect.name for effect in unseen if effect.name.startswith(SUMMED)]
+    if not names:
+        return ()
+    return (
+        f"{' and '.join(names)}, which the spec does not name, can hardly be told from the friction that it "
+        "names with these sensors: if there is any, the value is the sum of all bodies' friction",
+    )
