@@ -61,6 +61,19 @@ def sensor_sets(chain: ChainSpec, chosen: str | None) -> list[str]:
     return list(chain.sensor_sets) if chosen is None else [chosen]
 
 
+def modules_of(spec: ChainSpec | ArmSpec, chosen: str | None) -> list[str]:
+    """Return the sensor sets that modules are generated for; an arm has one module, named after nothing."""
+    from modelgen.spec.load import ChainSpec
+
+    if isinstance(spec, ChainSpec):
+        return sensor_sets(spec, chosen)
+    if chosen is not None:
+        raise SpecError.at(
+            "--sensors", f"{spec.source} describes an arm, which has no sensor sets", "leave it out"
+        )
+    return [""]
+
+
 def compared_sensor_sets(chain: ChainSpec, chosen: str | None) -> tuple[SetSummary, ...]:
     """Return the sensor sets to show: the chosen one, all of the spec's, or ("all") every subset."""
     from modelgen.symbolic.sensor_set_overview import every_subset, overview, single

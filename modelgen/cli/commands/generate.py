@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from modelgen.cli.arguments import load_chain, sensor_sets
+from modelgen.cli.arguments import load_chain_or_arm, modules_of
 from modelgen.cli.options import Json, SensorSet
 from modelgen.cli.output import report
 from modelgen.progress import counted
@@ -31,13 +31,13 @@ def generate(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Generate one module for each sensor set of each SPEC.
+    """Generate one module for each sensor set of each SPEC; of an arm one module.
 
     With --check nothing is written: what is missing, different or left over is named, with exit code 1.
     """
     from modelgen.render.target_writer import check_target, write_target
 
-    chains = [(chain, sensor_sets(chain, sensors)) for chain in map(load_chain, specs)]
+    chains = [(spec, modules_of(spec, sensors)) for spec in map(load_chain_or_arm, specs)]
     if not check:
         counting = counted(chains, "generating")
         made = (write_target(chain, names, folder, target, templates) for chain, names in counting)

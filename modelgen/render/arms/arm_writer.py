@@ -7,7 +7,14 @@ import dataclasses
 from modelgen.render.arms.arm_view import ArmView, arm_view
 from modelgen.render.environment import environment
 from modelgen.render.writer import sealed_module
-from modelgen.symbolic.arms.base_parameters import ArmBaseModel
+from modelgen.spec.arms.arm import ArmSpec
+from modelgen.symbolic.arms.arm_rows import arm_rows
+from modelgen.symbolic.arms.base_parameters import ArmBaseModel, arm_base_model
+
+
+def arm_files(spec: ArmSpec, _: str) -> dict[str, str]:
+    """Return the module of an arm by the name of its file; an arm has no sensor sets to choose from."""
+    return {f"{spec.name}.py": arm_module(arm_base_model(arm_rows(spec)))}
 
 
 def arm_module(model: ArmBaseModel) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from modelgen.errors import ModelError, listed
+from modelgen.errors import ModelError, listed, shortened
 from modelgen.spec.arms.arm import LINK_PARAMETERS
 from modelgen.symbolic.arms.arm_rows import ArmRows
 from modelgen.symbolic.arms.exact_regrouping import Recipe, regrouping
@@ -33,6 +33,8 @@ from modelgen.symbolic.arms.unseen_changes import Change, Key, unseen_changes
 RANK_TOLERANCE = 1e-9
 #: Columns below this share of the largest hold nothing but rounding.
 ROUNDING = 1e-13
+#: characters of a combination in the reason of a parameter
+LONGEST_REASON = 200
 UNSEEN = "no motion of the arm shows it"
 
 
@@ -212,12 +214,18 @@ def _places(rows: ArmRows, wanted: Sequence[int]) -> dict[Key, int]:
 def _absent(
     rows: ArmRows, wanted: Sequence[int], base: Sequence[ArmBaseParameter], alone: Sequence[str]
 ) -> dict[str, str]:
-    inside: dict[str, list[str]] = {rows.columns[column]: [] for column in wanted}
+    inside: dict[str, list[ArmBaseParameter]] = {rows.columns[column]: [] for column in wanted}
     for parameter in base:
         for name, _ in parameter.combination:
-            inside[name].append(parameter.name)
-    return {
-        name: f"only in combination: {listed(own, most=5, width=200)}" if own else UNSEEN
-        for name, own in inside.items()
-        if name not in alone
-    }
+            inside[name].append(parameter)
+    return {name: _reason(name, own) for name, own in inside.items() if name not in alone}
+
+
+def _reason(name: str, inside: Sequence[ArmBaseParameter]) -> str:
+    """Return why a parameter has no value of its own: the sum that it begins, or what those begin with."""
+    if not inside:
+        return UNSEEN
+    first = [parameter.combination[0][0] for parameter in inside]
+    if first == [name]:
+        return f"only in combination: {shortened(inside[0].name, LONGEST_REASON)}"
+    return f"only in combination, in those of {listed(first)}"
