@@ -25,7 +25,10 @@ URDF_SET = "urdf"
 
 @dataclass(frozen=True)
 class Described:
-    """Joints that another file describes, without drives, and values of parameters by (joint, role)."""
+    """Joints that another file describes, without drives, and values of parameters by (joint, role).
+
+    Those that the arm's file holds at zero are fixed here already.
+    """
 
     joints: tuple[Joint, ...]
     values: Mapping[tuple[str, str], float]
@@ -62,17 +65,13 @@ def draft_joints(document: Document, described: Described | None) -> tuple[Joint
         frames = [_frame(table, tables[:k]) for k, table in enumerate(tables)]
         return tuple(with_drive(frame, table, arm) for frame, table in zip(frames, tables, strict=True))
     own = {str(table.get("name")): table for table in tables}
-    joints = [_with_table(joint, own.get(joint.name, {}), arm) for joint in described.joints]
+    joints = [
+        with_drive(joint, {"massless": not joint.link, **own.get(joint.name, {})}, arm)
+        for joint in described.joints
+    ]
     names = {joint.name for joint in joints}
     added = [table for table in tables if table.get("name") not in names]
     return (*joints, *(with_drive(_frame(table, []), table, arm) for table in added))
-
-
-def _with_table(joint: Joint, table: Document, arm: Document) -> Joint:
-    """Return a joint of a URDF with what the arm's file changes: its drive, or that it does not move."""
-    if table.get("type") == "fixed":
-        joint = Joint(joint.name, joint.parent, "fixed", joint.placement, joint.link)
-    return with_drive(joint, {"massless": not joint.link, **table}, arm)
 
 
 def _frame(table: Document, before: Sequence[Document]) -> Joint:
