@@ -30,6 +30,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "modelgen identify run1.csv --model generated/emps300_qm_ac.py --map-file run1.map.toml "
         "--report report.html",
         "modelgen identify chirp.npz --model generated/emps300_qm_ac.py -o estimate.json",
+        "modelgen identify chirp.npz --spec emps300 --set F_vmc=3.9e-5",
     ),
     "run": ("modelgen run axis.project.toml",),
     "simulate": (

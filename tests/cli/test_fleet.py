@@ -96,7 +96,7 @@ def test_a_scheduler_is_asked_and_the_table_names_machines(tmp_path: Path) -> No
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
     ) as cluster:
-        asked = ["--scheduler", cluster.scheduler_address]
+        asked = ["--scheduler", cluster.scheduler_address, "--report", str(tmp_path / "fleet.html")]
         result = CliRunner().invoke(app, ["fleet", *files, *options, *asked])
     assert result.exit_code == 0, result.output
     lines = result.stdout.splitlines()
@@ -104,6 +104,8 @@ def test_a_scheduler_is_asked_and_the_table_names_machines(tmp_path: Path) -> No
     assert [line.split()[0] for line in table] == ["J_m", "press", "crane", "all", "machines"]
     assert max(map(len, table)) <= 80
     assert "K [N m/rad]" in result.stdout
+    page = (tmp_path / "fleet.html").read_text(encoding="utf-8")
+    assert page.count("<svg") == len(MODEL.base_parameters) and "<td>crane</td>" in page
 
 
 def test_units_of_files_are_those_of_identify(tmp_path: Path) -> None:
