@@ -3,14 +3,14 @@
     python benchmarks/throughput.py
 
 Two bodies, both positions sensed, six parameters, decimation by 10. By hand: butter and sosfiltfilt on the
-positions, numpy.gradient, decimate(zero_phase=True) on every column of W and Y, lstsq; no intervals but those
-of eq. (11), no check. Against it stands what a user calls, `modelgen.identify`: with everything that it does
-by default, and least squares without any check (`CheckOptions(tests=False)`); on a new Record each time (a
-record keeps its spectra). Runs alternate in one process, and medians are compared. Ratios of the processor's own time are
-printed as well, for machines that have other work. BLAS has the same number of threads for all sides of a
-run, which is printed: one, unless OPENBLAS_NUM_THREADS says otherwise; by hand, only lstsq (a sixth of the
-time) could use more. The record is made here: a sum of sines that solves the equations of motion exactly,
-plus noise in the torque.
+positions, numpy.gradient, decimate(zero_phase=True) on every column of W and Y, lstsq; no intervals but
+those of eq. (11), no check. Against it stands what a user calls, `modelgen.identify`: with everything that
+it does by default, and least squares without any check (`CheckOptions(tests=False)`); on a new Record each
+time (a record keeps its spectra). Runs alternate in one process, and medians are compared. Ratios of the
+processor's own time are printed as well, for machines that have other work. BLAS has the same number of
+threads for all sides of a run, which is printed: one, unless OPENBLAS_NUM_THREADS says otherwise; by hand,
+only lstsq (a sixth of the time) could use more. The record is made here: a sum of sines that solves the
+equations of motion exactly, plus noise in the torque.
 """
 
 from __future__ import annotations
