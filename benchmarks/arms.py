@@ -1,4 +1,4 @@
-"""Derivation of arms: time and operations for known robots, and the growth to 20 joints.
+"""Derivation of arms: time and operations for known robots, growth to 20 joints, speed of the regressor.
 
     .venv/bin/python benchmarks/arms.py
 
@@ -11,10 +11,15 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from modelgen.render.arms.arm_writer import arm_module
 from modelgen.spec.arms.arm import ArmSpec
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
@@ -23,6 +28,7 @@ from modelgen.symbolic.arms.dynamics.inverse_dynamics import inverse_dynamics
 from modelgen.symbolic.arms.dynamics.lagrange import newton_minus_lagrange, vanishes
 from modelgen.symbolic.arms.expressions.graph import Graph
 from tests.symbolic.arms.made_arms import ROBOTS, serial, tx40
+from tests.symbolic.arms.pinocchio_arms import pinocchio_model, random_parameters
 
 
 def main() -> None:
@@ -35,6 +41,9 @@ def main() -> None:
           f"{'inverse':>7} {'direct':>7} {'Newton = Lagrange [ms]':>22}")  # fmt: skip
     for name, spec in arms.items():
         print(line(name, spec), flush=True)
+    print("\nregressor of base parameters on one thread [samples/s]; peer: pinocchio called for every sample")
+    for name in ("puma", "tx40", "panda"):
+        print(f"{name:10} {speed(arms[name])}", flush=True)
 
 
 def line(name: str, spec: ArmSpec) -> str:
@@ -51,6 +60,34 @@ def line(name: str, spec: ArmSpec) -> str:
         f"{graph.operations(list(inverse.values())):7} "
         f"{graph.operations(list(direct.accelerations.values())):7} {proof:22.0f}"
     )
+
+
+def speed(spec: ArmSpec) -> str:
+    """Return samples a second in blocks, with all entries kept, dense, and of pinocchio if it is there."""
+    module: dict[str, Any] = {}
+    exec(compile(arm_module(arm_base_model(arm_rows(spec))), "module", "exec"), module)
+    count, rng = 20_000, np.random.default_rng(1)
+    signals = {key: rng.standard_normal(count) for key in module["SIGNALS"]}
+    out = np.empty((len(module["ENTRIES"]), count))
+    found = {
+        "blocks": best(lambda: [None for _ in module["entry_blocks"](signals)], 9),
+        "entries": best(lambda: module["entries"](signals, out), 9),
+        "dense": best(lambda: module["regressor"](signals), 5),
+    }
+    try:
+        import pinocchio as pin
+    except ImportError:
+        return "  ".join(f"{what} {1e3 * count / ms:9.0f}" for what, ms in found.items())
+    bare = replace(spec, joints=tuple(j for j in spec.joints if j.kind != "fixed"))
+    model = pinocchio_model(bare, random_parameters(bare, rng))
+    data, motion = model.createData(), rng.standard_normal((count, 3, model.nv))
+
+    def loop() -> None:
+        for q, v, a in motion:
+            pin.computeJointTorqueRegressor(model, data, q, v, a)
+
+    found["peer"] = best(loop, 5)
+    return "  ".join(f"{what} {1e3 * count / ms:9.0f}" for what, ms in found.items())
 
 
 def proven(spec: ArmSpec) -> None:

@@ -60,7 +60,7 @@ HEAD = '''\
   ROWS = <ROWS>
   ENTRIES = <ENTRIES>
   #: samples that are computed at once: their intermediate values stay in the processor's cache
-  BLOCK = 512
+  BLOCK = 1024
 
 
 '''

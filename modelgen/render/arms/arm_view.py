@@ -16,7 +16,7 @@ from modelgen.symbolic.arms.expressions.graph import Ref, Symbol
 
 ARM_CONTRACT_VERSION = 2
 #: samples of a block: its buffers stay in the processor's cache
-BLOCK = 512
+BLOCK = 1024
 SAFE_FILE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}\Z")
 ORDERS = ("q", "d1_q", "d2_q")
 
