@@ -97,6 +97,10 @@ def test_what_fits_no_set_or_two_is_explained(folder: Path) -> None:
         "identify", str(folder / "all.csv"), "--spec", spec, "--sensors", "low", "--sensors", "ends", code=2
     )
     assert "has the channels of low, ends" in both and "--sensors all=low" in both
+    chosen = ("--spec", spec, "--sensors", "all=low", "--method", "wls", "--json")
+    assert json.loads(run("identify", str(folder / "all.csv"), *chosen))["sensor_set"] == "low"
+    none = run("identify", str(folder / "all.csv"), "--spec", spec, "--sensors", "al=low", code=2)
+    assert "sensors of al" in none and "name one of all" in none
     missing = run("identify", str(folder / "all.csv"), code=2)
     assert "--model" in missing and "--spec" in missing
     figure = ("--figure", str(folder / "x.png"))

@@ -109,8 +109,7 @@ def identify(
     )
 
     wanted, of_records = sensors_from(sensors or ())
-    chosen = wanted or list(of_records.values())
-    models = models_of(module or (), spec, chosen, amounts("--set", value or ()), trust)
+    models = models_of(module or (), spec, wanted, amounts("--set", value or ()), trust)
     outputs = OutputFiles(output, report_file, figure, overwrite, project_file)
     outputs.check(spec, controller)  # before the work, not after it
     inputs = (REFERENCE, FURTHER_INPUTS) if controller and report_file else ()
