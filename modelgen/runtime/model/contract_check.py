@@ -15,6 +15,8 @@ from modelgen.magnitudes import LARGEST, SMALLEST
 from modelgen.runtime.model.column_check import column_problems, is_number, is_terms
 
 VERSION = 1
+# Modules of arms keep a contract of their own.
+ARM_VERSION = 2
 REMEDY = "generate the module again with this version of modelgen"
 NUMBERS = f"numbers that are zero or from {SMALLEST:g} to {LARGEST:g}"
 MEASURES = ("position", "velocity", "acceleration")
@@ -161,6 +163,9 @@ def module_problems(module: Any) -> tuple[Problem, ...]:
     """Return one problem per violation of the contract; none for a module the runtime can use."""
     where = getattr(module, "__file__", None) or getattr(module, "__name__", None) or "model"
     version = getattr(module, "CONTRACT_VERSION", None)
+    if version == ARM_VERSION and hasattr(module, "ARM"):
+        what = "is the module of an arm; records are identified with those of chains"
+        return (Problem(where, what, "compute its regressor and call numpy.linalg.lstsq, or give a chain's"),)
     if version != VERSION:
         what = "is absent" if version is None else f"is {version!r}, this modelgen reads {VERSION}"
         return (Problem(f"{where}: CONTRACT_VERSION", what, REMEDY),)

@@ -4,15 +4,17 @@ import ast
 import random
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from modelgen.errors import RenderError
+from modelgen.errors import DataError, RenderError
 from modelgen.generated_module.module_check import has_header, seal
 from modelgen.render.arms.arm_view import BLOCK
 from modelgen.render.arms.arm_writer import arm_module
+from modelgen.runtime.model.model import load_model
 from modelgen.spec.arms.arm import ArmSpec
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel, arm_base_model
@@ -129,3 +131,10 @@ def test_mistakes_of_a_caller_are_told() -> None:
         module["entries"](signals, np.empty((3, 5)))
     with pytest.raises(ValueError, match="same length"):
         module["regressor"]({**signals, "q_2": np.zeros(4)})
+
+
+def test_commands_for_chains_say_that_it_is_an_arm(tmp_path: Path) -> None:
+    path = tmp_path / "arm.py"
+    path.write_text(arm_module(arm_base_model(arm_rows(tx40()))))
+    with pytest.raises(DataError, match=r"arm.py: is the module of an arm; records are .* those of chains"):
+        load_model(path)
