@@ -27,6 +27,7 @@ from modelgen.runtime.identification.thresholds import (
     MOST_EFFECTS,
     MOST_TRIED,
     OVER_NOISE,
+    ROUGH,
     TRIED_TOO,
 )
 from modelgen.runtime.iv.effect import DIRECTION, Effect, unlike
@@ -85,7 +86,9 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
             drift = drift + np.outer(best.move, best.move)
             advice.append(_left(best, shown))
             break
-        change = INEXACT.get(best.effect.kind, 0.0) * (freed.fit.solution.x - now.fit.solution.x)
+        rough = ROUGH & {effect.kind for effect in effects}
+        share = 1.0 if rough else INEXACT.get(best.effect.kind, 0.0)
+        change = share * (freed.fit.solution.x - now.fit.solution.x)
         drift = drift + np.outer(change, change)
         now, effects, ties = freed, (*effects, best.effect), (*ties, equal)
     weighed, told = other_weights(job, now.fit)
