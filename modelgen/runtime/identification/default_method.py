@@ -192,7 +192,7 @@ def _with_starts(task: Task, method: IV) -> Begun | None:
     found = []
     for effects, start, known in _starts(task):
         try:
-            freed = fit_with_effects(setting, job.calm, start, effects, known)
+            freed = fit_with_effects(setting, job.calm, start, effects, known, job.sharpened)
         except (IdentifiabilityError, DataError):
             continue
         found.append((freed.fit.misfit, effects, start, freed))

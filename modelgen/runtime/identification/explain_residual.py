@@ -291,7 +291,7 @@ def _best_freed(
 
 def _freed(job: Job, fit: Fit, effects: tuple[Effect, ...]) -> Freed | None:
     try:
-        found = fit_with_effects(job.setting(), job.calm, fit, effects)
+        found = fit_with_effects(job.setting(), job.calm, fit, effects, (), job.sharpened)
     except IdentifiabilityError:
         return None
     possible = all(effect.possible(size) for effect, size in zip(effects, found.sizes, strict=True))

@@ -45,7 +45,7 @@ def explained_by_stretches(task: Task, method: IV) -> Begun:
         return replace(begun, found=replace(plain, drift=told.drift, advice=told.advice))
     effects = _of_records(told.effects, record_of, len(job.records))
     try:
-        freed = fit_with_effects(job.setting(), job.calm, plain.fit, effects)
+        freed = fit_with_effects(job.setting(), job.calm, plain.fit, effects, (), job.sharpened)
     except (IdentifiabilityError, DataError):
         move = told.fit.solution.x - plain.fit.solution.x
         moved = told.drift + np.outer(move, move)

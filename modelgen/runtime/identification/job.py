@@ -7,9 +7,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.identification.thresholds import NOISE_ALONE
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.delays import Run, delay_rates, fit_with_delays
+from modelgen.runtime.least_squares.efficient_weights import efficient
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -79,12 +82,22 @@ class Job:
         """Return the rows without the samples around reversals, which a consistent estimate must not use."""
         return self.observed(records, turns=False).dense()
 
-    def with_delays(self, run: Run) -> tuple[Observation, Fit]:
+    def with_delays(self, run: Run, finish: Callable[[Fit], Fit] | None = None) -> tuple[Observation, Fit]:
         """Return the rows and the fit of `run`, delays of forces estimated where they are asked for."""
         if not self.late:
-            return run(self.records, None)
+            observation, fit = run(self.records, None)
+            return observation, fit if finish is None else finish(fit)
         near = self.start if self.start is not None and self.start.delays else None
-        return fit_with_delays(self.records, self.late, run, self.rates, self._first_delays, near)
+        return fit_with_delays(self.records, self.late, run, self.rates, self._first_delays, near, finish)
+
+    def sharpened(self, fit: Fit) -> Fit:
+        """Return a fit with instruments solved on white rows, if it leaves noise of the sensors alone.
+
+        What a model lacks is no noise: weights made of it would only trade one of its errors for another.
+        """
+        if exceeding_noise(self.model, self.records, self.choice, fit, NOISE_ALONE):
+            return fit
+        return efficient(fit)
 
     def _first_delays(self, fit: Fit) -> Mapping[str, float]:
         return coarse_delays(fit, self.model, self.records, self.choice, self.late)

@@ -71,9 +71,9 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
 
     if job.effects:
         near = job.start or run(job.records, None)[1]
-        found = fit_with_effects(setting, calm, near, job.effects, job.sizes)
+        found = fit_with_effects(setting, calm, near, job.effects, job.sizes, job.sharpened)
         return found.observation, found.fit
-    return job.with_delays(run)
+    return job.with_delays(run, job.sharpened)
 
 
 def run_pham2002(job: Job) -> tuple[Observation, Fit]:

@@ -41,6 +41,8 @@ LITTLE_OWN = 0.05
 # A row is left unexplained from this share of its largest term on, and this multiple of the sensors' noise.
 LEFT_SHARE = 0.3
 OVER_NOISE = 3.0
+# Below this multiple of the sensors' noise a residual is that noise, and its colour says how rows weigh best.
+NOISE_ALONE = 1.5
 
 # Lower cut-offs are tried in steps of the root of two, where noise biases a parameter by more than
 # this share.

@@ -63,6 +63,7 @@ def fit_with_effects(
     start: Fit,
     effects: Sequence[Effect],
     known: Sequence[float] = (),
+    finish: Callable[[Fit], Fit] | None = None,
 ) -> Freed:
     """Estimate parameters, delays and effects together, from a fit without the effects.
 
@@ -77,6 +78,8 @@ def fit_with_effects(
     effects : sequence of Effect
     known : sequence of float
         Sizes of the first effects at other settings, to start from.
+    finish : callable, optional
+        What is done to the fit with further columns once it has come to rest.
 
     Raises
     ------
@@ -111,12 +114,15 @@ def fit_with_effects(
         relative = moves / np.maximum(EFFECT_MOVE * spread, EFFECT_CHANGE * size)
         # after many rounds a third of a standard deviation is rest enough
         if np.all(np.abs(relative) < (1.0 if done < PATIENT_ROUNDS else LOOSER)):
+            last = larger if finish is None else finish(larger)
+            spread = np.sqrt(np.maximum(np.diag(hac_covariance(last)), 0.0))
+            more = (last.solution.x - larger.solution.x)[c:]
             found = tuple(
-                (channel, delay, float(std))
-                for (channel, delay), std in zip(delays.items(), spread[c:], strict=False)
+                (channel, delay + float(move), float(std))
+                for (channel, delay), move, std in zip(delays.items(), more, spread[c:], strict=False)
             )
-            left = steps[len(late) :]
-            fit = replace(_without(larger, plain, (*late, *grown), left), delays=found, notes=start.notes)
+            left, sizes = last.solution.x[c + len(late) :], sizes + more[len(late) :]
+            fit = replace(_without(last, plain, (*late, *grown), left), delays=found, notes=start.notes)
             stds = tuple(spread[c + len(late) :].tolist())
             return Freed(observation, fit, here, tuple(sizes.tolist()), stds, (*late, *grown))
         # what goes to and fro comes to rest with shorter steps

@@ -109,6 +109,7 @@ def fit_with_delays(
     rates_of: Rates,
     first_of: First,
     near: Fit | None = None,
+    finish: Callable[[Fit], Fit] | None = None,
 ) -> tuple[Observation, Fit]:
     """Estimate delays of force channels together with the parameters, by Gauss-Newton steps.
 
@@ -125,6 +126,8 @@ def fit_with_delays(
         Takes the first fit to the delays to start from, in s.
     near : Fit, optional
         Of other stretches of the same experiment, say, with these delays: where to start from instead.
+    finish : callable, optional
+        What is done to the fit with columns for the delays once it has come to rest.
 
     Returns
     -------
@@ -152,20 +155,11 @@ def fit_with_delays(
         rates = [rates_of(fit, moved, channel) for channel in channels]
         steps_of = [-np.column_stack(columns) for columns in zip(*rates, strict=True)]
         larger = with_columns(fit, fit.regressors, steps_of)
+        if start is not None and _at_rest(larger, start, sample):
+            break
         c = len(fit.columns)
         steps, x = larger.solution.x[c:], larger.solution.x[:c]
-        simulated = None
-        if start is not None:
-            spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))
-            still = np.abs(steps) < np.maximum(SMALL_STEP * spread[c:], SMALLEST_STEP * sample)
-            move = np.abs(x - start.solution.x)
-            if np.all(still) and np.all(
-                move < np.maximum(SMALL_STEP * spread[:c], SMALLEST_CHANGE * np.abs(x))
-            ):
-                break
-            settled = (move < SETTLED * spread[:c]) | (move < SETTLED_SHARE * np.abs(x))
-            if np.all(settled) and np.all(np.abs(steps) < SETTLED_DELAY * sample):
-                simulated = fit.simulated
+        simulated = fit.simulated if start is not None and _settled(larger, start, sample) else None
         start = replace(fit, solution=replace(fit.solution, x=x), simulated=simulated)
         for channel, step in zip(channels, steps, strict=True):
             limit = LARGEST_DELAY * sample
@@ -175,10 +169,36 @@ def fit_with_delays(
         raise IdentifiabilityError.at(
             "delays", f"parameters and delays still move after {DELAY_ROUNDS} rounds", remedy
         )
+    last = larger if finish is None else finish(larger)
+    c = len(fit.columns)
+    moves = (last.solution.x - larger.solution.x)[c:].tolist()
     found = tuple(
-        (channel, delays[channel], float(std)) for channel, std in zip(channels, spread[c:], strict=True)
+        (channel, delays[channel] + move, std)
+        for channel, move, std in zip(channels, moves, _spread(last)[c:].tolist(), strict=True)
     )
-    return observation, replace(without_columns(larger, fit), delays=found)
+    return observation, replace(without_columns(last, fit), delays=found)
+
+
+def _spread(fit: Fit) -> FloatArray:
+    return np.asarray(np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0)))
+
+
+def _at_rest(larger: Fit, start: Fit, sample: float) -> bool:
+    """Tell whether neither parameters nor delays, the last columns, moved by what would show."""
+    c, spread = len(start.columns), _spread(larger)
+    x, steps = larger.solution.x[:c], larger.solution.x[c:]
+    still = np.abs(steps) < np.maximum(SMALL_STEP * spread[c:], SMALLEST_STEP * sample)
+    small = np.maximum(SMALL_STEP * spread[:c], SMALLEST_CHANGE * np.abs(x))
+    return bool(np.all(still) and np.all(np.abs(x - start.solution.x) < small))
+
+
+def _settled(larger: Fit, start: Fit, sample: float) -> bool:
+    """Tell whether what moved is so little that instruments of the same simulation serve again."""
+    c = len(start.columns)
+    x, steps = larger.solution.x[:c], larger.solution.x[c:]
+    move = np.abs(x - start.solution.x)
+    settled = (move < SETTLED * _spread(larger)[:c]) | (move < SETTLED_SHARE * np.abs(x))
+    return bool(np.all(settled) and np.all(np.abs(steps) < SETTLED_DELAY * sample))
 
 
 def _late_so_far(delays: Mapping[str, float], sample: float) -> list[Problem]:

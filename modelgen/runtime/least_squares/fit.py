@@ -77,6 +77,9 @@ class Fit:
         fitted themselves.
     simulated : mapping of int to Record, optional
         With instrumental variables the noise-free records that they were made of, by index of the record.
+    series : tuple of array, optional
+        What each instant of each record contributes to X's error, shape (grid, columns), where X comes from
+        other weights of the same rows (`efficient`).
     """
 
     columns: tuple[str, ...]
@@ -91,6 +94,7 @@ class Fit:
     lost: int = 0
     carried: CarriedOver | None = None
     simulated: Mapping[int, Record] | None = None
+    series: tuple[FloatArray, ...] | None = None
 
     @property
     def regressors(self) -> tuple[FloatArray, ...]:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.fit import Fit, residuals_of
 from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
 
 
@@ -45,4 +45,15 @@ def without_columns(larger: Fit, fit: Fit) -> Fit:
     scale = np.where(scale > 0.0, scale, 1.0)
     share = np.linalg.lstsq(stacked[:, c:] / scale, stacked[:, :c], rcond=None)[0] / scale[:, None]
     projected = tuple(r[:, :c] - r[:, c:] @ share for r in larger.regressors)
-    return with_regressors(replace(fit, weights=larger.weights), projected)
+    found = with_regressors(replace(fit, weights=larger.weights), projected)
+    if larger.series is None:
+        return found
+    # solved with other weights: their solution, and what it leaves free, hold
+    x, inverse = larger.solution.x[:c], larger.solution.inverse[:c, :c]
+    return replace(
+        found,
+        solution=replace(found.solution, x=x, inverse=inverse),
+        residuals=residuals_of(found.blocks, x),
+        lost=larger.lost,
+        series=tuple(psi[:, :c] for psi in larger.series),
+    )

@@ -211,8 +211,9 @@ def influence(fit: Fit) -> list[FloatArray]:
 
 def influence_parts(fit: Fit) -> list[Series]:
     """Return the same as one function a record, which yields it in parts, again whenever called."""
-    if fit.carried is not None:
-        return [partial(_whole, psi) for psi in fit.carried.series]
+    known = fit.series if fit.carried is None else fit.carried.series
+    if known is not None:
+        return [partial(_whole, psi) for psi in known]
     return [partial(_parts, fit, tuple(indices)) for indices in fit.by_record.values()]
 
 

@@ -51,4 +51,4 @@ def _regressed(fit: Fit, projected: tuple[FloatArray, ...], triangle: FloatArray
     parts = zip(fit.weights, projected, fit.blocks, strict=True)
     solution = polished(triangle, [(weight * part, weight * block.Y) for weight, part, block in parts])
     residuals = tuple(block.residual(solution.x) for block in fit.blocks)
-    return replace(fit, solution=solution, residuals=residuals, projected=projected)
+    return replace(fit, solution=solution, residuals=residuals, projected=projected, series=None)

@@ -65,3 +65,9 @@ LOOKED_AT = 20_000
 
 # Combinations of rows that cancel to less than this share of their deviation weigh as if they did not.
 SMALLEST_DEVIATION = 1e-2
+
+# Samples back that a row is predicted from, with the rows that share its noise: as many of these at most,
+# and only where a correlation at one of the first lags exceeds this.
+JOINT_ORDER, MOST_RELATED, LEAST_RELATED, LAGS_LOOKED_AT = 8, 3, 0.1, 2
+# Filters and derivatives are exact to this share of a row's largest term; less is no noise to be told apart.
+LEAST_NOISE = 1e-8

@@ -1,0 +1,130 @@
+"""Rows that share noise, made white together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.least_squares.joint_whitening import JointWhitener, joint_whitener
+from modelgen.runtime.least_squares.whitening import whitener
+
+N = 6000
+
+
+def low_passed(rng: np.random.Generator) -> FloatArray:
+    sos = butter(2, 0.8, output="sos")
+    return np.asarray(sosfiltfilt(sos, rng.standard_normal(N)))
+
+
+def second_difference(series: FloatArray) -> FloatArray:
+    return np.asarray(np.convolve(series, [1.0, -2.0, 1.0], "same"))
+
+
+def bodies(seed: int, rows: int) -> list[FloatArray]:
+    """Residuals of a chain of bodies: noise of each encoder in the rows of its neighbours."""
+    rng = np.random.default_rng(seed)
+    noise = [low_passed(rng) for _ in range(rows)]
+    inertia, stiffness = rng.uniform(0.2, 3.0, rows), rng.uniform(0.2, 3.0, rows)
+    found = []
+    for k in range(rows):
+        e = inertia[k] * second_difference(noise[k])
+        for other in (k - 1, k + 1):
+            if 0 <= other < rows:
+                e = e + stiffness[max(k, other)] * (noise[k] - noise[other])
+        found.append(e)
+    return found
+
+
+def masked(seed: int, rows: int) -> list[IntArray]:
+    """Places with gaps of their own for every second row."""
+    rng = np.random.default_rng((7, seed))
+    places = []
+    for k in range(rows):
+        there = np.ones(N, dtype=bool)
+        for start in rng.integers(0, N - 200, 6 * (k % 2)):
+            there[start : start + 150] = False
+        places.append(np.flatnonzero(there))
+    return places
+
+
+def whitened(seed: int, rows: int) -> tuple[JointWhitener, list[FloatArray], list[IntArray]]:
+    places = masked(seed, rows)
+    residuals = [e[place] for e, place in zip(bodies(seed, rows), places, strict=True)]
+    return joint_whitener(residuals, places, N, [0.0] * rows, [0] * rows), residuals, places
+
+
+def largest_correlation(parts: list[FloatArray], places: list[IntArray]) -> float:
+    """The largest correlation between rows, or of one with its own past, over five lags."""
+    series = np.zeros((len(parts), N))
+    for line, part, place in zip(series, parts, places, strict=True):
+        line[place] = part / np.std(part) / np.sqrt(len(place))
+    most = 0.0
+    for lag in range(6):
+        found = np.abs(series[:, lag:] @ series[:, : N - lag].T)
+        if lag == 0:
+            np.fill_diagonal(found, 0.0)
+        most = max(most, float(np.max(found)))
+    return most
+
+
+@pytest.mark.parametrize(("seed", "rows"), [(seed, rows) for seed in range(2) for rows in (2, 3, 5)])
+def test_what_is_left_is_white_in_time_and_across_rows(seed: int, rows: int) -> None:
+    white_of, residuals, places = whitened(seed, rows)
+    alone = [whitener(e, place)(e, place) for e, place in zip(residuals, places, strict=True)]
+    assert largest_correlation(alone, places) > 0.25
+    # where others are masked a row is predicted alone
+    assert largest_correlation(list(white_of(residuals)), places) < 0.2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_is_one_linear_map_of_all_rows(seed: int) -> None:
+    white_of, residuals, places = whitened(seed, 3)
+    rng = np.random.default_rng(seed)
+    other = [rng.standard_normal((len(place), 2)) for place in places]
+    both = [np.column_stack([e, more]) for e, more in zip(residuals, other, strict=True)]
+    together = white_of(both)
+    for row, alone in enumerate(white_of(residuals)):
+        np.testing.assert_allclose(together[row][:, 0], alone, rtol=1e-9, atol=1e-12)
+    for row, alone in enumerate(white_of(other)):
+        np.testing.assert_allclose(together[row][:, 1:], alone, rtol=1e-9, atol=1e-12)
+
+
+def test_rows_that_share_nothing_are_made_white_alone() -> None:
+    rng = np.random.default_rng(4)
+    residuals, place = [low_passed(rng) for _ in range(3)], np.arange(N)
+    white_of = joint_whitener(residuals, [place] * 3, N, [0.0] * 3, [0] * 3)
+    for white, e in zip(white_of(residuals), residuals, strict=True):
+        np.testing.assert_allclose(white, whitener(e, place)(e, place), rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_differentiated_rows_do_not_cost_a_sum_what_it_knows_of_a_mean(seed: int) -> None:
+    # the differentiated rows of two bodies add up to the second derivative of their sum's
+    rng = np.random.default_rng(seed)
+    first, second = low_passed(rng), low_passed(rng)
+    residuals = [second_difference(first), second_difference(second), first + second]
+    place = np.arange(N)
+    white_of = joint_whitener(residuals, [place] * 3, N, [0.0] * 3, [2, 2, 0])
+    constant = [np.zeros(N), np.zeros(N), np.ones(N)]
+    told = sum(float(white @ white) for white in white_of(constant))
+    alone = whitener(residuals[2], place)(np.ones(N), place)
+    assert told > 0.9 * float(alone @ alone)
+
+
+def test_rows_that_cancel_exactly_do_not_outweigh_all_others() -> None:
+    e, place = low_passed(np.random.default_rng(1)), np.arange(N)
+    residuals = [e, -e]
+    white_of = joint_whitener(residuals, [place] * 2, N, [0.0] * 2, [0] * 2)
+    step = white_of([np.ones(N), np.ones(N)])
+    alone = whitener(e, place)(np.ones(N), place)
+    assert np.max(np.abs(step[1])) < 1000.0 * np.max(np.abs(alone))
+
+
+def test_few_samples_and_silence_leave_finite_rows() -> None:
+    place = np.arange(12)
+    short = [np.random.default_rng(0).standard_normal(12) for _ in range(2)]
+    for residuals in (short, [np.zeros(12), np.zeros(12)]):
+        white_of = joint_whitener(residuals, [place] * 2, 12, [0.0] * 2, [0, 0])
+        assert all(np.all(np.isfinite(white)) for white in white_of([np.ones(12), np.ones(12)]))
