@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from modelgen.array_types import FloatArray
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.identification.thresholds import NOISE_ALONE
+from modelgen.runtime.identification.thresholds import COPIES_OF_WHITE_ROWS, MOST_WHITENED, NOISE_ALONE
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.delays import Run, delay_rates, fit_with_delays
 from modelgen.runtime.least_squares.efficient_weights import efficient
@@ -95,7 +95,13 @@ class Job:
 
         What a model lacks is no noise: weights made of it would only trade one of its errors for another.
         """
-        if exceeding_noise(self.model, self.records, self.choice, fit, NOISE_ALONE):
+        numbers = sum(block.count for block in fit.blocks) * len(fit.columns)
+        room = (
+            MOST_WHITENED
+            if self.memory_limit is None
+            else min(MOST_WHITENED, self.memory_limit / COPIES_OF_WHITE_ROWS)
+        )
+        if numbers > room or exceeding_noise(self.model, self.records, self.choice, fit, NOISE_ALONE):
             return fit
         return efficient(fit)
 

@@ -43,6 +43,8 @@ LEFT_SHARE = 0.3
 OVER_NOISE = 3.0
 # Below this multiple of the sensors' noise a residual is that noise, and its colour says how rows weigh best.
 NOISE_ALONE = 1.5
+# Rows times columns that are made white at most, as they are kept several times for that; bytes a number.
+MOST_WHITENED, COPIES_OF_WHITE_ROWS = 5e6, 80.0
 
 # Lower cut-offs are tried in steps of the root of two, where noise biases a parameter by more than
 # this share.

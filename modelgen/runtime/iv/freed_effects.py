@@ -115,15 +115,9 @@ def fit_with_effects(
         # after many rounds a third of a standard deviation is rest enough
         if np.all(np.abs(relative) < (1.0 if done < PATIENT_ROUNDS else LOOSER)):
             last = larger if finish is None else finish(larger)
-            spread = np.sqrt(np.maximum(np.diag(hac_covariance(last)), 0.0))
             more = (last.solution.x - larger.solution.x)[c:]
-            found = tuple(
-                (channel, delay + float(move), float(std))
-                for (channel, delay), move, std in zip(delays.items(), more, spread[c:], strict=False)
-            )
-            left, sizes = last.solution.x[c + len(late) :], sizes + more[len(late) :]
-            fit = replace(_without(last, plain, (*late, *grown), left), delays=found, notes=start.notes)
-            stds = tuple(spread[c + len(late) :].tolist())
+            fit, stds = _alone(last, plain, (*late, *grown), delays, more)
+            fit, sizes = replace(fit, notes=start.notes), sizes + more[len(late) :]
             return Freed(observation, fit, here, tuple(sizes.tolist()), stds, (*late, *grown))
         # what goes to and fro comes to rest with shorter steps
         length = SHORTER * length if float(relative @ before) < 0.0 else min(1.0, length / SHORTER)
@@ -172,6 +166,18 @@ def _with_columns(plain: Fit, Z: Sequence[FloatArray], grown: Grown, sizes: Floa
         residual - part[:, late:] @ sizes for residual, part in zip(plain.residuals, extra, strict=True)
     )
     return with_columns(weighed(replace(plain, residuals=residuals)), Z, extra)
+
+
+def _alone(
+    larger: Fit, plain: Fit, grown: Grown, delays: Mapping[str, float], moves: FloatArray
+) -> tuple[Fit, tuple[float, ...]]:
+    """Return the fit to the columns alone, `delays` moved, and the standard deviations of the effects."""
+    c, late = len(plain.columns), len(delays)
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))[c:].tolist()
+    moved = [delay + move for delay, move in zip(delays.values(), moves.tolist(), strict=False)]
+    found = tuple(zip(delays, moved, spread, strict=False))
+    fit = _without(larger, plain, grown, larger.solution.x[c + late :])
+    return replace(fit, delays=found), tuple(spread[late:])
 
 
 def _without(larger: Fit, plain: Fit, grown: Grown, sizes: FloatArray) -> Fit:
