@@ -14,7 +14,6 @@ from functools import cache
 from typing import NamedTuple
 
 from modelgen.errors import Problem
-from modelgen.generated_module import skeleton_of_arms
 from modelgen.generated_module.literals import (
     LONGEST_LITERAL,
     Declared,
@@ -23,6 +22,8 @@ from modelgen.generated_module.literals import (
     literal_value,
 )
 from modelgen.generated_module.skeleton import BODY, HEAD, LITERAL, SLOTS
+from modelgen.generated_module.skeleton_of_arms import BODY as BODY_OF_ARMS
+from modelgen.generated_module.skeleton_of_arms import HEAD as HEAD_OF_ARMS
 
 REMEDY = "generate the module again (modelgen generate)"
 SMALLER = "describe the machine with fewer bodies"
@@ -89,7 +90,7 @@ class Place:
 def first_deviation(text: str) -> Problem | None:
     """Return the first thing in a text that the generator would not have written; `where` is its line."""
     arm = "\nARM = " in text
-    head, body = (skeleton_of_arms.HEAD, skeleton_of_arms.BODY) if arm else (HEAD, BODY)
+    head, body = (HEAD_OF_ARMS, BODY_OF_ARMS) if arm else (HEAD, BODY)
     try:
         at, literals = _follow(_places(head), text, 0, Declared({}, {}))
         if text.count("\n", at) > MOST_LINES:
