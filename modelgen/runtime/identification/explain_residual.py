@@ -23,7 +23,6 @@ from modelgen.runtime.identification.thresholds import (
     INEXACT,
     LEFT_SHARE,
     LITTLE_LEFT,
-    LITTLE_OWN,
     MOST_EFFECTS,
     MOST_TRIED,
     OVER_NOISE,
@@ -37,7 +36,7 @@ from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.other_explanations import Looked, other_explanations
 from modelgen.runtime.iv.score_tests import Score, scores, slope_of, without_noise
-from modelgen.runtime.iv.thresholds import AS_GOOD
+from modelgen.runtime.iv.thresholds import AS_GOOD, LITTLE_OWN
 from modelgen.runtime.iv.told_effects import estimated, left, summed
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit

@@ -36,8 +36,6 @@ INEXACT = {"lag": 0.002, "average": 0.002, "force": 0.02, "form": 0.05, "mass": 
 LITTLE_LEFT = 0.05
 # What is found after one of these kinds may be what its form leaves: all that it moves is left open.
 ROUGH = {"form", "mass"}
-# An effect of which no more than this share lies outside of the columns is hardly told from them.
-LITTLE_OWN = 0.05
 # A row is left unexplained from this share of its largest term on, and this multiple of the sensors' noise.
 LEFT_SHARE = 0.3
 OVER_NOISE = 3.0

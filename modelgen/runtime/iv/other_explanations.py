@@ -14,7 +14,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.score_tests import apart, largest_overlooked, regressors, stacked
-from modelgen.runtime.iv.thresholds import AS_GOOD, EXACTNESS, LARGEST_SHARE, LEAST_OWN_SHARE, LEVEL
+from modelgen.runtime.iv.thresholds import AS_GOOD, EXACTNESS, LARGEST_SHARE, LEVEL, LITTLE_OWN
 from modelgen.runtime.least_squares.fit import Fit
 
 
@@ -57,6 +57,9 @@ def other_explanations(
     others : sequence of Effect
         Those that were tested.
     looked : Looked
+
+    What is nearly a sum of the columns is left out: a step that large tells nothing where nothing is solved
+    again.
 
     Returns
     -------
@@ -103,7 +106,7 @@ def other_explanations(
                 or (alike[place - 1] and explained[0] - explained[place] < inexact)
             )
             and chi[place] > critical
-            and power[place] > LEAST_OWN_SHARE * whole[place - 1]
+            and power[place] > LITTLE_OWN * whole[place - 1]
             and abs(steps[place]) * float(np.sqrt(whole[place - 1])) < largest
             and others[place - 1].possible(float(steps[place]))
         ]

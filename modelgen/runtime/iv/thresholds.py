@@ -85,6 +85,8 @@ SLOW_QUANTILE = 0.1
 
 # An effect with less than this share of itself outside of the regressors cannot be told from them.
 LEAST_OWN_SHARE = 1e-3
+# An effect of which no more than this share lies outside of the columns is hardly told from them.
+LITTLE_OWN = 0.05
 # Level of all tests together.
 LEVEL = 1e-2
 # An effect matters from this share of the residual's power, or where it moves a parameter by so many
