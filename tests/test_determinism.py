@@ -140,6 +140,7 @@ def test_two_runs_give_the_same_bytes(folder: Path) -> None:
     assert json.loads(first)["params"]
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_changes_nothing(folder: Path) -> None:
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
     one, several = (json.loads(run(folder, **dict.fromkeys(names, str(count)))) for count in (1, 4))

@@ -50,7 +50,7 @@ def run_command(line: str) -> str:
     return result.output
 
 
-LONG = ("how-to/sensors.md", "how-to/compare.md", "how-to/validate.md")
+LONG = ("how-to/sensors.md", "how-to/compare.md", "how-to/validate.md", "how-to/long-records.md")
 
 
 @pytest.mark.parametrize(

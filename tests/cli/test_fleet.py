@@ -25,6 +25,7 @@ pytestmark = [
 ]
 
 
+@pytest.mark.slow
 def test_every_machine_gets_its_estimate_and_a_corrupt_file_is_named(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     h5py = pytest.importorskip("h5py")
@@ -108,6 +109,7 @@ def test_a_scheduler_is_asked_and_the_table_names_machines(tmp_path: Path) -> No
     assert page.count("<svg") == len(MODEL.base_parameters) and "<td>crane</td>" in page
 
 
+@pytest.mark.slow
 def test_units_of_files_are_those_of_identify(tmp_path: Path) -> None:
     """A file that states degrees gives the same by both commands, to the last digit."""
     pytest.importorskip("distributed")

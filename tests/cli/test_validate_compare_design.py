@@ -139,6 +139,7 @@ def test_validate_needs_all_parameters(here: Path) -> None:
     assert "e.json: is no saved estimate" in run("validate", chirp, *options, code=2)
 
 
+@pytest.mark.slow
 def test_compare_of_modules_and_records(here: Path) -> None:
     found = run_json("compare", "emps300")
     assert [m["model"] for m in found["models"]] == ["emps300_qm_qc", "emps300_qm_ac"]

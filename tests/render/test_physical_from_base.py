@@ -111,6 +111,7 @@ def test_nearly_all_come_back() -> None:
     assert raised <= 0.02 * tried
 
 
+@pytest.mark.slow
 def test_what_no_chain_has_is_refused() -> None:
     model = next(
         model for model in map(model_of, range(50)) if model is not None and len(model.parameters) > 6

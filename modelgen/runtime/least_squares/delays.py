@@ -169,13 +169,13 @@ def fit_with_delays(
         raise IdentifiabilityError.at(
             "delays", f"parameters and delays still move after {DELAY_ROUNDS} rounds", remedy
         )
-    last = larger if finish is None else finish(larger)
-    c = len(fit.columns)
-    moves = (last.solution.x - larger.solution.x)[c:].tolist()
-    found = tuple(
-        (channel, delays[channel] + move, std)
-        for channel, move, std in zip(channels, moves, _spread(last)[c:].tolist(), strict=True)
-    )
+    last, c = larger if finish is None else finish(larger), len(fit.columns)
+    moves = dict(zip(channels, (last.solution.x - larger.solution.x)[c:].tolist(), strict=True))
+    if any(moves.values()):  # rows of the delays that are told
+        delays = {channel: delay + moves[channel] for channel, delay in delays.items()}
+        observation, fit = run(tuple(advanced(record, delays) for record in records), fit)
+    stds = dict(zip(channels, _spread(last)[c:].tolist(), strict=True))
+    found = tuple((channel, delays[channel], stds[channel]) for channel in channels)
     return observation, replace(without_columns(last, fit), delays=found)
 
 

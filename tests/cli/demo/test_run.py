@@ -40,12 +40,14 @@ def test_the_printed_deviations_belong_to_the_printed_values() -> None:
             assert 50.0 * two_std / values[name] == pytest.approx(relative, rel=6e-3), (printed.number, name)
 
 
+@pytest.mark.slow
 def test_the_demo_writes_what_it_says(demo: dict[str, Any]) -> None:
     assert [path.name for path in demo["modules"]] == ["emps300_qm_qc.py", "emps300_qm_ac.py"]
     assert [path.name for path in demo["records"]] == ["chirp.npz", "trapezoid.npz"]
     assert all(path.is_file() for kind in ("modules", "records", "figures") for path in demo[kind])
 
 
+@pytest.mark.slow
 def test_the_demo_draws_the_figures_of_the_paper(demo: dict[str, Any]) -> None:
     drawn = {path.name: path.read_bytes() for path in demo["figures"]}
     assert drawn["figure_2.svg"].startswith(b"<svg ")
@@ -53,6 +55,7 @@ def test_the_demo_draws_the_figures_of_the_paper(demo: dict[str, Any]) -> None:
         assert drawn[name].startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_demo_finds_the_printed_tables(demo: dict[str, Any]) -> None:
     assert [(t["table"], t["sensor_set"]) for t in demo["tables"]] == [(1, "qm_qc"), (2, "qm_ac")]
     for found in demo["tables"]:

@@ -65,6 +65,7 @@ def test_parameters_come_back_within_honest_intervals(model: Model, way: Callabl
     assert max(by_name[name] for name in ("J_m", "J_c", "K", "F_vmc")) < 0.004
 
 
+@pytest.mark.slow
 def test_a_kalman_filter_takes_innovations_as_they_are() -> None:
     # a friction that depends on the direction, where the model has one for both: a model that is wrong
     p = {"M": 95.0, "Fv_plus": 180.0, "Fc_plus": 20.0, "Fv_minus": 225.0, "Fc_minus": 20.0}

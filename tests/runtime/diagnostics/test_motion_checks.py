@@ -172,6 +172,7 @@ def test_the_least_decimation_it_asks_for_is_enough() -> None:
     assert "up to 26.67 Hz" in advice.what
 
 
+@pytest.mark.slow
 def test_a_clamped_body_gets_no_parameters_but_the_others_do() -> None:
     t = np.arange(20000) / 5000.0
     rng = np.random.default_rng(0)

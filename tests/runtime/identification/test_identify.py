@@ -82,6 +82,7 @@ def test_emps_by_default_holds_the_published_result_and_names_what_the_model_lac
     assert "viscous friction that depends on the direction" in said
 
 
+@pytest.mark.slow
 def test_emps_asymmetric_friction_fits_better(emps: Record) -> None:
     symmetric, asymmetric = identify(RIGID, emps), identify(ASYMMETRIC, emps)
     published = {
@@ -102,6 +103,7 @@ def test_emps_intervals_know_that_the_residual_is_coloured(emps: Record) -> None
         assert entry.noise_std > 2.0 * entry.printed_std
 
 
+@pytest.mark.slow
 def test_bench_agrees_with_its_frequency_response(bench: Record) -> None:
     estimate = identify(BENCH, bench)
     found = estimate.params

@@ -57,6 +57,7 @@ def test_outliers_are_weighed_down_and_the_interval_holds() -> None:
     assert np.mean(spreads) > 3.0
 
 
+@pytest.mark.slow
 def test_normal_noise_costs_five_percent_of_the_efficiency() -> None:
     plain, robust = [], []
     for seed in range(300):

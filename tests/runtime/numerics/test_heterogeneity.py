@@ -7,6 +7,7 @@ from statsmodels.stats.multitest import multipletests
 from modelgen.runtime.numerics.heterogeneity import heterogeneity, holm
 
 
+@pytest.mark.slow
 def test_holm_is_that_of_statsmodels() -> None:
     rng = np.random.default_rng(3)
     for count in range(1, 20):

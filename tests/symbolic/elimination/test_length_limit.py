@@ -88,6 +88,7 @@ RATIOS = ["1.0000000000000002", "1e-30", "1e30", "3.141592653589793", "-2.5", "0
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(st.integers(0, 10**9))
+@pytest.mark.slow
 def test_any_graph_gives_a_model_or_a_reason(seed: int) -> None:
     rng = random.Random(seed)
     count = rng.randint(3, 10)
