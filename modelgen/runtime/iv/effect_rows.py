@@ -14,7 +14,7 @@ from modelgen.runtime.iv.companion_simulation import Simulated, possible, simula
 from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
-from modelgen.runtime.iv.thresholds import SLOW_QUANTILE, TRIED_SHARE
+from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -49,7 +49,9 @@ def _slow_speeds(simulated: Sequence[Simulated]) -> dict[str, float]:
     found = {}
     for body in simulated[0].plant.bodies:
         speeds = np.abs(np.concatenate([one.motion[f"v_{body}"] for one in simulated]))
-        found[body] = float(np.quantile(speeds, SLOW_QUANTILE)) or float(np.max(speeds)) or 1.0
+        # a body that sticks has a speed of rounding only
+        moving = speeds[speeds > AT_REST * np.max(speeds)]
+        found[body] = float(np.quantile(moving, SLOW_QUANTILE)) if moving.size else 1.0
     return found
 
 

@@ -82,6 +82,8 @@ RESOLVED = 8
 LEAST_PASSED = 0.2
 # The speed below which friction rises (Stribeck) is tried at this quantile of the speeds in all records.
 SLOW_QUANTILE = 0.1
+# Below this share of its largest speed, a body is at rest.
+AT_REST = 1e-3
 
 # An effect with less than this share of itself outside of the regressors cannot be told from them.
 LEAST_OWN_SHARE = 1e-3
