@@ -16,16 +16,21 @@ def template_folder() -> Path:
 
 def environment() -> jinja2.Environment:
     """Return an environment for source code: no HTML escaping, values come from the printer as source."""
-    env = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(template_folder()),
-        undefined=jinja2.StrictUndefined,
-        autoescape=False,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    env = template_environment(html=False)
     env.filters["indented"] = _indented
     return env
+
+
+def template_environment(html: bool) -> jinja2.Environment:
+    """Return what makes text of templates; in HTML every value is escaped, the last line break dropped."""
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(template_folder()),
+        undefined=jinja2.StrictUndefined,
+        autoescape=html,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=not html,
+    )
 
 
 def _indented(source: str, name: str) -> str:

@@ -12,20 +12,14 @@ import jinja2
 import numpy as np
 from markupsafe import Markup, escape
 
-from modelgen.render.environment import template_folder
+from modelgen.render.environment import template_environment, template_folder
 from modelgen.runtime.modes.modes import cells, peak_hz
 from modelgen.runtime.results.answer import plus_minus
 
 
 def report_environment() -> jinja2.Environment:
     """Return what makes pages of templates: every text is escaped, an unknown name is an error."""
-    env = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(template_folder()),
-        undefined=jinja2.StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    env = template_environment(html=True)
     env.filters["number"] = _number
     env.filters["unit"] = _unit
     env.filters["reached"] = lambda entry: _typeset(plus_minus(entry))

@@ -40,19 +40,26 @@ def simulated_records(fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
         )
     except DataError as error:
         raise diverged(f"its simulation fails ({error.problems[0].what})", fit, model) from error
-    slow = _slow_speeds(found)
+    slow = _LowSpeeds(found)
     return tuple(replace(one, slow=slow) for one in found)
 
 
-def _slow_speeds(simulated: Sequence[Simulated]) -> dict[str, float]:
-    """Return a speed of each body that is low for it, over all records: a size means the same in each."""
-    found = {}
-    for body in simulated[0].plant.bodies:
-        speeds = np.abs(np.concatenate([one.motion[f"v_{body}"] for one in simulated]))
+class _LowSpeeds(dict[str, float]):
+    """A speed of each body that is low for it, over all records: a size means the same in each.
+
+    Worked out when it is asked for: one effect does, and not in every round.
+    """
+
+    def __init__(self, simulated: Sequence[Simulated]) -> None:
+        super().__init__()
+        self._simulated = simulated
+
+    def __missing__(self, body: str) -> float:
+        speeds = np.abs(np.concatenate([one.motion[f"v_{body}"] for one in self._simulated]))
         # a body that sticks has a speed of rounding only
         moving = speeds[speeds > AT_REST * np.max(speeds)]
-        found[body] = float(np.quantile(moving, SLOW_QUANTILE)) if moving.size else 1.0
-    return found
+        self[body] = float(np.quantile(moving, SLOW_QUANTILE)) if moving.size else 1.0
+        return self[body]
 
 
 def effect_rows(

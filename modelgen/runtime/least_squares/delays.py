@@ -155,11 +155,14 @@ def fit_with_delays(
         rates = [rates_of(fit, moved, channel) for channel in channels]
         steps_of = [-np.column_stack(columns) for columns in zip(*rates, strict=True)]
         larger = with_columns(fit, fit.regressors, steps_of)
-        if start is not None and _at_rest(larger, start, sample):
-            break
+        simulated = None
+        if start is not None:
+            spread = _spread(larger)
+            if _at_rest(larger, start, sample, spread):
+                break
+            simulated = fit.simulated if _settled(larger, start, sample, spread) else None
         c = len(fit.columns)
         steps, x = larger.solution.x[c:], larger.solution.x[:c]
-        simulated = fit.simulated if start is not None and _settled(larger, start, sample) else None
         start = replace(fit, solution=replace(fit.solution, x=x), simulated=simulated)
         for channel, step in zip(channels, steps, strict=True):
             limit = LARGEST_DELAY * sample
@@ -174,30 +177,32 @@ def fit_with_delays(
     if any(moves.values()):  # rows of the delays that are told
         delays = {channel: delay + moves[channel] for channel, delay in delays.items()}
         observation, fit = run(tuple(advanced(record, delays) for record in records), fit)
-    stds = dict(zip(channels, _spread(last)[c:].tolist(), strict=True))
+    spread = spread if last is larger else _spread(last)
+    stds = dict(zip(channels, spread[c:].tolist(), strict=True))
     found = tuple((channel, delays[channel], stds[channel]) for channel in channels)
     return observation, replace(without_columns(last, fit), delays=found)
 
 
 def _spread(fit: Fit) -> FloatArray:
+    """Return the standard deviations of a fit's columns, delays among them, shape (columns,)."""
     return np.asarray(np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0)))
 
 
-def _at_rest(larger: Fit, start: Fit, sample: float) -> bool:
+def _at_rest(larger: Fit, start: Fit, sample: float, spread: FloatArray) -> bool:
     """Tell whether neither parameters nor delays, the last columns, moved by what would show."""
-    c, spread = len(start.columns), _spread(larger)
+    c = len(start.columns)
     x, steps = larger.solution.x[:c], larger.solution.x[c:]
     still = np.abs(steps) < np.maximum(SMALL_STEP * spread[c:], SMALLEST_STEP * sample)
     small = np.maximum(SMALL_STEP * spread[:c], SMALLEST_CHANGE * np.abs(x))
     return bool(np.all(still) and np.all(np.abs(x - start.solution.x) < small))
 
 
-def _settled(larger: Fit, start: Fit, sample: float) -> bool:
+def _settled(larger: Fit, start: Fit, sample: float, spread: FloatArray) -> bool:
     """Tell whether what moved is so little that instruments of the same simulation serve again."""
     c = len(start.columns)
     x, steps = larger.solution.x[:c], larger.solution.x[c:]
     move = np.abs(x - start.solution.x)
-    settled = (move < SETTLED * _spread(larger)[:c]) | (move < SETTLED_SHARE * np.abs(x))
+    settled = (move < SETTLED * spread[:c]) | (move < SETTLED_SHARE * np.abs(x))
     return bool(np.all(settled) and np.all(np.abs(steps) < SETTLED_DELAY * sample))
 
 

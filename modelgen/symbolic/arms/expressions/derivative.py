@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from modelgen.symbolic.arms.expressions.graph import ONE, ZERO, Graph, Ref, Symbol
+from modelgen.symbolic.arms.expressions.graph import ONE, ZERO, Graph, Node, Ref, Symbol
+
+# What a rule has made of a reference already.
+Found = Callable[[Ref], Ref]
 
 
 def time_derivatives(graph: Graph, refs: Sequence[Ref]) -> list[Ref]:
@@ -45,43 +48,45 @@ def partial_derivatives(graph: Graph, refs: Sequence[Ref], joint: str, order: in
 
 def derivatives(graph: Graph, refs: Sequence[Ref], rate: Callable[[Symbol], Ref]) -> list[Ref]:
     """Return the derivatives of references when every symbol changes at its rate."""
-    found: dict[int, Ref] = {ZERO: ZERO}
 
-    def of(ref: Ref) -> Ref:
-        return found[ref] if ref >= 0 else -found[-ref]
-
-    for index in graph.needed(refs):
-        node = graph.nodes[index]
+    def rule(index: Ref, node: Node, of: Found) -> Ref:
         if node.operation == "sum":
-            found[index] = graph.add(of(node.left), of(node.right))
-        elif node.operation == "product":
-            found[index] = graph.add(
+            return graph.add(of(node.left), of(node.right))
+        if node.operation == "product":
+            return graph.add(
                 graph.multiply(of(node.left), node.right), graph.multiply(node.left, of(node.right))
             )
-        elif node.operation == "reciprocal":
-            found[index] = -graph.multiply(of(node.left), graph.multiply(index, index))
-        else:
-            found[index] = ZERO if node.symbol is None else rate(node.symbol)
-    return [of(ref) for ref in refs]
+        if node.operation == "reciprocal":
+            return -graph.multiply(of(node.left), graph.multiply(index, index))
+        return ZERO if node.symbol is None else rate(node.symbol)
+
+    return _rewritten(graph, refs, rule)
 
 
 def substituted(graph: Graph, refs: Sequence[Ref], values: Mapping[Symbol, Ref]) -> list[Ref]:
     """Return references with symbols replaced."""
-    found: dict[int, Ref] = {ZERO: ZERO}
+
+    def rule(index: Ref, node: Node, of: Found) -> Ref:
+        if node.operation == "sum":
+            return graph.add(of(node.left), of(node.right))
+        if node.operation == "product":
+            return graph.multiply(of(node.left), of(node.right))
+        if node.operation == "reciprocal":
+            return graph.reciprocal(of(node.left))
+        return index if node.symbol is None else values.get(node.symbol, index)
+
+    return _rewritten(graph, refs, rule)
+
+
+def _rewritten(graph: Graph, refs: Sequence[Ref], rule: Callable[[Ref, Node, Found], Ref]) -> list[Ref]:
+    """Return what a rule makes of references, node by node, from what it made of those that they need."""
+    found: dict[Ref, Ref] = {ZERO: ZERO}
 
     def of(ref: Ref) -> Ref:
         return found[ref] if ref >= 0 else -found[-ref]
 
     for index in graph.needed(refs):
-        node = graph.nodes[index]
-        if node.operation == "sum":
-            found[index] = graph.add(of(node.left), of(node.right))
-        elif node.operation == "product":
-            found[index] = graph.multiply(of(node.left), of(node.right))
-        elif node.operation == "reciprocal":
-            found[index] = graph.reciprocal(of(node.left))
-        else:
-            found[index] = index if node.symbol is None else values.get(node.symbol, index)
+        found[index] = rule(index, graph.nodes[index], of)
     return [of(ref) for ref in refs]
 
 
