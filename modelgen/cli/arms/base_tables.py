@@ -13,6 +13,10 @@ from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec
 from modelgen.spec.arms.parameters import arm_parameters
 
 _UNSEEN = "no motion of the arm shows them"
+_NO_SCALE = (
+    "only ratios can be found: the gain of every drive is to be estimated and no force or parameter is "
+    "known; give a payload that was weighed, or one gain, in [known]"
+)
 
 
 def describe_base(arm: ArmSpec, prove: bool) -> Description:
@@ -21,7 +25,8 @@ def describe_base(arm: ArmSpec, prove: bool) -> Description:
     from modelgen.symbolic.arms.base_parameters import arm_base_model
 
     try:
-        model = arm_base_model(arm_rows(arm))
+        rows = arm_rows(arm)
+        model = arm_base_model(rows)
     except ModelError as error:
         return {"base_parameters": None, "reason": "; ".join(f"{p.what}; {p.remedy}" for p in error.problems)}
     parameters = {parameter.name: parameter for parameter in arm_parameters(arm)}
@@ -38,6 +43,7 @@ def describe_base(arm: ArmSpec, prove: bool) -> Description:
         ],
         "identifiable": list(model.identifiable),
         "absent": dict(model.absent),
+        "has_scale": rows.has_scale,
         "newton_equals_lagrange": _proof(arm) if prove else None,
     }
 
@@ -59,6 +65,8 @@ def base_tables(described: Description) -> Iterator[Any]:
     yield Text(f"\nidentifiable by themselves: {alone}")
     if unseen:
         yield Text(f"not identifiable, {_UNSEEN}: {', '.join(unseen)}")
+    if not described["has_scale"]:
+        yield Text(_NO_SCALE)
     if described["newton_equals_lagrange"] is not None:
         word = "equal" if described["newton_equals_lagrange"] else "DO NOT equal"
         yield Text(f"proved modulo a prime: the equations of Newton and Euler {word} those of Lagrange")

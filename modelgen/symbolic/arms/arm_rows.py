@@ -9,8 +9,8 @@ from typing import Literal
 
 from modelgen.errors import ModelError
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec
-from modelgen.symbolic.arms.drives import drive_columns, drives, speed_node
-from modelgen.symbolic.arms.expressions.graph import Graph, Ref, Symbol
+from modelgen.symbolic.arms.drives import drive_columns, drives, gain_column, speed_node
+from modelgen.symbolic.arms.expressions.graph import ZERO, Graph, Ref, Symbol
 from modelgen.symbolic.arms.kinematics import BASE_ROWS, link_motions
 from modelgen.symbolic.arms.link_wrenches import along_axis, parameter_wrenches
 
@@ -41,7 +41,8 @@ class ArmRows:
     entries
         Nonzero entries of the regressor by (row, column).
     measured
-        The left side: sums of the forces or torques of the motors, and the wrench of the base.
+        The left side: sums of the forces or torques of the motors, and the wrench of the base. What a drive
+        with a gain to be found measures is a column, of the gain.
     speeds
         Speeds whose directions the entries hold, by name.
     """
@@ -60,6 +61,16 @@ class ArmRows:
     def has_base(self) -> bool:
         """Whether the base's wrench is measured."""
         return len(self.names) > len(self.spec.moving)
+
+    @property
+    def has_scale(self) -> bool:
+        """Whether a force, torque or known parameter says how large the parameters are.
+
+        Where every drive has a gain that is to be found, zeros alone stand on the left: only
+        ratios can be found: twice all parameters, gains among them, do as well.
+        """
+        known = {column for column, name in enumerate(self.columns) if self.spec.known.get(name)}
+        return any(self.measured) or any(column in known for _, column in self.entries)
 
 
 def arm_rows(spec: ArmSpec, kind: RowKind = "joint", base_rows: bool = False) -> ArmRows:
@@ -120,6 +131,10 @@ def arm_rows(spec: ArmSpec, kind: RowKind = "joint", base_rows: bool = False) ->
                 for moved, ratio in drive.lever:
                     place[moved][len(columns)] = graph.scale(ratio, factor)
                 columns.append(name)
+        if joint.gain is not None:
+            for moved, entry in gain_column(graph, spec, joint).items():
+                place[moved][len(columns)] = entry
+            columns.append(joint.gain)
         owners += [joint.name] * (len(columns) - len(owners))
     forces, turned = _left_side(graph, spec, kind)
     rows = [_combined(graph, rows, weights) for weights in turned]
@@ -138,7 +153,7 @@ def arm_rows(spec: ArmSpec, kind: RowKind = "joint", base_rows: bool = False) ->
 
 def _left_side(graph: Graph, spec: ArmSpec, kind: RowKind) -> tuple[list[Ref], list[list[Fraction]]]:
     """Return the left side of every row, and every row as a sum of rows of joints."""
-    motors = [graph.symbol(Symbol("force", joint.name)) for joint in spec.moving]
+    motors = [ZERO if joint.gain else graph.symbol(Symbol("force", joint.name)) for joint in spec.moving]
     transmission = [[Fraction(ratio) for ratio in row] for row in spec.transmission]
     turned = _inverse_transposed(spec, transmission)
     if kind == "motor":

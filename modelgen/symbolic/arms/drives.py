@@ -1,4 +1,4 @@
-"""What drives contribute to the rows of joints: rotor inertia, friction, offset.
+"""What drives contribute to the rows of joints: rotor inertia, friction, offset, and a gain to be found.
 
 Every joint has its own, which acts with the joint's speed. A motor that moves more than one joint has another
 one, with `COUPLED` behind the parameter's name: it acts with the motor's speed, seen from the motor's own
@@ -43,14 +43,29 @@ class Drive:
 
 def drives(spec: ArmSpec) -> Iterator[Drive]:
     """Yield the drive of every joint that moves, and behind each that of its motor if that is coupled."""
-    moving = spec.moving
-    for joint, row in zip(moving, spec.transmission, strict=True):
+    for joint in spec.moving:
         yield Drive(joint, joint.name, ((joint.name, Fraction(1)),), "")
-        moved = [(other.name, Fraction(ratio)) for other, ratio in zip(moving, row, strict=True) if ratio]
-        if len(moved) > 1:
-            own = dict(moved).get(joint.name, moved[0][1])
-            lever = tuple((name, ratio / own) for name, ratio in moved)
+        lever = motor_lever(spec, joint)
+        if len(lever) > 1:
             yield Drive(joint, joint.name + COUPLED, lever, COUPLED)
+
+
+def motor_lever(spec: ArmSpec, joint: Joint) -> tuple[tuple[str, Fraction], ...]:
+    """Return the speed of a joint's motor, seen from that joint, per speed of every joint that it moves."""
+    row = spec.transmission[spec.moving.index(joint)]
+    moved = [(other.name, Fraction(ratio)) for other, ratio in zip(spec.moving, row, strict=True) if ratio]
+    own = dict(moved).get(joint.name, moved[0][1])
+    return tuple((name, ratio / own) for name, ratio in moved)
+
+
+def gain_column(graph: Graph, spec: ArmSpec, joint: Joint) -> dict[str, Ref]:
+    """Return the entries of a drive's gain in the rows of joints: the drive's signal, negative.
+
+    Gain times signal is the force on the drive's own joint; it stands right of the sign of equality, so that
+    the left side holds what is known: other forces, and a payload whose parameters are known.
+    """
+    signal = graph.symbol(Symbol("force", joint.name))
+    return {moved: graph.scale(-ratio, signal) for moved, ratio in motor_lever(spec, joint)}
 
 
 def drive_columns(graph: Graph, drive: Drive) -> Iterator[tuple[str, Ref]]:

@@ -42,16 +42,17 @@ def random_regressor(rows: ArmRows, lengths: Mapping[str, float], seed: int = SE
         for joint in rows.spec.moving
         for order in (0, 1, 2)
     }
-    return regressor_at(rows, motion, lengths).reshape(-1, len(rows.columns))
+    forces = {f"force {joint.name}": rng.standard_normal(samples) for joint in rows.spec.moving if joint.gain}
+    return regressor_at(rows, motion, {**lengths, **forces}).reshape(-1, len(rows.columns))
 
 
 def regressor_at(
-    rows: ArmRows, motion: Mapping[tuple[str, int], FloatArray], lengths: Mapping[str, float]
+    rows: ArmRows, motion: Mapping[tuple[str, int], FloatArray], values: Mapping[str, float | FloatArray]
 ) -> FloatArray:
-    """Return the regressor along a motion, shape (samples, rows, columns); `motion` as `sampled` takes it."""
+    """Return the regressor along a motion, shape (samples, rows, columns), with arguments of `sampled`."""
     keys = list(rows.entries)
-    found = sampled(rows.graph, [rows.entries[key] for key in keys], motion, lengths, rows.speeds)
+    found = sampled(rows.graph, [rows.entries[key] for key in keys], motion, values, rows.speeds)
     regressor = np.zeros((len(found), len(rows.names), len(rows.columns)))
-    for (row, column), values in zip(keys, found.T, strict=True):
-        regressor[:, row, column] = values
+    for (row, column), entry in zip(keys, found.T, strict=True):
+        regressor[:, row, column] = entry
     return regressor

@@ -19,7 +19,8 @@ from modelgen.spec.arms.arm import ArmSpec
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel, arm_base_model
 from modelgen.symbolic.arms.regressor_samples import regressor_at
-from tests.symbolic.arms.made_arms import PANDA, PUMA, random_arm, serial, tx40
+from tests.symbolic.arms.made_arms import PANDA, PUMA, joint, random_arm, serial, shift, tx40
+from tests.symbolic.arms.test_gains import with_gains
 
 LENGTHS = {"r2": 0.2435, "d3": 0.4318, "r3": 0.0934}
 SYMBOLIC = serial([(0, 0, 0, 0), (-90, 0, 0, "r2"), (0, "d3", 0, "-r3")], True, lengths=LENGTHS)
@@ -95,11 +96,40 @@ def test_measured_side_and_base_parameters_close_the_equation(kind: str) -> None
     torque = regressor_at(rows, motion_of(spec, signals), {}) @ [values[name] for name in rows.columns]
     if kind == "joint":
         torque = np.linalg.solve(np.array(spec.transmission, dtype=float).T, torque.T).T
-    for k, joint in enumerate(spec.moving):
-        signals[f"tau_{joint.name}"] = torque[:, k]
+    for k, moved in enumerate(spec.moving):
+        signals[f"tau_{moved.name}"] = torque[:, k]
     base = module["base_from_physical"]({name: values[name] for name in module["PARAMETERS"]})
     residual = module["measurement"](signals) - module["regressor"](signals) @ base
     assert np.abs(residual).max() < 1e-10 * np.abs(torque).max()
+
+
+def test_gains_are_found_from_records_with_and_without_a_weighed_payload() -> None:
+    """Two modules, the payload known in both (and zero in one): their rows together have one solution."""
+    arm = with_gains(serial([(0, 0, 0, 0), (-90, 0, 0, 0.2), (0, 0.4, 0, 0.1)], True))
+    payload = joint("load", "3", shift(0, 0.3), "fixed")
+    spec = replace(arm, joints=(*arm.joints, payload), transmission=arm.transmission)
+    weighed = dict.fromkeys(payload.link, 0.0) | {"mload": 2.5, "mxload": 0.1, "Izzload": 0.02}
+    rng, truth, stacked = np.random.default_rng(6), {}, []
+    for load in (weighed, dict.fromkeys(payload.link, 0.0)):
+        plain = executed(arm_base_model(arm_rows(replace(spec, known=load))))
+        truth = truth or {name: rng.uniform(0.5, 2.0) for name in plain["PARAMETERS"]}
+        bare = replace(spec, joints=tuple(replace(j, gain=None) for j in spec.joints))
+        rows = arm_rows(bare)
+        signals = random_signals(plain, 60)
+        torque = regressor_at(rows, motion_of(bare, signals), {}) @ [
+            {**truth, **load}[c] for c in rows.columns
+        ]
+        for k, moved in enumerate(spec.moving):
+            signals[f"tau_{moved.name}"] = torque[:, k] / truth[f"gain_{moved.name}"]
+        stacked.append((plain["regressor"](signals), plain["measurement"](signals), plain))
+    columns = len(stacked[0][2]["BASE_PARAMETERS"])
+    assert [one["BASE_PARAMETERS"] for *_, one in stacked] == [stacked[0][2]["BASE_PARAMETERS"]] * 2
+    assert not stacked[1][1].any()
+    left = np.concatenate([y.ravel() for _, y, _ in stacked])
+    regressor = np.concatenate([D.reshape(-1, columns) for D, *_ in stacked])
+    found, _, rank, _ = np.linalg.lstsq(regressor, left, rcond=1e-10)
+    assert rank == columns
+    np.testing.assert_allclose(found, stacked[0][2]["base_from_physical"](truth), rtol=1e-8)
 
 
 def test_a_named_length_needs_a_value() -> None:

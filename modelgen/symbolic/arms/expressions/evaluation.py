@@ -43,7 +43,7 @@ def sampled(
     graph: Graph,
     refs: Sequence[Ref],
     motion: Mapping[tuple[str, int], FloatArray],
-    values: Mapping[str, float],
+    values: Mapping[str, float | FloatArray],
     speeds: Mapping[str, Ref] | None = None,
 ) -> FloatArray:
     """Return the values of references along a motion, shape (samples, references).
@@ -56,8 +56,9 @@ def sampled(
         The references.
     motion : mapping of (joint, order) to ndarray
         Coordinates [rad or m] and their derivatives by the time, each of shape (samples,); order 0, 1, 2.
-    values : mapping of str to float
-        Lengths and parameters by name, in SI units; forces by the name of their joint with "force " in front.
+    values : mapping of str to float or ndarray
+        Lengths and parameters by name, in SI units; forces by the name of their joint with "force " in front,
+        also of shape (samples,).
     speeds : mapping of str to int, optional
         The speeds whose directions the references hold.
     """
