@@ -2,7 +2,7 @@
 
     python benchmarks/overview.py
 
-What the program does in one look: a chain, a record, what is found, and the model beside the measurement.
+What the program does in one look: a chain, a record, what is found, and the model against the measurement.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class Kind:
 
 SPEC = Kind(1_000_000, "check the path, or start one with modelgen new", SpecError)
 # a humanoid has 0.2
-URDF = Kind(10_000_000, "check the path under urdf; it is looked for beside the TOML file", SpecError)
+URDF = Kind(10_000_000, "check the path under urdf; it is looked for next to the TOML file", SpecError)
 # a chain of a thousand bodies gives 3.6 million
 MODULE = Kind(5_000_000, "give the path of a module that modelgen generate has written")
 MAPPING = Kind(1_000_000, "check the path; modelgen import FILE writes one")

@@ -15,9 +15,9 @@ def test_a_file_is_written(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     write_whole(path, b"one", overwrite=False)
     assert path.read_bytes() == b"one"
-    beside = tmp_path / "b.csv"
-    beside.write_bytes(b"")
-    assert path.stat().st_mode == beside.stat().st_mode
+    other = tmp_path / "b.csv"
+    other.write_bytes(b"")
+    assert path.stat().st_mode == other.stat().st_mode
 
 
 def test_a_file_is_replaced_on_request_only(tmp_path: Path) -> None:

@@ -127,7 +127,7 @@ def _drum(at: Place, u: Place, across: Place, half: float) -> str:
 
 
 def _labels(joints: Sequence[DrawnJoint], places: Sequence[Place]) -> list[str]:
-    """Return the names of joints beside the tips of their axes; those at one tip stand side by side."""
+    """Return the names of joints next to the tips of their axes; those at one tip stand side by side."""
     tips: list[tuple[Place, bool, list[str]]] = []
     for joint, at in zip(joints, places, strict=True):
         along = _flat(joint.axis)

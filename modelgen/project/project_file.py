@@ -130,14 +130,14 @@ def _leaves(value: Any, key: str) -> Iterator[tuple[str, Any]]:
 def _model_problems(where: str, table: ProjectTable) -> list[Problem]:
     problems = []
     if (table.spec is None) == (table.model is None):
-        what = "is missing" if table.spec is None else "is given beside model"
+        what = "is missing" if table.spec is None else "is given together with model"
         remedy = 'give either spec = "CHAIN.toml" with sensors = "SET", or model = "MODULE.py"'
         problems.append(Problem(f"{where}spec", what, remedy))
     if table.spec is not None and table.sensors is None:
         problems.append(Problem(f"{where}sensors", "is missing", "name a sensor set of the spec"))
     if table.model is not None and table.sensors:
         remedy = "give spec in place of model: a module has its sensors in it"
-        problems.append(Problem(f"{where}sensors", "does nothing beside model", remedy))
+        problems.append(Problem(f"{where}sensors", "has no effect together with model", remedy))
     return problems
 
 

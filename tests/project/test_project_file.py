@@ -126,7 +126,7 @@ def test_every_mistake_is_named_at_once(folder: Path) -> None:
         load_project(written(folder, text))
     named = {problem.where.partition(".toml: ")[2] for problem in caught.value.problems}
     for key in KEYS:
-        if key not in ("data.scales.q",):  # beside r in one table, which cannot be read
+        if key not in ("data.scales.q",):  # in one table with r, which cannot be read
             assert key in named, (key, named)
 
 

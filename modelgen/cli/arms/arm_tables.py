@@ -160,9 +160,9 @@ def _notes(arm: ArmSpec) -> Iterator[str]:
     for joint in arm.joints:
         for step in joint.placement:
             if isinstance(step, Turn) and nearly_right(step.angle):
-                beside = abs(math.remainder(step.angle.radians, 0.5 * math.pi))
+                off = abs(math.remainder(step.angle.radians, 0.5 * math.pi))
                 yield (
-                    f"joint {joint.name} is turned {beside:.2g} rad beside a right angle; if one is meant, "
+                    f"joint {joint.name} is turned {off:.2g} rad off a right angle; if one is meant, "
                     "write more digits (1.5707963) or degrees: else this alone tells some parameters apart"
                 )
 

@@ -85,7 +85,7 @@ def validate(
     if hold_out is None:
         refuse_given(estimation, "--hold-out", (method, identify_cutoff_hz))
     model = load_model(module, trust)
-    beside = _beside(model, controller, horizon, {"cutoff_hz": cutoff_hz, "oversample": oversample})
+    compared = _comparison(model, controller, horizon, {"cutoff_hz": cutoff_hz, "oversample": oversample})
     saved = load_estimate(estimate)
     given_values = amounts("--set", value or ())
     parameters = {**parameters_of(saved, model), **given_values}
@@ -93,7 +93,7 @@ def validate(
     note(reading_lines(data, readings))
     records = [reading.record for reading in readings]
     step("simulating")
-    found = beside(parameters, records, tuple(saved.get("records", ())))
+    found = compared(parameters, records, tuple(saved.get("records", ())))
     if hold_out is not None:
         if method is None and "method" not in saved:
             remedy = "give --method, or a file that modelgen identify -o wrote"
@@ -102,7 +102,7 @@ def validate(
         settings = estimation.settings(method or saved["method"], given, cutoff_hz=identify_cutoff_hz)
         held = {**saved.get("known", {}), **given_values}
         again = identify(as_identified(model, held), first, **settings)
-        found += beside({**parameters, **again.physical}, rest)
+        found += compared({**parameters, **again.physical}, rest)
     described = describe(found)
     deliver(described, lambda: console().print(validation_tables(described)), result)
     title = f"{model.chain}, sensors {model.sensor_set}: measured and simulated"
@@ -110,7 +110,7 @@ def validate(
     write_result_page(report_file, result.overwrite, title, printed, context, validations=found)
 
 
-def _beside(
+def _comparison(
     model: Model, controller: Path | None, horizon: int | None, options: Mapping[str, Any]
 ) -> Callable[..., tuple[Validation, ...]]:
     """Return what simulates records with parameters: in the controller's loop, or under measured forces."""

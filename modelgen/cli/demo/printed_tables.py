@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class PrintedTable:
-    """What a table prints beside the values.
+    """What a table prints next to the values.
 
     Attributes
     ----------

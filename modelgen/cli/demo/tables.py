@@ -1,4 +1,4 @@
-"""What `modelgen demo` prints: the paper's tables with the estimates beside them."""
+"""What `modelgen demo` prints: the paper's tables next to the estimates."""
 
 from __future__ import annotations
 

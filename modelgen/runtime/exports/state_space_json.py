@@ -94,7 +94,7 @@ def linear_notes(case: Case) -> tuple[str, ...]:
         notes.append(f"{', '.join(dict.fromkeys(absent))}: no value; the matrices do not need it")
     if case.model.cubic_springs:
         names = ", ".join(spring.parameter for spring in case.model.cubic_springs)
-        notes.append(f"the matrices are linear: {names} stand beside them")
+        notes.append(f"the matrices are linear: {names} are listed separately")
     if any(body.asymmetric and body.viscous[0] for body in case.mechanics.bodies):
         notes.append('viscous friction differs by direction: matrices of forward motion, "backward" all back')
     return tuple(notes)

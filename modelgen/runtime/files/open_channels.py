@@ -97,12 +97,12 @@ def open_channels(
     return FileChannels(place, dict(columns), float(fs), name or place.stem, found[0], reader)
 
 
-def _read_beside(kind: str, path: Path, column: str, start: int, stop: int) -> npt.NDArray[np.generic]:
+def _read_in_child(kind: str, path: Path, column: str, start: int, stop: int) -> npt.NDArray[np.generic]:
     """Read a stretch in a process of its own: a damaged file can crash the library."""
     return np.asarray(ask(f"{kind}.stretch", path, name=column, start=start, stop=stop)[0])
 
 
-def _lengths_beside(kind: str, path: Path, columns: Sequence[str]) -> list[int]:
+def _lengths_in_child(kind: str, path: Path, columns: Sequence[str]) -> list[int]:
     found = dict(zip(columns, ask(f"{kind}.lengths", path, names=list(columns)), strict=True))
     _require(path, columns, lambda column: found[column] is not None)
     return [found[column] for column in columns]
@@ -132,8 +132,8 @@ def _require(path: Path, columns: Sequence[str], has: Callable[[str], bool]) -> 
             raise DataError.at(str(path), f"has no column {column}", "check the names of the columns")
 
 
-_HDF5 = partial(_read_beside, "hdf5"), partial(_lengths_beside, "hdf5")
-_MDF = partial(_read_beside, "mdf"), partial(_lengths_beside, "mdf")
+_HDF5 = partial(_read_in_child, "hdf5"), partial(_lengths_in_child, "hdf5")
+_MDF = partial(_read_in_child, "mdf"), partial(_lengths_in_child, "mdf")
 FORMATS: dict[str, tuple[Reader, Lengths]] = {
     ".h5": _HDF5,
     ".hdf5": _HDF5,

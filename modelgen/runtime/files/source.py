@@ -94,9 +94,9 @@ class Source:
     @cached_property
     def clock(self) -> str | None:
         """The first column whose name is one of times."""
-        return self.clock_beside(())
+        return self.clock_apart_from(())
 
-    def clock_beside(self, channels: Collection[str]) -> str | None:
+    def clock_apart_from(self, channels: Collection[str]) -> str | None:
         """Return the first column whose name is one of times and that is none of these channels.
 
         "T" may be a torque: it is a column of times where there is no other one, and no sampling frequency. A

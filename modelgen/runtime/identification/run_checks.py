@@ -109,7 +109,7 @@ def _held_out(task: Task, solution: Solution) -> HeldOut | None:
     try:
         observation, own = method.run(apart)
         if job.effects and {*fit.columns} <= {*own.columns}:
-            # what was estimated beside the parameters is off the rows there
+            # what was estimated together with the parameters is off the rows there
             observation = Observation(own.columns, own.blocks)
         return held_out(fit, solution.refused, observation, solution.treatment(own))
     except IdentifiabilityError:  # they cannot answer for themselves, but can be looked at

@@ -101,7 +101,7 @@ class Effect:
 
 
 def unlike(effects: Iterable[Effect], known: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return the effects to be looked for beside those that are known: other forms only of what is known."""
+    """Return the effects to be looked for besides those that are known: other forms only of what is known."""
     names, found = {effect.name for effect in known}, list[Effect]()
     for effect in effects:
         forms = (effect, *effect.forms)

@@ -98,7 +98,7 @@ def join(
     estimates: Mapping[str, Estimate],
     failed: Mapping[str, IdentifiabilityError] | None = None,
 ) -> JointEstimate:
-    """Join estimates of one chain, each by the title of its sensor set; `failed` sets are named beside them.
+    """Join estimates of one chain, each by the title of its sensor set; `failed` sets are named too.
 
     The estimates must be of different records: their errors count as independent.
     """

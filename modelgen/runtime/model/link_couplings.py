@@ -35,7 +35,7 @@ class Coupling(NamedTuple):
 def couplings(model: Model, matrices: ChainMatrices, name: str) -> tuple[Coupling, ...]:
     """Return the links of one parameter, stiffness or damping, in the order of its bodies.
 
-    A link of ratio r has 1 / r^2 and 1 on the diagonal of its matrix and -1 / r beside it; its first body is
+    A link of ratio r has 1 / r^2 and 1 on the diagonal of its matrix and -1 / r off it; its first body is
     the one with 1 / r^2. Bodies whose diagonal holds more than their links are tied to the ground. Names
     that links of a ring share may leave it open which ends are first: `couples_as` tells.
     """

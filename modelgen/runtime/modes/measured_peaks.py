@@ -1,4 +1,4 @@
-"""Peaks of measured frequency responses, beside the modes: what the records show without the model."""
+"""Peaks of measured frequency responses to compare modes with: what records show without the model."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def with_peaks(modes: Modes, model: Model, records: Sequence[Record]) -> Modes:
     for peak in _peaks(model, records):
         away = [abs(np.log(peak.frequency_hz / hertz)) for _, hertz in wanted]
         k = int(np.argmin(away))
-        # a higher peak above the valleys beside it shows more
+        # a higher peak above the valleys next to it shows more
         higher = k not in nearest or peak.rise > nearest[k].rise
         if away[k] < np.log(PEAK_RANGE) and higher:
             nearest[k] = peak
@@ -62,7 +62,7 @@ def _peaks(model: Model, records: Sequence[Record]) -> Iterator[Peak]:
 
 
 def _peaks_of(record: Record, sensor: Sensor, force: str) -> Iterator[Peak]:
-    """Yield the peaks of the response as an acceleration: it is flat beside them."""
+    """Yield the peaks of the response as an acceleration: it is flat next to them."""
     found = record.frequency_response(sensor.key, force)
     f = found.frequency_hz
     if f.size < 3:

@@ -15,7 +15,7 @@ from modelgen.runtime.parameters.rounded import with_interval
 class Peak:
     """The peak of a measured frequency response at `frequency_hz`, with lines `resolution_hz` apart.
 
-    `rise` is its height over the higher valley beside it, as an acceleration over the force `input`.
+    `rise` is its height over the higher valley next to it, as an acceleration over the force `input`.
     """
 
     frequency_hz: float

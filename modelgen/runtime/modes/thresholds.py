@@ -35,7 +35,7 @@ SHARPEST = 1e-6
 # A mode with a larger damping ratio shows no peak to compare with.
 PEAK_DAMPING = 0.3
 # A peak belongs to a mode within this factor of its frequency; it is the highest line within it, stands out
-# of the valleys beside it by so much, and the force explains at least so much of the reading there.
+# of the valleys next to it by so much, and the force explains at least so much of the reading there.
 PEAK_RANGE, PEAK_RISE, LEAST_COHERENCE = 1.15, 1.5, 0.9
 # The force has at least this share of its largest density of power there: less is leakage, or noise.
 EXCITED = 0.02

@@ -130,7 +130,7 @@ def read(
         others = {time or source.clock, *source.clocks.values(), *source.of_matrices}
         needed = tuple(mapping or (column for column in source.names if column not in others))
     picks, problems = pick_columns(source, needed, mapping or {}, scales or {})
-    clock = time or source.clock_beside({pick.column for pick in picks})
+    clock = time or source.clock_apart_from({pick.column for pick in picks})
     if time is not None and time not in source.known:
         problems.append(missing_name(f"{path}: times", "column", time, source.names))
     if problems:

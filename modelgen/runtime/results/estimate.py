@@ -73,7 +73,7 @@ class Estimate:
 
     # plot.bode(), plot.fit(), plot.residuals(), plot.parameters(): curves with their intervals
     plot = LazyAccessor("modelgen.runtime.plots.estimate_plots", "EstimatePlots")
-    # compare(record, horizon=None): measured signals beside the chain under the measured forces
+    # compare(record, horizon=None): measured signals against the chain under the measured forces
     compare = LazyAccessor("modelgen.runtime.curves.estimate_comparison", "EstimateComparison")
 
     @property

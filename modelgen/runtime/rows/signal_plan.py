@@ -203,8 +203,8 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
             smooth = None if brought else operator(filtering.directions, (signal.derivative,), 1)
             directions[signal.key] = (channel_of(signal), smooth)
     deepest = DIFFERENCE_MARGIN * len(filtering.stencil) * max(s.derivative for s in model.signals)
-    beside = [one.margins for _, one in directions.values() if one is not None]
-    full_rate = np.max([(deepest, deepest), *beside], axis=0) + feature_operator.margins
+    margins = [one.margins for _, one in directions.values() if one is not None]
+    full_rate = np.max([(deepest, deepest), *margins], axis=0) + feature_operator.margins
     margins = np.max([full_rate, *(one.margins for one in operators.values())], axis=0)
     # a constant times one pass forward and one backward
     gain = float(squared_gain(np.asarray(filtering.low_pass, dtype=float), np.zeros(1))[0])

@@ -52,7 +52,7 @@ class SignalCheck:
 class Validation:
     """All signals of one record; `held_out` says that the parameters were not identified from it.
 
-    `kind` says what stands beside the measured signals: "closed loop", "open loop", or "10 samples ahead".
+    `kind` is what the measured signals are compared with: "closed loop", "open loop", or "10 samples ahead".
     Derivatives are those below `cutoff_hz`; `notes` say what was taken for granted.
     """
 

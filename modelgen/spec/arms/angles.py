@@ -11,7 +11,7 @@ from modelgen.spec.arms.arm import Angle
 from modelgen.spec.number_expression import GRAMMAR, PI, Misread, exact_number
 from modelgen.spec.words import shown
 
-#: What is nearer to a multiple of 90 degrees is that multiple: 1.5708 rad is 3.7e-6 beside pi/2, and a sixth
+#: What is nearer to a multiple of 90 degrees is that multiple: 1.5708 rad is 3.7e-6 off pi/2, and a sixth
 #: decimal of a description is no measurement.
 RIGHT_ANGLE_RAD = 1e-5
 #: Farther than that, but near enough to ask whether a right angle was meant (1.57 rad).

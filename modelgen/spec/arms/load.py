@@ -18,7 +18,7 @@ from modelgen.spec.table_checks import mistakes_of
 
 
 def load_arm(path: str | os.PathLike[str]) -> ArmSpec:
-    """Read an arm's TOML file; a URDF that it names is looked for beside it.
+    """Read an arm's TOML file; a URDF that it names is looked for in the same folder.
 
     Raises
     ------

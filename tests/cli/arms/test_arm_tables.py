@@ -92,7 +92,7 @@ def test_show_draws_an_arm(tmp_path: Path) -> None:
 def test_an_angle_beside_a_right_one_is_noted(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text('[arm]\nname = "a"\n[[joints]]\nname = "1"\nalpha = "1.57 rad"\n')
     printed = run("show", str(tmp_path / "a.toml")).output
-    assert "note: joint 1 is turned 0.0008 rad beside a right angle" in printed
+    assert "note: joint 1 is turned 0.0008 rad off a right angle" in printed
 
 
 REFUSED = {

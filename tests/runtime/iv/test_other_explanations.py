@@ -85,7 +85,7 @@ def test_forms_of_one_thing_are_told_apart_only_beyond_what_rows_hold_exactly() 
 
 
 def test_others_are_judged_with_all_the_rest_estimated() -> None:
-    """Alone, each half would be a poor stand-in; beside the rest it says the same, and moves little."""
+    """Alone, each half would be a poor stand-in; with the rest it says the same, and moves little."""
     rng = np.random.default_rng(3)
     W = rng.standard_normal((N, 2))
     first, second = rng.standard_normal((2, N))

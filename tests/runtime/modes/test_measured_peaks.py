@@ -1,4 +1,4 @@
-"""Peaks of measured responses lie beside the modes; where the force excites nothing there are none."""
+"""Peaks of measured responses lie at the modes; where the force excites nothing there are none."""
 
 from __future__ import annotations
 

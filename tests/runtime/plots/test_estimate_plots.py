@@ -1,4 +1,4 @@
-"""Plots of estimates: what they show, axes in and out, estimates that were loaded, others beside them."""
+"""Plots of estimates: what they show, axes in and out, estimates that were loaded, others next to them."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def link_values(link: Element, axis: Sequence[Step], read: Attributes, of: str) 
 
 
 def _rounded(values: Sequence[Fraction]) -> Iterator[Fraction]:
-    """Return values, what is rounding of turns beside the largest of them as zero."""
+    """Return values, those that are rounding errors of rotations, relative to the largest, as zero."""
     largest = max(abs(value) for value in values)
     return (value if abs(value) > largest / 10**15 else _ZERO for value in values)
 

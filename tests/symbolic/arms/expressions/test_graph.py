@@ -19,7 +19,7 @@ NAMES = ("a", "b", "c")
 def random_expression(
     graph: Graph, rng: random.Random, depth: int, values: dict[str, Fraction]
 ) -> tuple[Ref, Fraction]:
-    """Return a random node, and its value computed beside it."""
+    """Return a random node, and its value computed directly."""
     choice = rng.random()
     if depth == 0 or choice < 0.1:
         if rng.random() < 0.5:
