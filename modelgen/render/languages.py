@@ -38,6 +38,7 @@ class Language:
     direction: str
     element: Callable[[str, int, int], str]
     functions: Mapping[str, str]
+    operations: Mapping[str, str]
     times: str
     if_moves: str
     end_if: str
@@ -55,6 +56,11 @@ MATLAB = Language(
     "d.{}",
     lambda matrix, row, column: f"{matrix}({row + 1}, {column + 1})",
     {"sign": "sign({})", "forward": "double({} > 0)", "backward": "double({} < 0)", "cube": "({}) .^ 3"},
+    {
+        **{"add": "{} + {}", "subtract": "{} - {}", "multiply": "{} .* {}", "divide": "{} ./ {}"},
+        **{"negative": "-{}", "positive": "{}", "cos": "cos({})", "sin": "sin({})", "sign": "sign({})"},
+        **{"greater": "double({} > {})", "less": "double({} < {})"},
+    },
     " .* ",
     "if {} {} 0, ",
     ", end",
@@ -71,6 +77,12 @@ C99 = Language(
         "forward": "(double)({} > 0.0)",
         "backward": "(double)({} < 0.0)",
         "cube": "cubed({})",
+    },
+    {
+        **{"add": "{} + {}", "subtract": "{} - {}", "multiply": "{} * {}", "divide": "{} / {}"},
+        **{"negative": "-{}", "positive": "{}", "cos": "cos({})", "sin": "sin({})"},
+        **{"greater": "(double)({} > {})", "less": "(double)({} < {})"},
+        "sign": "(double)(({0} > 0.0) - ({0} < 0.0))",
     },
     " * ",
     "if ({} {} 0) {{ ",

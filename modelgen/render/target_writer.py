@@ -10,6 +10,7 @@ from typing import TypeVar
 from modelgen.atomic_write import check_place, make_folder, place_within, write_whole
 from modelgen.errors import RenderError
 from modelgen.read_file import GENERATED, read_bytes
+from modelgen.render.arms.arm_target import arm_target_files
 from modelgen.render.arms.arm_writer import arm_files
 from modelgen.render.target import target_files, user_files
 from modelgen.render.writer import Drift, check_modules, write_modules
@@ -29,11 +30,10 @@ def write_target(
     Raises
     ------
     RenderError
-        If a file is in the way, or an arm is to be written in another language than NumPy's.
+        If a file is in the way, or an arm is to be written by templates of the user.
     """
     if isinstance(spec, ArmSpec):
-        _refuse_target(spec, target, templates)
-        return write_files(spec, sensor_sets, folder, arm_files)
+        return write_files(spec, sensor_sets, folder, _arm_files(spec, target, templates))
     if target == "numpy" and templates is None:
         return write_modules(spec, sensor_sets, folder)
     return write_files(spec, sensor_sets, folder, _files(target, templates))
@@ -44,17 +44,17 @@ def check_target(
 ) -> list[Drift]:
     """Compare a folder with what `write_target` would write."""
     if isinstance(spec, ArmSpec):
-        _refuse_target(spec, target, templates)
-        return check_files(spec, sensor_sets, folder, arm_files)
+        return check_files(spec, sensor_sets, folder, _arm_files(spec, target, templates))
     if target == "numpy" and templates is None:
         return check_modules(spec, sensor_sets, folder)
     return check_files(spec, sensor_sets, folder, _files(target, templates))
 
 
-def _refuse_target(spec: ArmSpec, target: str, templates: Path | None) -> None:
-    if target != "numpy" or templates is not None:
-        what = "describes an arm, and arms are written as NumPy modules only"
-        raise RenderError.at(spec.source, what, "leave out --target and --templates")
+def _arm_files(spec: ArmSpec, target: str, templates: Path | None) -> Files[ArmSpec]:
+    if templates is not None:
+        what = "describes an arm, and templates of your own are filled with chains only"
+        raise RenderError.at(spec.source, what, "leave out --templates")
+    return arm_files if target == "numpy" else partial(arm_target_files, target=target)
 
 
 def _files(target: str, templates: Path | None) -> Files[ChainSpec]:

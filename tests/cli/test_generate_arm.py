@@ -37,10 +37,9 @@ def test_an_arm_has_one_module_that_can_be_checked(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--target", "c"], "NumPy modules only"),
-        (["--templates", "."], "NumPy modules only"),
+        (["--templates", "."], "chains only"),
         (["--sensors", "all"], "no sensor sets"),
-        (["--check", "--target", "matlab"], "NumPy modules only"),
+        (["--check", "--templates", "."], "chains only"),
     ],
 )
 def test_what_arms_do_not_have_is_refused(tmp_path: Path, options: list[str], message: str) -> None:

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
-from modelgen.errors import RenderError, listed
-from modelgen.render.arms.kernel_names import LEGEND, kernel_names
-from modelgen.render.arms.straight_line import Operation, Output, StraightLine, straight_line
+from modelgen.render.arms.arm_lines import ArmLines, arm_lines, signal_key
+from modelgen.render.arms.kernel_names import LEGEND
+from modelgen.render.arms.straight_line import Operation, StraightLine
 from modelgen.render.printer import literal, weighted_sum
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel
-from modelgen.symbolic.arms.expressions.graph import Ref, Symbol
 
 ARM_CONTRACT_VERSION = 2
 #: samples of a block: its buffers stay in the processor's cache
 BLOCK = 1024
 SAFE_FILE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}\Z")
-ORDERS = ("q", "d1_q", "d2_q")
 
 
 @dataclass(frozen=True)
@@ -57,27 +55,10 @@ def arm_view(model: ArmBaseModel) -> ArmView:
     Raises
     ------
     RenderError
-        If a named length has no value, or no row has a measured side.
+        If a named length has no value.
     """
-    rows, spec = model.rows, model.rows.spec
-    lengths = {name: value for name, value in spec.lengths.items() if value is not None}
-    missing = [name for name in spec.lengths if name not in lengths]
-    if missing:
-        raise RenderError.at(
-            f"{spec.source}: lengths",
-            f"{listed(missing)} {'has' if len(missing) == 1 else 'have'} no value, which a module needs",
-            "give every named length its value [m]",
-        )
-    place = {column: k for k, column in enumerate(model.columns)}
-    kept = sorted((place[c], r, ref) for (r, c), ref in rows.entries.items() if c in place)
-    number = {joint.name: n for n, joint in enumerate(spec.joints, start=1)}
-    names = kernel_names(rows)
-    outputs = [Output(ref, f"joint {number[rows.owners[model.columns[k]]]}") for k, _, ref in kept]
-    entries = straight_line(rows.graph, outputs, names, lengths, rows.speeds)
-    measured = [Output(ref, "measured") for ref in _left_side(model)]
-    left = straight_line(rows.graph, measured, names, lengths, rows.speeds)
-    signals = _ordered(model, {*entries.inputs, *left.inputs})
-    local = tuple(names[rows.graph.symbol(symbol)] for symbol in signals)
+    rows, spec, lines = model.rows, model.rows.spec, arm_lines(model)
+    local = tuple(lines.local.values())
     return ArmView(
         name=spec.name,
         source=spec.source if SAFE_FILE_NAME.match(spec.source) else f"{spec.name}.toml",
@@ -86,13 +67,13 @@ def arm_view(model: ArmBaseModel) -> ArmView:
         base=tuple(b.name for b in model.base),
         absent=tuple(f"{name}: {reason}" for name, reason in model.absent.items()),
         legend=LEGEND,
-        constants=_constants(model, signals, [(r, k) for k, r, _ in kept]),
+        constants=_constants(lines),
         block=BLOCK,
         row_count=len(rows.names),
         column_count=len(model.base),
-        entries=_kernel(local, entries, len(kept)),
-        measurement=_kernel(local, left, len(rows.names)),
-        base_lines=tuple(_base_source(b.factors(lengths)) for b in model.base),
+        entries=_kernel(local, lines.entries, len(lines.places)),
+        measurement=_kernel(local, lines.measurement, len(rows.names)),
+        base_lines=tuple(_base_source(b.factors(lines.lengths)) for b in model.base),
     )
 
 
@@ -113,35 +94,8 @@ def _source(operation: Operation) -> str:
     return f"{operation.name} = np.{operation.function}({', '.join([*operands, operation.target])})"
 
 
-def _left_side(model: ArmBaseModel) -> list[Ref]:
-    """Return what is measured less what known parameters contribute, a row each."""
-    rows, graph = model.rows, model.rows.graph
-    found = list(rows.measured)
-    for (row, column), entry in rows.entries.items():
-        value = rows.spec.known.get(rows.columns[column])
-        if value is not None:
-            found[row] = graph.subtract(found[row], graph.scale(Fraction(str(value)), entry))
-    return found
-
-
-def _ordered(model: ArmBaseModel, symbols: set[Symbol]) -> list[Symbol]:
-    """Return the signals in the order of the joints: coordinates, speeds, accelerations, forces."""
-    names = [joint.name for joint in model.rows.spec.moving]
-    order = [Symbol("position", name, k) for name in names for k in (0, 1, 2)]
-    order += [Symbol("force", name) for name in model.rows.names]
-    return [symbol for symbol in order if symbol in symbols]
-
-
-def signal_key(symbol: Symbol) -> str:
-    """Return the key of a signal: ``d1_q_elbow``, ``tau_elbow``, ``base_fx``."""
-    if symbol.kind == "position":
-        return f"{ORDERS[symbol.order]}_{symbol.name}"
-    return symbol.name if symbol.name.startswith("base_") else f"tau_{symbol.name}"
-
-
-def _constants(
-    model: ArmBaseModel, signals: Sequence[Symbol], entries: Sequence[tuple[int, int]]
-) -> tuple[tuple[str, str], ...]:
+def _constants(lines: ArmLines) -> tuple[tuple[str, str], ...]:
+    model = lines.model
     rows, spec = model.rows, model.rows.spec
     values: dict[str, object] = {
         "CONTRACT_VERSION": ARM_CONTRACT_VERSION,
@@ -159,9 +113,9 @@ def _constants(
         "IDENTIFIABLE": model.identifiable,
         "ABSENT": dict(model.absent),
         "PARAMETER_SETS": {name: dict(table) for name, table in spec.parameter_sets.items()},
-        "SIGNALS": tuple(signal_key(symbol) for symbol in signals),
+        "SIGNALS": tuple(signal_key(symbol) for symbol in lines.signals),
         "ROW_KIND": rows.kind,
         "ROWS": rows.names,
-        "ENTRIES": tuple(entries),
+        "ENTRIES": lines.places,
     }
     return tuple((name, literal(value)) for name, value in values.items())
