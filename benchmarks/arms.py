@@ -8,7 +8,10 @@ parameters, of inverse and direct dynamics with base parameters.
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,6 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from modelgen.render.arms.arm_target import arm_target_files
 from modelgen.render.arms.arm_writer import arm_module
 from modelgen.spec.arms.arm import ArmSpec
 from modelgen.symbolic.arms.arm_rows import arm_rows
@@ -29,6 +33,8 @@ from modelgen.symbolic.arms.dynamics.lagrange import newton_minus_lagrange, vani
 from modelgen.symbolic.arms.expressions.graph import Graph
 from tests.symbolic.arms.made_arms import ROBOTS, serial, tx40
 from tests.symbolic.arms.pinocchio_arms import pinocchio_model, random_parameters
+
+SAMPLES = 20_000
 
 
 def main() -> None:
@@ -41,7 +47,10 @@ def main() -> None:
           f"{'inverse':>7} {'direct':>7} {'Newton = Lagrange [ms]':>22}")  # fmt: skip
     for name, spec in arms.items():
         print(line(name, spec), flush=True)
-    print("\nregressor of base parameters on one thread [samples/s]; peer: pinocchio called for every sample")
+    print(
+        "\nregressor of base parameters on one thread [samples/s]; peer: pinocchio called for every sample;\n"
+        "C99: sample by sample"
+    )
     for name in ("puma", "tx40", "panda"):
         print(f"{name:10} {speed(arms[name])}", flush=True)
 
@@ -66,7 +75,7 @@ def speed(spec: ArmSpec) -> str:
     """Return samples a second in blocks, with all entries kept, dense, and of pinocchio if it is there."""
     module: dict[str, Any] = {}
     exec(compile(arm_module(arm_base_model(arm_rows(spec))), "module", "exec"), module)
-    count, rng = 20_000, np.random.default_rng(1)
+    count, rng = SAMPLES, np.random.default_rng(1)
     signals = {key: rng.standard_normal(count) for key in module["SIGNALS"]}
     out = np.empty((len(module["ENTRIES"]), count))
     found = {
@@ -77,7 +86,7 @@ def speed(spec: ArmSpec) -> str:
     try:
         import pinocchio as pin
     except ImportError:
-        return "  ".join(f"{what} {1e3 * count / ms:9.0f}" for what, ms in found.items())
+        return shown(found, c_speed(spec))
     bare = replace(spec, joints=tuple(j for j in spec.joints if j.kind != "fixed"))
     model = pinocchio_model(bare, random_parameters(bare, rng))
     data, motion = model.createData(), rng.standard_normal((count, 3, model.nv))
@@ -87,7 +96,51 @@ def speed(spec: ArmSpec) -> str:
             pin.computeJointTorqueRegressor(model, data, q, v, a)
 
     found["peer"] = best(loop, 5)
-    return "  ".join(f"{what} {1e3 * count / ms:9.0f}" for what, ms in found.items())
+    return shown(found, c_speed(spec)) + f"  blocks over peer {found['peer'] / found['blocks']:.1f}"
+
+
+def shown(found: dict[str, float], in_c: float | None) -> str:
+    rates = {what: 1e3 * SAMPLES / ms for what, ms in found.items()} | ({"C99": in_c} if in_c else {})
+    return "  ".join(f"{what} {rate:9.0f}" for what, rate in rates.items())
+
+
+MAIN = """
+#include <stdio.h>
+#include <time.h>
+#include "{name}.h"
+static {name}_signals s[1000];
+int main(void) {{
+  double e[{name}_ENTRIES], total = 0.0, best = 1e9;
+  double *p = (double *)s;
+  for (size_t k = 0; k < sizeof s / sizeof(double); k++)
+    p[k] = 1e-4 * (double)((k * 2654435761u) % 20000) - 1.0;
+  for (int trial = 0; trial < 9; trial++) {{
+    clock_t start = clock();
+    for (int round = 0; round < 50; round++)
+      for (int k = 0; k < 1000; k++) {{ {name}_entries(&s[k], e); total += e[round]; }}
+    double took = (double)(clock() - start) / CLOCKS_PER_SEC;
+    if (took < best) best = took;
+  }}
+  printf("%.9g %g", best, total);
+  return 0;
+}}
+"""
+
+
+def c_speed(spec: ArmSpec) -> float | None:
+    """Return samples a second of the entries in C99, sample by sample, or None without a compiler."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        files = arm_target_files(spec, "", "c")
+        name = next(iter(files)).partition(".")[0]
+        for file, text in {**files, "main.c": MAIN.format(name=name)}.items():
+            (Path(folder) / file).write_text(text)
+        flags = ["-std=c99", "-O3", "-march=native", "-o", "main", "main.c", f"{name}.c", "-lm"]
+        subprocess.run([compiler, *flags], cwd=folder, check=True)
+        done = subprocess.run([Path(folder) / "main"], capture_output=True, check=True, text=True)
+    return 50_000 / float(done.stdout.split()[0])
 
 
 def proven(spec: ArmSpec) -> None:

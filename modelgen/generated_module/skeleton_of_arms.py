@@ -27,6 +27,7 @@ def arm_slots(number: str) -> dict[str, str]:
             rf"np\.(?:add|subtract|multiply|divide|greater|less)\({operand}, {operand}, [bo][0-9]{{1,5}}\)"
             rf"|np\.(?:negative|positive|cos|sin|sign)\({operand}, [bo][0-9]{{1,5}}\)"
         ),
+        "block": r"(?:1024|4096)",
         "section": rf"joint {_LINK}|measured",
         "ARM": r"'[A-Za-z][A-Za-z0-9_]{0,79}'",
     }
@@ -60,7 +61,7 @@ HEAD = '''\
   ROWS = <ROWS>
   ENTRIES = <ENTRIES>
   #: samples that are computed at once: their intermediate values stay in the processor's cache
-  BLOCK = 1024
+  BLOCK = <block>
 
 
 '''

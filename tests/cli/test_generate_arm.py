@@ -27,7 +27,7 @@ def test_an_arm_has_one_module_that_can_be_checked(tmp_path: Path) -> None:
     text = path.read_text()
     assert module_problems(text) == [] and "\nCONTRACT_VERSION = 2\n" in text
     assert RUNNER.invoke(app, ["generate", "scara", "--check", *folder]).exit_code == 0
-    path.write_text(text.replace("BLOCK = 1024", "BLOCK = 1025"))
+    path.write_text(text.replace("BLOCK = 4096", "BLOCK = 4097"))
     result = RUNNER.invoke(app, ["generate", "scara", "--check", *folder])
     assert result.exit_code == 1 and "different" in result.output
     path.write_text("mine")

@@ -40,7 +40,7 @@ def test_every_module_that_is_written_may_be_executed(spec: ArmSpec, base_rows: 
         ("    # joint 2", "    q1 = np.cos(q2, b0)"),
         ("    # joint 2", "    import os"),
         ("    # joint 2", "    # joint 2\r    import os"),
-        ("BLOCK = 1024", "BLOCK = 10 ** 9"),
+        ("BLOCK = 4096", "BLOCK = 10 ** 9"),
         ("p = {**KNOWN, **parameters}", "p = parameters"),
         ("1.0 * np.array(", "np.array("),
         ("CONTRACT_VERSION = 2", "CONTRACT_VERSION = open('x')"),

@@ -15,7 +15,7 @@ from modelgen.symbolic.arms.base_parameters import ArmBaseModel
 
 ARM_CONTRACT_VERSION = 2
 #: samples of a block: its buffers stay in the processor's cache
-BLOCK = 1024
+BLOCK = 4096
 SAFE_FILE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}\Z")
 
 
