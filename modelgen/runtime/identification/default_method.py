@@ -13,13 +13,13 @@ from modelgen.progress import step
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import usable_cutoff
-from modelgen.runtime.identification.explain_residual import (
+from modelgen.runtime.identification.explanation.explain_residual import (
     explained,
     found_by,
     other_weights,
 )
-from modelgen.runtime.identification.explain_stretches import explained_by_stretches
-from modelgen.runtime.identification.explained import Begun, Explained, run_method
+from modelgen.runtime.identification.explanation.explain_stretches import explained_by_stretches
+from modelgen.runtime.identification.explanation.explained import Begun, Explained, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto

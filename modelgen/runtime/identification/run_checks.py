@@ -132,11 +132,15 @@ def _with_zeros_of_their_own(apart: Job, tails: bool) -> Job:
     records, count = list(apart.records), len(apart.records)
     if tails:
         for channel, index, size in own:
-            records[index] = records[index].edited({channel: Edit(channel, partial(np.add, -size))})
+            records[index] = records[index].edited({channel: Edit(channel, partial(_lowered, size))})
     keys = () if tails else dict.fromkeys(channel for channel, _, _ in own)
     zeros = [zero_effect(key, index, count) for key in keys for index in range(count)]
     effects, known = (*(one for one, _ in kept), *zeros), tuple(size for _, size in kept)
     return replace(apart, records=tuple(records), effects=effects, sizes=known, start=None)
+
+
+def _lowered(size: float, samples: FloatArray, _: int) -> FloatArray:
+    return samples - size
 
 
 def _bias(task: Task, fit: Fit) -> FloatArray | None:

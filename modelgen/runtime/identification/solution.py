@@ -27,7 +27,7 @@ from modelgen.runtime.diagnostics.settings_drift import (
 )
 from modelgen.runtime.diagnostics.suspicious_samples import told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.identification.explained import Begun, run_method
+from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, WLS, Auto
@@ -159,7 +159,7 @@ def _run(task: Task) -> Begun:
     begun = run_method(task, task.method)
     if not isinstance(task.method, IV) or not task.checks.drift_check:
         return begun
-    from modelgen.runtime.identification.explain_residual import with_turns
+    from modelgen.runtime.identification.explanation.explain_residual import with_turns
 
     return replace(begun, found=with_turns(begun.task.job, begun.found))
 

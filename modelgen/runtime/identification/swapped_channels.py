@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-import numpy as np
-
+from modelgen.array_types import FloatArray
 from modelgen.errors import ModelgenError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
@@ -100,16 +99,24 @@ def _changes(model: Model) -> Iterator[_Change]:
 
 def _exchange(one: str, other: str, alike: bool) -> _Change:
     def apply(record: Record) -> Record:
-        return record.edited({one: Edit(other, np.asarray), other: Edit(one, np.asarray)})
+        return record.edited({one: Edit(other, _same), other: Edit(one, _same)})
 
     return _Change("swapped with each other", f"{one} and {other}", alike, apply)
 
 
 def _reversal(key: str) -> _Change:
     def apply(record: Record) -> Record:
-        return record.edited({key: Edit(key, np.negative)})
+        return record.edited({key: Edit(key, _mirrored)})
 
     return _Change("reversed in sign", key, True, apply)
+
+
+def _same(samples: FloatArray, _: int) -> FloatArray:
+    return samples
+
+
+def _mirrored(samples: FloatArray, _: int) -> FloatArray:
+    return -samples
 
 
 def _changed(job: Job, change: _Change) -> Job:

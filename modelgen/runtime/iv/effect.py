@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
+from modelgen.runtime.iv.thresholds import LARGEST_CLOCK, LARGEST_LAG
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
@@ -35,8 +36,8 @@ class Effect:
         Simulated -> what is added to each channel per unit of size, shape (n,) each; empty for a record that
         does not have it.
     edit : callable, optional
-        (size, fs in Hz) -> what sets a measured channel `channel` right; where it is linear in the size only
-        for small sizes, rows are made of channels set right.
+        (channel, size, record) -> what sets a measured channel `channel` right; where it is linear in the
+        size only for small sizes, rows are made of channels set right.
     record : int, optional
         Which record has it; None for what all of them have.
     forms : tuple of Effect
@@ -53,7 +54,7 @@ class Effect:
     remedy: str
     changes: Callable[[Simulated], Changes]
     channel: str = ""
-    edit: Callable[[str, float, float], Edit] | None = None
+    edit: Callable[[str, float, Record], Edit] | None = None
     record: int | None = None
     forms: tuple[Effect, ...] = ()
     at: Callable[[Simulated, float], Changes] | None = None
@@ -66,7 +67,7 @@ class Effect:
         """Return a measured record without the effect, as far as its channels can be set right."""
         if self.edit is None or not size:
             return record
-        return record.edited({self.channel: self.edit(self.channel, size, record.fs)})
+        return record.edited({self.channel: self.edit(self.channel, size, record)})
 
     def possible(self, size: float) -> bool:
         """Tell whether physics allows the sign."""
@@ -74,9 +75,13 @@ class Effect:
 
     def samples(self, size: float, fs: float) -> float:
         """Return the size of a delay or lag in samples at fs, in Hz; 0 for other effects."""
-        if self.edit is None:
+        if self.edit is None or self.kind == "clock":
             return 0.0
         return fs * (abs(size) if self.kind == "delay" else self._width(size))
+
+    def runs_away(self, size: float, fs: float) -> bool:
+        """Tell whether a size is no small misalignment any more; fs in Hz."""
+        return self.samples(size, fs) > LARGEST_LAG or (self.kind == "clock" and abs(size) > LARGEST_CLOCK)
 
     def _width(self, size: float) -> float:
         """Return the time constant of a lag, or the length of an average, in s."""

@@ -17,7 +17,6 @@ from modelgen.runtime.iv.thresholds import (
     EFFECT_MOVE,
     EFFECT_ROUNDS,
     KNOWN_ROUNDS,
-    LARGEST_LAG,
     LOOSER,
     PATIENT_ROUNDS,
     SHORTER,
@@ -127,7 +126,7 @@ def fit_with_effects(
         far = [
             effect.name
             for effect, size in zip(effects, sizes.tolist(), strict=True)
-            if effect.samples(size, 1.0 / sample) > LARGEST_LAG
+            if effect.runs_away(size, 1.0 / sample)
         ]
         if far:
             raise diverged(f"{', '.join(far)} runs away", plain, setting.model)

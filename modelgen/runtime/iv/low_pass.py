@@ -18,6 +18,7 @@ from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect, curvature
 from modelgen.runtime.iv.thresholds import KEPT, LAGS, LEAST_PASSED, RESOLVED, SHORTEST_REACH
 from modelgen.runtime.records.channels import Edit
+from modelgen.runtime.records.record import Record
 
 # What is said: a lag of the reading, or else; an average of the reading, or else; what to do.
 _FORCE = (
@@ -43,10 +44,14 @@ def low_pass(key: str, force: bool) -> Effect:
     """
     read, acts, average, averaged, remedy = _FORCE if force else _SENSOR
     other = Effect(f"average of {key}", "average", average.format(key), averaged.format(key),
-                   remedy.format(key), _bent(key), key, without_average)  # fmt: skip
+                   remedy.format(key), _bent(key), key, _at_rate_of(without_average))  # fmt: skip
     name = f"{'lag' if force else 'bandwidth'} of {key}"
     return Effect(name, "lag", read.format(key), acts.format(key), remedy.format(key), _bent(key), key,
-                  without_lag, forms=(other,), at=_bent_further(key))  # fmt: skip
+                  _at_rate_of(without_lag), forms=(other,), at=_bent_further(key))  # fmt: skip
+
+
+def _at_rate_of(undone: Callable[[str, float, float], Edit]) -> Callable[[str, float, Record], Edit]:
+    return lambda key, size, record: undone(key, size, record.fs)
 
 
 def without_lag(key: str, size: float, fs: float) -> Edit:
@@ -89,7 +94,7 @@ def _behind(key: str, response: Callable[[FloatArray], ComplexArray], undone: bo
     kept = np.cos(0.5 * np.pi * np.clip((frequency - KEPT) / (0.5 - KEPT), 0.0, 1.0)) ** 2
     weights = np.fft.irfft(1.0 + kept * ((1.0 / passed if undone else passed) - 1.0), count)
     weights = np.r_[weights[-reach:], weights[: reach + 1]]
-    return Edit(key, lambda samples: np.convolve(samples, weights / weights.sum(), "valid"), reach)
+    return Edit(key, lambda samples, _: np.convolve(samples, weights / weights.sum(), "valid"), reach)
 
 
 def _bent(key: str) -> Callable[[Simulated], Changes]:

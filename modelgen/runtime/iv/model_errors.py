@@ -16,9 +16,10 @@ from modelgen.runtime.iv.chain_errors import chain_effects
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.low_pass import low_pass
-from modelgen.runtime.least_squares.delays import shift
+from modelgen.runtime.least_squares.time_shifts import on_one_clock, shift
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.channels import Edit
+from modelgen.runtime.records.record import Record
 
 
 def effects_of(model: Model, bodies: Sequence[str], records: int) -> tuple[Effect, ...]:
@@ -60,13 +61,21 @@ def _delay(key: str) -> Effect:
     return Effect(f"delay of {key}", "delay", words, early, remedy, late, key, _on_time)
 
 
+def _clock(key: str) -> Effect:
+    """Return that a channel has a clock of its own, a slow one where the size is positive.
+
+    First readings are taken together; where they are not, the channel is late as well.
+    """
+    words, remedy = f"{key} has a clock of its own", "read all channels with one clock"
+    slow = _with(key, lambda s, dt: dt * np.arange(len(s)) * np.gradient(s, dt))
+    return Effect(f"clock of {key}", "clock", words, words, remedy, slow, key, on_one_clock)
+
+
 def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
     key = sensor.key
     yield _delay(key)
     yield low_pass(key, force=False)
-    clock = f"{key} has a clock of its own"
-    yield Effect(f"clock of {key}", "clock", clock, clock, "read all channels with one clock",
-                 _with(key, _stretched))  # fmt: skip
+    yield _clock(key)
     gain = f"the gain of {key} is off"
     yield Effect(f"gain of {key}", "gain", gain, gain, "calibrate it", _with(key, lambda s, dt: s))
     if records > 1:
@@ -77,13 +86,11 @@ def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
 
 def _force_effects(key: str) -> Iterator[Effect]:
     yield low_pass(key, force=True)
-    clock = f"{key} has a clock of its own"
-    yield Effect(f"clock of {key}", "clock", clock, clock, "read all channels with one clock",
-                 _with(key, _stretched))  # fmt: skip
+    yield _clock(key)
 
 
-def _on_time(key: str, size: float, fs: float) -> Edit:
-    return shift(key, size * fs)
+def _on_time(key: str, size: float, record: Record) -> Edit:
+    return shift(key, size * record.fs)
 
 
 def _with(key: str, change: Callable[[FloatArray, float], FloatArray]) -> Callable[[Simulated], Changes]:
@@ -95,9 +102,3 @@ def _constant(key: str, index: int | None) -> Callable[[Simulated], Changes]:
         return {key: np.ones(simulated.record.n)} if index in (None, simulated.index) else {}
 
     return changes
-
-
-def _stretched(samples: FloatArray, dt: float) -> FloatArray:
-    """Return t s'(t): what a clock that runs slow adds; t from the middle, as delays are looked for apart."""
-    t = dt * (np.arange(len(samples)) - 0.5 * len(samples))
-    return np.asarray(t * np.gradient(samples, dt))

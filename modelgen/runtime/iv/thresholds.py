@@ -107,6 +107,8 @@ AS_GOOD = 20.0
 EFFECT_ROUNDS, KNOWN_ROUNDS = 25, 6
 # A lag or a delay beyond this, in samples, is no small misalignment any more.
 LARGEST_LAG = 50.0
+# Clocks of quartz differ by some 1e-4, those of cheap converters by 1e-3; beyond this it is no clock.
+LARGEST_CLOCK = 0.01
 # Done when nothing moves by more than this share of its standard deviation, or of its value.
 EFFECT_MOVE = 0.1
 # After so many rounds this multiple of that will do: slow rounds would go on for long.

@@ -29,8 +29,8 @@ from modelgen.runtime.least_squares.thresholds import (
     SMALLEST_CHANGE,
     SMALLEST_STEP,
 )
+from modelgen.runtime.least_squares.time_shifts import hold, shift
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.record_rows import matched_rows
@@ -44,8 +44,6 @@ Rates = Callable[[Fit, tuple[Record, ...], str], tuple[FloatArray, ...]]
 # fit -> delays in s to start from
 First = Callable[[Fit], Mapping[str, float]]
 
-POINTS = 8
-
 
 def advanced(record: Record, delays: Mapping[str, float]) -> Record:
     """Return the record with its channels earlier by so many seconds: what was late is on time."""
@@ -56,43 +54,6 @@ def advanced(record: Record, delays: Mapping[str, float]) -> Record:
             if delay and key in record.signals
         }
     )
-
-
-def shift(channel: str, by: float) -> Edit:
-    """Return what makes samples(k + by) of a channel by Lagrange interpolation through 8 points.
-
-    `by` in samples. Exact for polynomials of degree 7; at a tenth of the sampling frequency off by less than
-    1e-4.
-    """
-    whole = int(np.floor(by))
-    nodes, fraction, margin = np.arange(POINTS) - POINTS // 2 + 1, by - whole, abs(whole) + POINTS
-    weights = {}
-    for node in nodes.tolist():
-        others = nodes[nodes != node]
-        weights[whole + node] = float(np.prod((fraction - others) / (node - others)))
-
-    def make(samples: FloatArray) -> FloatArray:
-        n = len(samples) - 2 * margin
-        result = np.zeros(n)
-        for place, weight in weights.items():
-            if weight:
-                result += weight * samples[margin + place : margin + place + n]
-        return result
-
-    return Edit(channel, make, margin)
-
-
-def hold(channel: str) -> Edit:
-    """Return what a zero-order hold makes of a command: late by half a sample, and averaged over one.
-
-    The average over a sample is taken to second order, (1, 22, 1) / 24.
-    """
-    late = shift(channel, -0.5)
-
-    def make(samples: FloatArray) -> FloatArray:
-        return late.make((samples[:-2] + 22.0 * samples[1:-1] + samples[2:]) / 24.0)
-
-    return Edit(channel, make, late.margin + 1)
 
 
 def with_holds(records: Sequence[Record], channels: Sequence[str]) -> tuple[Record, ...]:

@@ -71,16 +71,16 @@ class Edit:
     """How a channel is made of another one.
 
     `make` takes samples start - margin to stop + margin of `channel`, its first and last reading repeated
-    beyond the ends of the record, to samples start to stop of the new channel.
+    beyond the ends of the record, and start to samples start to stop of the new channel.
     """
 
     channel: str
-    make: Callable[[FloatArray], FloatArray]
+    make: Callable[[FloatArray, int], FloatArray]
     margin: int = 0
 
     def whole(self, samples: FloatArray) -> FloatArray:
         """Return the new channel from the whole of the other one, shape (n,) each."""
-        return np.asarray(self.make(np.pad(samples, self.margin, mode="edge")))
+        return np.asarray(self.make(np.pad(samples, self.margin, mode="edge"), 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ class EditedChannels:
         low, high = first - edit.margin, behind + edit.margin
         inside = max(low, 0), min(high, self.source.n)
         samples = np.asarray(self.source.read(edit.channel, *inside), dtype=float)
-        return edit.make(np.pad(samples, (inside[0] - low, high - inside[1]), mode="edge"))
+        return edit.make(np.pad(samples, (inside[0] - low, high - inside[1]), mode="edge"), first)
 
 
 def read_continued(source: Channels, channel: str, start: int, stop: int) -> FloatArray:

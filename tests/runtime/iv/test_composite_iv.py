@@ -20,9 +20,9 @@ from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.iv import starting_values as physical_start
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.starting_values import physical_starts
-from modelgen.runtime.least_squares.delays import shift
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import printed_covariance
+from modelgen.runtime.least_squares.time_shifts import shift
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record

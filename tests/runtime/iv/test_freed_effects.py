@@ -11,7 +11,7 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
-from modelgen.runtime.iv import freed_effects
+from modelgen.runtime.iv import effect, freed_effects
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
 from modelgen.runtime.iv.instrumental_variables import Setting
@@ -82,7 +82,7 @@ def test_rows_lack_what_effects_add_and_columns_are_free_of_them() -> None:
 
 
 def test_sizes_that_run_away_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(freed_effects, "LARGEST_LAG", 0.1)
+    monkeypatch.setattr(effect, "LARGEST_LAG", 0.1)
     with pytest.raises(IdentifiabilityError, match="delay of q_c runs away"):
         freed(0.25, LATE)
 

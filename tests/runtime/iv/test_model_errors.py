@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
@@ -42,6 +42,7 @@ def test_every_effect_has_a_name_of_its_own_and_words() -> None:
 
 
 @pytest.mark.parametrize("name", FRICTIONS)
+@settings(deadline=None)
 @given(size=st.floats(1e-12, 1e12))
 def test_no_friction_pushes(name: str, size: float) -> None:
     assert EFFECTS[name].possible(size)
@@ -82,6 +83,21 @@ def test_a_late_channel_is_set_right_and_the_others_stay(samples: float) -> None
     assert EFFECTS["gain of q_c"].corrected(late, 0.1) is late
 
 
+@settings(deadline=None)
+@given(ppm=st.floats(-3000.0, 3000.0), frequency=st.floats(0.0, 0.1), phase=st.floats(0.0, 6.3))
+def test_a_channel_of_another_clock_is_set_right(ppm: float, frequency: float, phase: float) -> None:
+    n, size = 4000, 1e-6 * ppm
+    samples = np.arange(n)
+    wave = lambda at: np.cos(2.0 * np.pi * frequency * at + phase)  # noqa: E731
+    read = Record({"q_c": wave(samples * (1.0 + size))}, 1000.0, "run")
+    found = EFFECTS["clock of q_c"].corrected(read, size).signals["q_c"]
+    middle = slice(30, n - 30)
+    np.testing.assert_allclose(found[middle], wave(samples)[middle], atol=2e-4)
+    assert not EFFECTS["clock of q_c"].runs_away(size, 1000.0)
+    assert EFFECTS["clock of q_c"].runs_away(0.02, 1000.0)
+
+
+@settings(deadline=None)
 @given(
     tau=st.floats(0.05, 10.0),
     frequency=st.floats(0.0, 0.1),
@@ -104,6 +120,7 @@ def test_a_low_pass_is_undone_below_a_tenth_of_the_sampling_frequency(
     np.testing.assert_allclose(lagged[middle], behind.real[middle], atol=1e-4)
 
 
+@settings(deadline=None)
 @given(tau=st.floats(0.01, 30.0), level=st.floats(-1e3, 1e3))
 def test_a_constant_is_not_changed_by_a_low_pass(tau: float, level: float) -> None:
     for sign in (1.0, -1.0):
@@ -122,13 +139,15 @@ def test_sizes_of_delays_and_lags_are_told_in_samples() -> None:
 
 def test_an_edit_reads_no_more_than_its_channel() -> None:
     record = Record({"q": np.arange(40.0), "r": np.zeros(40)}, 100.0, "run")
-    lag = Effect("lag of q", "lag", "q is behind", "", "mend it", lambda simulated: {}, "q", without_lag)
+    lag = Effect("lag of q", "lag", "q is behind", "", "mend it", lambda simulated: {}, "q",
+                 lambda key, size, record: without_lag(key, size, record.fs))  # fmt: skip
     moved = lag.corrected(record, 0.5 * 0.02**2)
     assert moved.n == record.n
     np.testing.assert_array_equal(moved.signals["r"], record.signals["r"])
     assert np.any(moved.signals["q"] != record.signals["q"])
 
 
+@settings(deadline=None)
 @given(
     length=st.floats(0.1, 2.0),
     frequency=st.floats(0.0, 0.1),

@@ -7,8 +7,9 @@ from generated import emps300_qm_qc
 from modelgen.errors import DataError
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
-from modelgen.runtime.least_squares.delays import advanced, hold, shift
+from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.known_delays import aligned
+from modelgen.runtime.least_squares.time_shifts import hold, shift
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modelgen.errors import DataError
-from modelgen.runtime.least_squares.delays import hold, shift
+from modelgen.runtime.least_squares.time_shifts import hold, on_one_clock, shift
 from modelgen.runtime.records.channels import Edit, read_continued
 from modelgen.runtime.records.record import Record
 
@@ -20,7 +20,9 @@ EDITS = {
     "F": shift("F", 1.7),
     "late": shift("F", -6.25),
     "held": hold("F"),
-    "mirrored": Edit("q", np.negative),
+    "mirrored": Edit("q", lambda samples, _: -samples),
+    "slow": on_one_clock("F", 0.03, RECORD),
+    "fast": on_one_clock("q", -0.02, RECORD),
     "given": np.arange(300.0),
 }
 

@@ -27,7 +27,7 @@ from modelgen.runtime.iv.companion_simulation import Loop, run_beside
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.output_error import fit_response
 from modelgen.runtime.iv.starting_values import _felt_inertia
-from modelgen.runtime.least_squares.delays import shift
+from modelgen.runtime.least_squares.time_shifts import shift
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.write_record import write_record

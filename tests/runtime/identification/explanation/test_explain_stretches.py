@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from modelgen.runtime.identification import default_method, explain_stretches
+from modelgen.runtime.identification import default_method
+from modelgen.runtime.identification.explanation import explain_stretches
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.iv.model_errors import zero_effect
 from tests.runtime.two_mass_records import SMALL, TRUTH, assert_truth_inside, two_mass_records

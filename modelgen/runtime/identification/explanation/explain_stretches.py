@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.identification.explain_residual import explained, found_by
-from modelgen.runtime.identification.explained import Begun, Explained, run_method
+from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
+from modelgen.runtime.identification.explanation.explained import Begun, Explained, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV
 from modelgen.runtime.identification.task import Task

@@ -16,7 +16,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
-from modelgen.runtime.identification.explained import Explained
+from modelgen.runtime.identification.explanation.explained import Explained
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
     DISAGREEMENT,
