@@ -58,6 +58,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "design": (
         "modelgen design emps300 --parameters light --noise q_m=1e-5 --noise q_c=1e-5 --noise a_c=0.5",
+        "modelgen design scara --inside 4=:,:,0.1: --seeds 2 --rounds 20 --optimise excite.csv",
     ),
 }
 

@@ -13,14 +13,14 @@ from modelgen.cli.options import (
     ParameterSet,
     Resolution,
     ResultOptions,
-    SamplingFrequency,
     SensorSet,
-    Spec,
+    SpecOfAny,
 )
 from modelgen.cli.output import deliver
 from modelgen.cli.output_files import check_result
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import counted
+from modelgen.spec.arms.arm import ArmSpec
 
 if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
@@ -48,7 +48,8 @@ OptimisedFile = Annotated[
     typer.Option(metavar="FILE.csv", help="Optimise the excitation of the best set; write references."),
 ]
 Criterion = Annotated[
-    Literal["worst", "d-optimal", "condition"], typer.Option(help="What --optimise looks at.")
+    Literal["worst", "d-optimal", "condition"] | None,
+    typer.Option(help="What --optimise looks at: worst; of an arm condition (or d-optimal)."),
 ]
 Limits = Annotated[
     list[str] | None,
@@ -57,12 +58,33 @@ Limits = Annotated[
         help="Largest position (travel), velocity, force or deflection, SI; by default the pair's.",
     ),
 ]
+Inside = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="FRAME=X0:X1,Y0:Y1,Z0:Z1",
+        help="Of an arm: box (m, of the base) that a joint's frame stays in; repeatable.",
+    ),
+]
+Outside = Annotated[
+    list[str] | None,
+    typer.Option(metavar="FRAME=X0:X1,Y0:Y1,Z0:Z1", help="Of an arm: box that a frame keeps out of."),
+]
+Harmonics = Annotated[int, typer.Option(min=2, max=50, help="Of an arm: harmonics of the Fourier series.")]
+Seeds = Annotated[int, typer.Option(min=1, help="Of an arm: searches from different beginnings.")]
+Rate = Annotated[
+    float | None,
+    typer.Option("--fs", "--fs-hz", metavar="HZ", help="Sampling frequency in Hz: 5000; of an arm 1000."),
+]
+Duration = Annotated[
+    float | None, typer.Option(metavar="SECONDS", help="Duration in s of every record: 2; of an arm 10.")
+]
 Method = Annotated[str | None, typer.Option(help="The estimator: wls, or iv (no bias, far slower); wls.")]
 Draws = Annotated[int | None, typer.Option(metavar="N", help="Confirm every set by N simulated experiments.")]
 
 
 def design(
-    spec: Spec,
+    context: typer.Context,
+    spec: SpecOfAny,
     candidates: Candidates = None,
     most_sensors: Annotated[int, typer.Option(min=1, max=4, help="Largest set made of candidates.")] = 2,
     sensors: SensorSet = None,
@@ -73,11 +95,15 @@ def design(
     wanted_percent: WantedPercent = 1.0,
     excitation: Excitations = None,
     optimise: OptimisedFile = None,
-    criterion: Criterion = "worst",
+    criterion: Criterion = None,
     limit: Limits = None,
     rounds: Annotated[int, typer.Option(min=1, help="Trials of --optimise.")] = 200,
-    fs: SamplingFrequency = 5000.0,
-    duration_s: Annotated[float, typer.Option(help="Duration in s of every record.")] = 2.0,
+    fs: Rate = None,
+    duration_s: Duration = None,
+    inside: Inside = None,
+    outside: Outside = None,
+    harmonics: Harmonics = 5,
+    seeds: Seeds = 8,
     method: Method = None,
     monte_carlo: Draws = None,
     *,
@@ -86,8 +112,11 @@ def design(
     """Predict the precision of every parameter for each sensor set, and rank the sets.
 
     Prices, noise and resolution come from a file of candidates, or from the options for the spec's own sets.
+    Of an arm: search for a trajectory that tells its base parameters apart, within the limits of the joints
+    and boxes, and write it with --optimise.
     """
-    from modelgen.cli.arguments import amounts, load_chain, parameter_values
+    from modelgen.cli.arguments import amounts, load_chain_or_arm, parameter_values
+    from modelgen.cli.arms.design_arm import design_arm, refuse_options
     from modelgen.cli.design_tables import describe, design_tables
     from modelgen.cli.tables import console
     from modelgen.runtime.identification.methods import METHODS
@@ -97,7 +126,12 @@ def design(
     check_result(result)
     if method is not None and method not in METHODS:
         raise DataError.at("--method", f"{method!r} is unknown", f"choose one of {', '.join(METHODS)}")
-    chain = load_chain(spec)
+    described_spec = load_chain_or_arm(spec)
+    refuse_options(context, described_spec)
+    if isinstance(described_spec, ArmSpec):
+        design_arm(described_spec, context.params, result)
+        return
+    chain, fs, duration_s, criterion = described_spec, fs or 5000.0, duration_s or 2.0, criterion or "worst"
     values = parameter_values(chain, parameters)
     models, instruments, refused = _sets(
         chain, candidates, most_sensors, sensors, noise or (), resolution or (), price or ()

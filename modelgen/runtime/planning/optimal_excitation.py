@@ -19,13 +19,12 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, ModelgenError, Problem
 from modelgen.keyword_options import with_defaults
-from modelgen.progress import counted
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.planning.peaks import LIMITS, peaks_of
 from modelgen.runtime.planning.planned_experiment import PAIR, Experiment, experiment
 from modelgen.runtime.planning.predicted_precision import Predicted, predict
+from modelgen.runtime.planning.random_search import best_of_trials
 from modelgen.runtime.planning.thresholds import (
-    CHANGED,
     FAILED,
     HIGHEST_PART_OF_FS,
     LEAST_FORCE,
@@ -123,7 +122,7 @@ def optimise(
     pair = experiment(model, parameters, instruments, PAIR, fs=fs, duration_s=duration_s, method=method)
     bounds = {**peaks_of(plant, pair.simulations), **limits}
     trial = _Trial(plant, instruments, bounds, criterion, fs, duration_s, method)
-    best = _search(trial, search["rounds"])
+    _, best = best_of_trials(trial, trial.starts, search["rounds"])
     before = {entry.name: entry.error for entry in predict(pair).precisions}
     planned, found = trial.planned(best)
     return Optimised(
@@ -242,27 +241,6 @@ class _Trial:
             return log(found.information.condition_number)
         errors = np.log([max(entry.error, 1e-300) for entry in found.precisions])
         return float(errors.mean() if self._criterion == "d-optimal" else errors.max())
-
-
-def _search(trial: _Trial, rounds: int) -> FloatArray:
-    """Return the best vector of so many trials: random steps that grow with success and shrink without.
-
-    Each step changes a few variables only: most improvements concern one thing.
-
-    A (1+1) evolution strategy with the one-fifth rule (Rechenberg 1973); seeded.
-    """
-    rng = np.random.default_rng(0)
-    value, best = min(((trial(start), start) for start in trial.starts), key=lambda pair: pair[0])
-    step = 0.2
-    for _ in counted(range(1, rounds), "trials"):
-        move = rng.standard_normal(best.size) * (rng.random(best.size) < CHANGED)
-        candidate = best + step * move
-        found = trial(candidate)
-        if found < value:
-            best, value, step = candidate, found, min(1.5 * step, 1.0)
-        else:
-            step = max(0.94 * step, 0.01)
-    return best
 
 
 def _check(criterion: str, limits: Mapping[str, float]) -> None:

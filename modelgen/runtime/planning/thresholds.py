@@ -29,3 +29,10 @@ SAFETY = 0.999
 FIRST_COPIES = 16
 WEIGHING = 64
 FACTOR_ERROR = 0.05
+
+# Exciting trajectories of arms: postures among which one that keeps the boxes is looked for; the share of
+# its limits that a first trial has, on the scale of a logistic function (0.88); how often it is made smaller
+# until boxes are kept.
+POSTURES = 2000
+SHARE_OF_LIMITS = 2.0
+SHRINKS = 24

@@ -1,0 +1,80 @@
+"""`modelgen design` of an arm, as a user types it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from modelgen.cli.main import app
+
+ARM = """
+[arm]
+name = "pair"
+[[joints]]
+name = "1"
+alpha = -90
+position_limits = [-120, 120]
+speed_limit = "180 deg/s"
+[[joints]]
+name = "slide"
+type = "prismatic"
+r = 0.2
+position_limits = [0, 0.4]
+speed_limit = 0.5
+acceleration_limit = 2
+[[joints]]
+name = "tip"
+type = "fixed"
+r = 0.1
+"""
+QUICK = ("--seeds", "2", "--rounds", "10", "--duration-s", "3")
+
+
+def run(*arguments: str, code: int = 0) -> str:
+    result = CliRunner().invoke(app, ["design", *arguments])
+    assert result.exit_code == code, result.output
+    return result.output
+
+
+@pytest.fixture
+def arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "pair.toml"
+    path.write_text(ARM, encoding="utf-8")
+    return path
+
+
+def test_a_trajectory_is_found_and_written(arm: Path) -> None:
+    options = ("--inside", "tip=:,:,-0.5:", "--optimise", "go.csv", "--fs", "200")
+    text = run("pair.toml", *QUICK, *options)
+    assert "frame tip in z -0.5 to inf m: kept" in text and "wrote go.csv" in text
+    lines = Path("go.csv").read_text().splitlines()
+    assert lines[1] == "t,q_1,d1_q_1,d2_q_1,q_slide,d1_q_slide,d2_q_slide"
+    table = np.loadtxt(lines[2:], delimiter=",")
+    assert table.shape == (601, 7) and table[-1, 0] == pytest.approx(3.0)
+    assert np.abs(table[:, 2]).max() <= np.pi and np.abs(table[:, 6]).max() <= 2.0
+    assert table[:, 4].min() >= 0.0 and table[:, 4].max() <= 0.4
+    found = json.loads(run("pair.toml", *QUICK, "--json"))
+    assert [joint["unit"] for joint in found["joints"]] == ["rad", "m"] and len(found["searches"]) == 2
+    assert "exists" in run("pair.toml", *QUICK, "--optimise", "go.csv", code=2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("pair.toml", "--noise", "q_1=1", "--sensors", "a"), "--sensors: is of chains"),
+        (("pair.toml", "--criterion", "worst"), "choose one of condition, d-optimal"),
+        (("pair.toml", "--inside", "tip=1"), "write FRAME=X0:X1,Y0:Y1,Z0:Z1"),
+        (("pair.toml", "--inside", "tip=nan:1,:,:"), "cannot be read"),
+        (("pair.toml", "--outside", "tap=:,:,0:1"), "is no joint's frame; choose from 1, slide, tip"),
+        (("pair.toml", "--inside", "tip=5:6,:,:"), "are kept by none of 2,000 postures"),
+        (("tx40",), "joint 6: speed_limit: is missing"),
+        (("emps300", "--inside", "a=:,:,:"), "--inside: is of arms"),
+    ],
+)
+def test_what_cannot_be_planned_is_told(arm: Path, arguments: tuple[str, ...], message: str) -> None:
+    assert message in run(*arguments, code=2)
