@@ -119,6 +119,20 @@ def excitation_from(text: str, forces: Sequence[str] = ()) -> tuple[str | Excita
     return excitation_from_record(record, forces=forces), record.fs
 
 
+def check_method(method: str | None) -> None:
+    """Refuse an estimator that does not exist.
+
+    Raises
+    ------
+    DataError
+        With those that do.
+    """
+    from modelgen.runtime.identification.methods import METHODS
+
+    if method is not None and method not in METHODS:
+        raise DataError.at("--method", f"{method!r} is unknown", f"choose one of {', '.join(METHODS)}")
+
+
 def delays_from(items: Sequence[str]) -> Mapping[str, float] | str | None:
     """Return what --delay says: a word for all forces, or seconds for each; None if it was not given."""
     if len(items) == 1 and "=" not in items[0]:

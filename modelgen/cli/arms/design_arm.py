@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from modelgen.array_types import FloatArray
-from modelgen.cli.arguments import given_options
+from modelgen.cli.arguments import given_options, load_chain_or_arm
 from modelgen.cli.output import deliver
 from modelgen.cli.tables import Description, Justify, console, table
 from modelgen.errors import DataError, Problem
@@ -20,6 +20,7 @@ from modelgen.spec.arms.arm import ArmSpec
 if TYPE_CHECKING:
     from rich.console import Group
 
+    from modelgen.cli.arms.trajectory_options import TrajectoryOptions
     from modelgen.cli.options import ResultOptions
     from modelgen.runtime.planning.arms.exciting_trajectory import ExcitingTrajectory
     from modelgen.runtime.planning.arms.workspace import Box, PlannedJoint
@@ -40,6 +41,18 @@ _OF_BOTH = (
 FS_HZ, DURATION_S = 1000.0, 10.0
 
 
+def chain_unless_arm(
+    context: typer.Context, spec: str, trajectory: TrajectoryOptions, result: ResultOptions
+) -> ChainSpec | None:
+    """Return the chain that a spec describes; of an arm, for which a trajectory is designed, None."""
+    found = load_chain_or_arm(spec)
+    refuse_options(context, found)
+    if not isinstance(found, ArmSpec):
+        return found
+    design_arm(found, trajectory, context.params, result)
+    return None
+
+
 def refuse_options(context: typer.Context, spec: ChainSpec | ArmSpec) -> None:
     """Refuse options that do nothing for what is designed.
 
@@ -58,7 +71,9 @@ def refuse_options(context: typer.Context, spec: ChainSpec | ArmSpec) -> None:
         raise DataError(*(Problem(option, said, "leave it out") for option in wrong))
 
 
-def design_arm(arm: ArmSpec, given: Mapping[str, Any], result: ResultOptions) -> None:
+def design_arm(
+    arm: ArmSpec, trajectory: TrajectoryOptions, given: Mapping[str, Any], result: ResultOptions
+) -> None:
     """Search for a trajectory with the options of the command, tell it, and write it where asked for."""
     from modelgen.render.arms.arm_writer import arm_module
     from modelgen.runtime.model.module_file import execute_text
@@ -67,7 +82,7 @@ def design_arm(arm: ArmSpec, given: Mapping[str, Any], result: ResultOptions) ->
     from modelgen.symbolic.arms.base_parameters import arm_base_model
 
     fs, path = given["fs"] or FS_HZ, given["optimise"]
-    boxes = (*_boxes("--inside", given["inside"]), *_boxes("--outside", given["outside"]))
+    boxes = (*_boxes("--inside", trajectory.inside), *_boxes("--outside", trajectory.outside))
     module = execute_text(arm_module(arm_base_model(arm_rows(arm))), arm.name)
     found = exciting_trajectory(
         module,
@@ -75,8 +90,8 @@ def design_arm(arm: ArmSpec, given: Mapping[str, Any], result: ResultOptions) ->
         criterion=given["criterion"] or "condition",
         boxes=boxes,
         period_s=given["duration_s"] or DURATION_S,
-        harmonics=given["harmonics"],
-        seeds=given["seeds"],
+        harmonics=trajectory.harmonics,
+        seeds=trajectory.seeds,
         rounds=given["rounds"],
     )
     described = _described(arm, found, given["criterion"] or "condition")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from modelgen.cli.arms.trajectory_options import TrajectoryOptions
 from modelgen.cli.options import (
     Noise,
     ParameterSet,
@@ -20,7 +21,6 @@ from modelgen.cli.output import deliver
 from modelgen.cli.output_files import check_result
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import counted
-from modelgen.spec.arms.arm import ArmSpec
 
 if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
@@ -58,19 +58,6 @@ Limits = Annotated[
         help="Largest position (travel), velocity, force or deflection, SI; by default the pair's.",
     ),
 ]
-Inside = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="FRAME=X0:X1,Y0:Y1,Z0:Z1",
-        help="Of an arm: box (m, of the base) that a joint's frame stays in; repeatable.",
-    ),
-]
-Outside = Annotated[
-    list[str] | None,
-    typer.Option(metavar="FRAME=X0:X1,Y0:Y1,Z0:Z1", help="Of an arm: box that a frame keeps out of."),
-]
-Harmonics = Annotated[int, typer.Option(min=2, max=50, help="Of an arm: harmonics of the Fourier series.")]
-Seeds = Annotated[int, typer.Option(min=1, help="Of an arm: searches from different beginnings.")]
 Rate = Annotated[
     float | None,
     typer.Option("--fs", "--fs-hz", metavar="HZ", help="Sampling frequency in Hz: 5000; of an arm 1000."),
@@ -100,13 +87,10 @@ def design(
     rounds: Annotated[int, typer.Option(min=1, help="Trials of --optimise.")] = 200,
     fs: Rate = None,
     duration_s: Duration = None,
-    inside: Inside = None,
-    outside: Outside = None,
-    harmonics: Harmonics = 5,
-    seeds: Seeds = 8,
     method: Method = None,
     monte_carlo: Draws = None,
     *,
+    trajectory: TrajectoryOptions,
     result: ResultOptions,
 ) -> None:
     """Predict the precision of every parameter for each sensor set, and rank the sets.
@@ -115,48 +99,56 @@ def design(
     Of an arm: search for a trajectory that tells its base parameters apart, within the limits of the joints
     and boxes, and write it with --optimise.
     """
-    from modelgen.cli.arguments import amounts, load_chain_or_arm, parameter_values
-    from modelgen.cli.arms.design_arm import design_arm, refuse_options
-    from modelgen.cli.design_tables import describe, design_tables
+    from modelgen.cli.arguments import amounts, check_method, parameter_values
+    from modelgen.cli.arms.design_arm import chain_unless_arm
+    from modelgen.cli.design_tables import design_tables
     from modelgen.cli.tables import console
-    from modelgen.runtime.identification.methods import METHODS
-    from modelgen.runtime.planning.planned_experiment import DEFAULT_METHOD
-    from modelgen.runtime.planning.sensor_set_ranking import cheapest, rank
+    from modelgen.runtime.planning.sensor_set_ranking import rank
 
     check_result(result)
-    if method is not None and method not in METHODS:
-        raise DataError.at("--method", f"{method!r} is unknown", f"choose one of {', '.join(METHODS)}")
-    described_spec = load_chain_or_arm(spec)
-    refuse_options(context, described_spec)
-    if isinstance(described_spec, ArmSpec):
-        design_arm(described_spec, context.params, result)
+    check_method(method)
+    chain = chain_unless_arm(context, spec, trajectory, result)
+    if chain is None:
         return
-    chain, fs, duration_s, criterion = described_spec, fs or 5000.0, duration_s or 2.0, criterion or "worst"
     values = parameter_values(chain, parameters)
     models, instruments, refused = _sets(
         chain, candidates, most_sensors, sensors, noise or (), resolution or (), price or ()
     )
     kinds = _excitations(excitation or ())
-    options: dict[str, Any] = {"fs": fs, "duration_s": duration_s, "method": method}
+    options: dict[str, Any] = {"fs": fs or 5000.0, "duration_s": duration_s or 2.0, "method": method}
     ranked = rank(_predictions(models, values, instruments, kinds, options))
-    described: dict[str, Any] = {
-        "method": method or DEFAULT_METHOD,
-        "fs_hz": fs,
-        "sets": [describe(prediction) for prediction in ranked],
-        "refused": refused,
-        "wanted_percent": wanted_percent,
-        "cheapest": getattr(cheapest(ranked, wanted_percent), "sensor_set", None),
-        "cures": _cures(chain, models, values, instruments, ranked, kinds, options),
-    }
+    described = _predicted(ranked, options, refused, wanted_percent)
+    described["cures"] = _cures(chain, models, values, instruments, ranked, kinds, options)
     if monte_carlo:
         described["monte_carlo"] = _confirm(ranked, models, values, instruments, kinds, options, monte_carlo)
     if optimise is not None:
         best = _complete(ranked[0], models)
-        search = {"criterion": criterion, "rounds": rounds, "limits": amounts("--limit", limit or ())}
+        search = {
+            "criterion": criterion or "worst",
+            "rounds": rounds,
+            "limits": amounts("--limit", limit or ()),
+        }
         described["excitation"] = _optimise(
             best, values, instruments, options, search, optimise, result.overwrite
         )
     deliver(described, lambda: console().print(design_tables(described)), result)
+
+
+def _predicted(
+    ranked: Sequence[Prediction], options: Mapping[str, Any], refused: Mapping[str, str], wanted: float
+) -> dict[str, Any]:
+    from modelgen.cli.design_tables import describe
+    from modelgen.runtime.planning.planned_experiment import DEFAULT_METHOD
+    from modelgen.runtime.planning.sensor_set_ranking import cheapest
+
+    return {
+        "method": options["method"] or DEFAULT_METHOD,
+        "fs_hz": options["fs"],
+        "sets": [describe(prediction) for prediction in ranked],
+        "refused": refused,
+        "wanted_percent": wanted,
+        "cheapest": getattr(cheapest(ranked, wanted), "sensor_set", None),
+    }
 
 
 def _sets(
