@@ -13,6 +13,7 @@ import typer
 from modelgen.array_types import FloatArray
 from modelgen.cli.arguments import given_options, load_chain_or_arm
 from modelgen.cli.output import deliver
+from modelgen.cli.output_files import check_output
 from modelgen.cli.tables import Description, Justify, console, table
 from modelgen.errors import DataError, Problem
 from modelgen.spec.arms.arm import ArmSpec
@@ -38,7 +39,7 @@ _OF_BOTH = (
     "--overwrite",
     "--json",
 )
-FS_HZ, DURATION_S = 1000.0, 10.0
+FS_HZ, DURATION_S, MOST_SAMPLES = 1000.0, 10.0, 10_000_000
 
 
 def chain_unless_arm(
@@ -82,6 +83,9 @@ def design_arm(
     from modelgen.symbolic.arms.base_parameters import arm_base_model
 
     fs, path = given["fs"] or FS_HZ, given["optimise"]
+    samples = _samples(fs, given["duration_s"] or DURATION_S, trajectory.harmonics)
+    if path is not None:
+        check_output(path, (".csv", ".npz"), result.overwrite)
     boxes = (*_boxes("--inside", trajectory.inside), *_boxes("--outside", trajectory.outside))
     module = execute_text(arm_module(arm_base_model(arm_rows(arm))), arm.name)
     found = exciting_trajectory(
@@ -89,7 +93,7 @@ def design_arm(
         planned_joints(arm),
         criterion=given["criterion"] or "condition",
         boxes=boxes,
-        period_s=given["duration_s"] or DURATION_S,
+        period_s=samples / fs,
         harmonics=trajectory.harmonics,
         seeds=trajectory.seeds,
         rounds=given["rounds"],
@@ -99,6 +103,23 @@ def design_arm(
         _write(path, found, fs, result.overwrite)
         described |= {"written": str(path), "fs_hz": fs}
     deliver(described, lambda: console().print(_tables(described)), result)
+
+
+def _samples(fs: float, duration_s: float, harmonics: int) -> int:
+    """Return the samples of one period, a whole number.
+
+    Raises
+    ------
+    DataError
+        If they are too few for the highest frequency, or more than a file should hold.
+    """
+    samples = round(min(fs * duration_s, 1e12))
+    if not 10 * harmonics <= samples <= MOST_SAMPLES:
+        what = f"gives {samples:,} samples of {harmonics} harmonics in {duration_s:g} s"
+        least = 10 * harmonics / duration_s
+        remedy = f"give {least:g} to {MOST_SAMPLES / duration_s:g} Hz"
+        raise DataError.at("--fs", what, remedy)
+    return samples
 
 
 def planned_joints(arm: ArmSpec) -> list[PlannedJoint]:
@@ -200,8 +221,6 @@ def _tables(described: Description) -> Group:
     from rich.console import Group
     from rich.text import Text
 
-    from modelgen.runtime.planning.thresholds import FAILED
-
     period, count = described["period_s"], described["harmonics"]
     head = (
         f"Exciting trajectory of {described['arm']}: {period:g} s, {count} harmonics of {1 / period:.4g} Hz "
@@ -221,7 +240,7 @@ def _tables(described: Description) -> Group:
     columns: list[tuple[str, Justify]] = [
         (heading, "left") for heading in ("joint", "position", "speed", "acceleration")
     ]
-    ends = sorted(search["end"] for search in described["searches"] if search["end"] < 0.5 * FAILED)
+    ends = sorted(search["end"] for search in described["searches"] if search["end"] is not None)
     tried, sign = len(described["searches"]), 1 if described["criterion"] == "condition" else -1
     what = "condition numbers" if sign > 0 else "mean singular values"
     lines = [

@@ -15,7 +15,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError, Problem
+from modelgen.errors import DataError, IdentifiabilityError, ModelgenError, Problem
 from modelgen.keyword_options import with_defaults
 from modelgen.progress import counted
 from modelgen.runtime.planning.arms.fourier_trajectory import Bounds, FourierTrajectory, at_rest
@@ -30,7 +30,7 @@ from modelgen.runtime.planning.arms.workspace import (
     worst_text,
 )
 from modelgen.runtime.planning.random_search import best_of_trials
-from modelgen.runtime.planning.thresholds import FAILED, POSTURES, SAFETY, SHARE_OF_LIMITS, SHRINKS
+from modelgen.runtime.planning.thresholds import BLIND, FAILED, POSTURES, SAFETY, SHARE_OF_LIMITS, SHRINKS
 
 CRITERIA = ("condition", "d-optimal")
 #: Samples of a period for every harmonic, at which the regressor is judged.
@@ -68,7 +68,7 @@ class ExcitingTrajectory:
     condition, information
         Condition number of the base regressor, and the geometric mean of its singular values a sample.
     costs
-        Of the criterion: (at the start, at the end) of every seed.
+        Logarithms of the criterion, (at the start, at the end) of every seed; None where a box was left.
     """
 
     joints: tuple[str, ...]
@@ -77,7 +77,7 @@ class ExcitingTrajectory:
     boxes: tuple[tuple[Box, float], ...]
     condition: float
     information: float
-    costs: tuple[tuple[float, float], ...]
+    costs: tuple[tuple[float | None, float | None], ...]
 
 
 def exciting_trajectory(
@@ -119,12 +119,8 @@ def exciting_trajectory(
         begun = trial(start)
         found.append((*best_of_trials(trial, [start], search["rounds"], seed), begun))
     value, best, _ = min(found, key=lambda one: one[0])
-    if value >= FAILED:
-        _, _, kept = trial.trajectory(best)
-        what = "are kept by no trajectory" + (
-            f": the best leaves {worst_text(search['boxes'], kept)}" if kept else ""
-        )
-        raise DataError.at("boxes", what, "widen them, or give the trajectory more time")
+    if value >= BLIND:
+        raise trial.failure(value, best)
     motion, bounds, kept = trial.trajectory(best)
     singular = trial.singular_values(motion)
     return ExcitingTrajectory(
@@ -134,7 +130,7 @@ def exciting_trajectory(
         tuple(zip(search["boxes"], kept, strict=True)),
         float(singular[0] / singular[-1]),
         float(np.exp(np.log(singular).mean()) / np.sqrt(JUDGED * motion.harmonics)),
-        tuple((begun, ended) for ended, _, begun in found),
+        tuple((_counted(begun), _counted(ended)) for ended, _, begun in found),
     )
 
 
@@ -205,10 +201,19 @@ class _Trial:
             return FAILED
         singular = self.singular_values(motion)
         if singular[-1] <= 1e-12 * singular[0]:
-            return 0.5 * FAILED
+            return BLIND
         if self._search["criterion"] == "condition":
             return log(singular[0] / singular[-1])
         return -float(np.log(singular).mean())
+
+    def failure(self, value: float, best: FloatArray) -> ModelgenError:
+        """Return what is told where the best of all trials does not count."""
+        if value >= FAILED:
+            _, _, kept = self.trajectory(best)
+            what = f"are kept by no trajectory: the best leaves {worst_text(self._search['boxes'], kept)}"
+            return DataError.at("boxes", what, "widen them, or give the trajectory more time")
+        what = "tells the base parameters apart: limits or boxes leave it next to no motion"
+        return IdentifiabilityError.at("no trajectory", what, "widen them, or shorten the trajectory")
 
     def start(self, seed: int, refuge: FloatArray | None) -> FloatArray:
         """Return the variables of a first trial, brought to a posture that keeps the boxes until it does."""
@@ -251,6 +256,10 @@ class _Trial:
             raise DataError.at("boxes", what, "widen the boxes or the limits of the joints")
         chosen: FloatArray = postures[best]
         return chosen
+
+
+def _counted(cost: float) -> float | None:
+    return cost if cost < BLIND else None
 
 
 def _share(x: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modelgen.cli.arms.design_arm import planned_joints
-from modelgen.errors import DataError
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.render.arms.arm_writer import arm_module
 from modelgen.runtime.planning.arms.exciting_trajectory import exciting_trajectory
 from modelgen.runtime.planning.arms.workspace import Box
@@ -53,7 +53,7 @@ def test_limits_hold_everywhere_and_the_search_gains(criterion: str) -> None:
         assert np.abs(speed[k]).max() <= found.bounds.speed[k] <= (joint.speed_limit or 0.0)
         limit = joint.acceleration_limit or INF
         assert np.abs(acceleration[k]).max() <= found.bounds.acceleration[k] <= limit
-    assert len(found.costs) == 2 and all(end < start for start, end in found.costs)
+    assert len(found.costs) == 2 and all(end < start for start, end in found.costs if start and end)
     signals = {key: np.zeros(times.size) for key in module.SIGNALS}
     for k, name in enumerate(found.joints):
         for order, values in zip(("q", "d1_q", "d2_q"), (q, speed, acceleration), strict=True):
@@ -80,6 +80,18 @@ def test_gains_are_left_to_the_measurement() -> None:
     plain = exciting_trajectory(module_of(SPEC), planned_joints(SPEC), **SEARCH)
     found = exciting_trajectory(module_of(spec), planned_joints(spec), **SEARCH)
     assert found.condition == pytest.approx(plain.condition, rel=1e-6)
+
+
+def test_columns_that_no_trajectory_tells_apart_are_told() -> None:
+    module = module_of(SPEC)
+
+    def twice(signals: Any) -> Any:
+        found = module.regressor(signals)
+        return np.concatenate([found, found[:, :, :1]], axis=2)
+
+    blind = SimpleNamespace(SIGNALS=module.SIGNALS, regressor=twice)
+    with pytest.raises(IdentifiabilityError, match="no trajectory: tells the base parameters apart"):
+        exciting_trajectory(blind, planned_joints(SPEC), **SEARCH)
 
 
 @pytest.mark.parametrize(
