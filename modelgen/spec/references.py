@@ -239,7 +239,13 @@ def _check_name(where: str, text: str) -> Iterator[Problem]:
 
 
 def _check_derived(where: str, name: str) -> Iterator[Problem]:
-    if _DERIVED.fullmatch(name):
-        yield Problem(
-            where, f'"{name}" is kept for a derived signal', "do not begin with sign_ or d1_, d2_, ..."
-        )
+    problem = derived_problem(name)
+    if problem:
+        yield Problem(where, *problem)
+
+
+def derived_problem(name: str) -> tuple[str, str] | None:
+    """Return what is wrong with a signal's name, and the remedy, if it is that of a derived one."""
+    if not _DERIVED.fullmatch(name):
+        return None
+    return f'"{name}" is kept for a derived signal', "do not begin with sign_ or d1_, d2_, ..."

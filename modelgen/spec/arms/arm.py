@@ -7,12 +7,14 @@ joint is fixed to the link behind it, and its z is the joint's axis.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Literal
 
 JointKind = Literal["revolute", "prismatic", "fixed"]
 Friction = Literal["symmetric", "asymmetric"]
+Side = Literal["motor", "link", "deflection", "between"]
+ArmMeasures = Literal["position", "velocity", "torque", "gyro", "accelerometer"]
 
 #: The ten parameters of a link about the origin of its joint's frame, in the order of the regressor.
 LINK_PARAMETERS = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
@@ -91,6 +93,8 @@ class Joint:
         Asymmetric: viscous and coulomb become _plus and _minus.
     gain
         Name of the drive's gain where it is a parameter, or None.
+    stiffness, damping, stiffness3
+        Names of the parameters of the spring between motor and link (K, D, K3); None where there is none.
     position_limits, speed_limit, acceleration_limit, force_limit
         In rad or m, and per s, s^2, and N m or N; None where the file says nothing.
     """
@@ -106,10 +110,52 @@ class Joint:
     offset: str | None = None
     friction: Friction = "symmetric"
     gain: str | None = None
+    stiffness: str | None = None
+    damping: str | None = None
+    stiffness3: str | None = None
     position_limits: tuple[float, float] | None = None
     speed_limit: float | None = None
     acceleration_limit: float | None = None
     force_limit: float | None = None
+
+    @property
+    def elastic(self) -> bool:
+        """Whether a spring is between the joint's motor and its link."""
+        return self.stiffness is not None
+
+
+@dataclass(frozen=True)
+class ArmSensor:
+    """A sensor of an arm.
+
+    Attributes
+    ----------
+    key
+        Name of what it measures; of a gyro or accelerometer the beginning of three, with _x, _y, _z behind.
+    joint
+        The joint at whose motor or on whose link it is.
+    side
+        At the motor (turns of the motor itself, in front of its gear), on the link (the joint's coordinate; a
+        gyro or an accelerometer of the link), the deflection of the spring (motor, seen from the joint, less
+        link), or between both (the torque that the link receives).
+    measures
+        What of that.
+    mounting
+        Steps from the link's frame to that of a gyro or an accelerometer.
+    """
+
+    key: str
+    joint: str
+    side: Side
+    measures: ArmMeasures
+    mounting: tuple[Step, ...] = ()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What it gives: one key, or three."""
+        if self.measures in ("gyro", "accelerometer"):
+            return tuple(f"{self.key}_{axis}" for axis in "xyz")
+        return (self.key,)
 
 
 @dataclass(frozen=True)
@@ -129,8 +175,8 @@ class ArmSpec:
         Value [m] of every named length, or None where the file gives none.
     known
         Value (SI) of every parameter that is not to be estimated.
-    parameter_sets
-        By name of the set.
+    parameter_sets, sensor_sets
+        By name of the set. Without sensor sets the coordinates of all joints are measured.
     source, sha256
         Name of the file, without its folder, and the hash of its bytes.
     """
@@ -145,6 +191,12 @@ class ArmSpec:
     parameter_sets: Mapping[str, Mapping[str, float]]
     source: str
     sha256: str
+    sensor_sets: Mapping[str, tuple[ArmSensor, ...]] = field(default_factory=dict)
+
+    @property
+    def elastic(self) -> bool:
+        """Whether a joint is."""
+        return any(joint.elastic for joint in self.joints)
 
     @property
     def moving(self) -> tuple[Joint, ...]:

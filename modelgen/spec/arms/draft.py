@@ -10,11 +10,12 @@ from typing import Any, cast
 
 from modelgen.documents import Document
 from modelgen.spec.arms.angles import read_angle
-from modelgen.spec.arms.arm import Angle, ArmSpec, Joint, JointKind, Length, Shift
+from modelgen.spec.arms.arm import Angle, ArmSpec, Joint, JointKind, Length, Shift, Step
 from modelgen.spec.arms.drives import with_drive
 from modelgen.spec.arms.lengths import read_length
 from modelgen.spec.arms.parameters import arm_parameters
 from modelgen.spec.arms.placements import ROW_ANGLES, ROW_LENGTHS, origin_placement, row_placement
+from modelgen.spec.arms.sensors import draft_sensors
 from modelgen.spec.arms.tables import BASE, SYMBOLIC
 from modelgen.spec.number_expression import exact_number
 
@@ -48,12 +49,15 @@ def draft_arm(document: Document, source: str, sha256: str, described: Described
         joints=ordered,
         gravity=(gravity[0], gravity[1], gravity[2]),
         transmission=_transmission(document, [joint for joint in ordered if joint.kind != "fixed"]),
-        lengths={name: lengths.get(name) for name in names_of_lengths(joints)},
+        lengths=_valued(lengths, [joint.placement for joint in joints]),
         known=draft_values(document.get("known")),
         parameter_sets=values,
         source=source,
         sha256=sha256,
     )
+    spec = replace(spec, sensor_sets=draft_sensors(document, spec))
+    mounted = [s.mounting for sensors in spec.sensor_sets.values() for s in sensors]
+    spec = replace(spec, lengths=_valued(lengths, [*(joint.placement for joint in joints), *mounted]))
     return spec if described is None else _with_described(spec, described)
 
 
@@ -131,11 +135,10 @@ def _transmission(document: Document, moving: Sequence[Joint]) -> tuple[tuple[Fr
     return tuple(tuple(row) for row in rows)
 
 
-def names_of_lengths(joints: Iterable[Joint]) -> tuple[str, ...]:
-    """Return the names of lengths in the placements, in the order of their first use."""
-    steps = (step for joint in joints for step in joint.placement)
-    named = (step.length.name for step in steps if isinstance(step, Shift))
-    return tuple(dict.fromkeys(name for name in named if name is not None))
+def _valued(values: Mapping[str, float], ways: Iterable[Sequence[Step]]) -> dict[str, float | None]:
+    """Return the value of every named length in placements and mountings, in the order of their first use."""
+    named = (step.length.name for way in ways for step in way if isinstance(step, Shift))
+    return {name: values.get(name) for name in named if name is not None}
 
 
 def _with_described(arm: ArmSpec, described: Described) -> ArmSpec:

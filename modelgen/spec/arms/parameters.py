@@ -10,9 +10,11 @@ from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec, Joint
 
 ArmRole = Literal[
     "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m",
-    "rotor_inertia", "viscous", "coulomb", "offset", "gain",
+    "rotor_inertia", "viscous", "coulomb", "offset", "stiffness", "damping", "stiffness3", "gain",
 ]  # fmt: skip
-DriveRole = Literal["rotor_inertia", "viscous", "coulomb", "offset", "gain"]
+DriveRole = Literal[
+    "rotor_inertia", "viscous", "coulomb", "offset", "stiffness", "damping", "stiffness3", "gain"
+]
 
 #: Of the drive: key of a joint's table -> how the name of its parameter begins.
 DRIVE_PREFIXES: dict[DriveRole, str] = {
@@ -20,6 +22,9 @@ DRIVE_PREFIXES: dict[DriveRole, str] = {
     "viscous": "Fv",
     "coulomb": "Fs",
     "offset": "off",
+    "stiffness": "K",
+    "damping": "D",
+    "stiffness3": "K3",
     "gain": "gain",
 }
 #: What a moving joint has besides its link where the file does not say it: the rigid model with friction.
@@ -27,7 +32,11 @@ USUAL_DRIVE: tuple[DriveRole, ...] = ("rotor_inertia", "viscous", "coulomb", "of
 #: Ends the names of the parameters of a motor that moves more than one joint.
 COUPLED = "_motor"
 #: Values that nature does not have below zero.
-NEVER_NEGATIVE = frozenset({"Ixx", "Iyy", "Izz", "m", "rotor_inertia", "viscous", "coulomb"})
+NEVER_NEGATIVE = frozenset(
+    {"Ixx", "Iyy", "Izz", "m", "rotor_inertia", "viscous", "coulomb", "stiffness", "damping"}
+)
+#: Of an elastic joint: the spring between its motor and its link.
+SPRING: tuple[DriveRole, ...] = ("stiffness", "damping", "stiffness3")
 
 
 @dataclass(frozen=True)
@@ -66,12 +75,21 @@ def _of(joint: Joint, coupled: bool) -> Iterator[ArmParameter]:
         unit = {"m": "kg"}.get(role, "kg m" if role.startswith("m") else "kg m^2")
         yield ArmParameter(name, role, joint.name, unit)  # type: ignore[arg-type]
     units = _units(joint)
-    for drive, named in (*_of_drive(joint), ("offset", joint.offset), ("gain", joint.gain)):
+    for drive, named in _own_parts(joint):
         if named is not None:
             yield ArmParameter(named, drive, joint.name, units[drive])
     for drive, named in _of_drive(joint) if coupled else ():
         if named is not None:
             yield ArmParameter(named + COUPLED, drive, joint.name, units[drive], of_motor=True)
+
+
+def _own_parts(joint: Joint) -> Iterator[tuple[DriveRole, str | None]]:
+    yield from _of_drive(joint)
+    yield "offset", joint.offset
+    yield "stiffness", joint.stiffness
+    yield "damping", joint.damping
+    yield "stiffness3", joint.stiffness3
+    yield "gain", joint.gain
 
 
 def _of_drive(joint: Joint) -> Iterator[tuple[DriveRole, str | None]]:
@@ -83,11 +101,14 @@ def _of_drive(joint: Joint) -> Iterator[tuple[DriveRole, str | None]]:
 
 def _units(joint: Joint) -> dict[DriveRole, str]:
     turns = joint.kind != "prismatic"
-    force = "N m" if turns else "N"
+    force, way = ("N m", "rad") if turns else ("N", "m")
     return {
         "rotor_inertia": "kg m^2" if turns else "kg",
-        "viscous": "N m s/rad" if turns else "N s/m",
+        "viscous": f"{force} s/{way}",
         "coulomb": force,
         "offset": force,
+        "stiffness": f"{force}/{way}",
+        "damping": f"{force} s/{way}",
+        "stiffness3": f"{force}/{way}^3",
         "gain": f"{force} per unit of the drive's signal",
     }

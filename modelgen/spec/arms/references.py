@@ -11,6 +11,8 @@ from modelgen.spec.arms.draft import URDF_SET, Described
 from modelgen.spec.arms.drives import OF_A_DRIVE
 from modelgen.spec.arms.limits import read_limits
 from modelgen.spec.arms.names import check_lengths, check_shared_names, check_values
+from modelgen.spec.arms.parameters import SPRING
+from modelgen.spec.arms.sensors import check_sensors
 from modelgen.spec.arms.tables import BASE
 from modelgen.spec.arms.transmission import check_transmission
 from modelgen.spec.words import shown, suggest
@@ -39,6 +41,7 @@ def check_arm(document: Document, spec: ArmSpec, described: Described | None) ->
         *(check_lengths(document, spec) if complete else ()),
         *check_values(document, spec, complete),
         *_check_sets(document, described),
+        *check_sensors(document, spec, joints if complete else None),
     ]
 
 
@@ -150,6 +153,10 @@ def _check_joint(
     elif kind != "fixed":
         for key, mistake in read_limits(table, kind).mistakes:
             yield Problem(f"{where}.{key}", mistake.what, mistake.remedy)
+        spring = [key for key in SPRING[1:] if name in joints and getattr(joints[name], key)]
+        if spring and not joints[name].elastic:
+            remedy = "add stiffness = true (or a name), or leave it out"
+            yield Problem(f"{where}.{spring[0]}", "is of a spring, and the joint has no stiffness", remedy)
 
 
 def _check_sets(document: Document, described: Described | None) -> Iterator[Problem]:

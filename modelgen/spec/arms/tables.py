@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from modelgen.spec.arms.angles import read_angle
-from modelgen.spec.arms.arm import Friction, JointKind
+from modelgen.spec.arms.arm import ArmMeasures, Friction, JointKind
 from modelgen.spec.arms.lengths import read_length
 from modelgen.spec.arms.parameters import DRIVE_PREFIXES
 from modelgen.spec.number_expression import Misread, exact_number
@@ -170,6 +170,9 @@ class JointTable(Table):
     viscous: _OwnName = Field(None, description='viscous = "Fv_1"')
     coulomb: _OwnName = Field(None, description='coulomb = "Fs_1"')
     offset: _OwnName = Field(None, description='offset = "off_1"')
+    stiffness: _OwnName = Field(None, description="stiffness = true")
+    damping: _OwnName = Field(None, description="damping = true")
+    stiffness3: _OwnName = Field(None, description="stiffness3 = true")
     gain: _OwnName = Field(None, description="gain = true")
     friction: Friction | None = Field(None, description='friction = "asymmetric"')
     gear: NonzeroNumber | None = Field(None, description="gear = 100")
@@ -189,6 +192,21 @@ class CouplingTable(Table):
     ratio: NonzeroNumber = Field(description="ratio = 32")
 
 
+class SensorTable(Table):
+    """A sensor in a table [sensors.NAME]."""
+
+    joint: str | None = Field(None, description='joint = "1"')
+    deflection: str | None = Field(None, description='deflection = "1"')
+    side: Literal["motor", "link"] | None = Field(None, description='side = "motor"')
+    measures: ArmMeasures = Field(description='measures = "position"')
+    xyz: Annotated[list[_Length], _three("xyz = [0, 0, 0.1]")] | None = Field(
+        None, description="xyz = [0, 0, 0.1]"
+    )
+    rpy: Annotated[list[_Angle], _three("rpy = [90, 0, 0]")] | None = Field(
+        None, description="rpy = [90, 0, 0]"
+    )
+
+
 class ArmFileTable(Table):
     """The whole file."""
 
@@ -200,8 +218,18 @@ class ArmFileTable(Table):
     )
     known: dict[str, Number] | None = Field(None, description="[known]")
     parameters: dict[str, dict[str, Number]] | None = Field(None, description="[parameters.nominal]")
+    sensors: dict[str, dict[str, SensorTable]] | None = Field(
+        None,
+        description='[sensors.encoders] with qm_1 = { joint = "1", side = "motor", measures = "position" }',
+    )
 
 
 FORM = FileForm(
-    ArmFileTable, {("arm", 2): ArmTable, ("joints", 3): JointTable, ("couplings", 3): CouplingTable}
+    ArmFileTable,
+    {
+        ("arm", 2): ArmTable,
+        ("joints", 3): JointTable,
+        ("couplings", 3): CouplingTable,
+        ("sensors", 4): SensorTable,
+    },
 )
