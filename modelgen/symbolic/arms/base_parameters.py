@@ -123,6 +123,8 @@ def dependencies(
     if changes is None:
         changes = list(unseen_changes(spec, elements, rows.has_base))
     places = _places(rows, wanted)
+    held = {column for _, column in rows.entries}
+    changes = [*changes, *({key: Fraction(1)} for key, c in places.items() if c not in held)]
     random = Random(SEED)
     drawn = {name: random.randrange(1, PRIME) for name in spec.lengths}
     proof = _Proof(rows, wanted, drawn)
@@ -218,13 +220,13 @@ def _absent(
     for parameter in base:
         for name, _ in parameter.combination:
             inside[name].append(parameter)
-    return {name: _reason(name, own) for name, own in inside.items() if name not in alone}
+    return {name: _reason(name, own, rows.lost) for name, own in inside.items() if name not in alone}
 
 
-def _reason(name: str, inside: Sequence[ArmBaseParameter]) -> str:
+def _reason(name: str, inside: Sequence[ArmBaseParameter], lost: Mapping[str, str]) -> str:
     """Return why a parameter has no value of its own: the sum that it begins, or what those begin with."""
     if not inside:
-        return UNSEEN
+        return lost.get(name, UNSEEN)
     first = [parameter.combination[0][0] for parameter in inside]
     if first == [name]:
         return f"only in combination: {shortened(inside[0].name, LONGEST_REASON)}"

@@ -1,8 +1,9 @@
-"""What drives contribute to the rows of joints: rotor inertia, friction, offset, and a gain to be found.
+"""What drives and springs contribute to the rows of joints: rotor inertia, friction, offset, gain, stiffness.
 
 Every joint has its own, which acts with the joint's speed. A motor that moves more than one joint has another
 one, with `COUPLED` behind the parameter's name: it acts with the motor's speed, seen from the motor's own
-joint, on every joint that the motor moves.
+joint, on every joint that the motor moves. Where a spring is between a joint's motor and its link, the motor
+has a coordinate of its own, seen from the joint: drives move with that one.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class Drive:
     speed_name
         Of its speed, in `Symbol.name` of directions.
     lever
-        Speed of the drive per speed of every joint that it moves, by the joint's name.
+        Speed of the drive per speed of every coordinate that it moves, by its name (`motor_coordinate`).
     suffix
         Ends the names of its parameters.
     """
@@ -41,20 +42,35 @@ class Drive:
     suffix: str
 
 
+def motor_coordinate(joint: Joint) -> str:
+    """Return the name of the coordinate of a joint's motor: that of the joint itself without a spring."""
+    return f"{joint.name} motor" if joint.elastic else joint.name
+
+
+def coordinates(spec: ArmSpec) -> tuple[str, ...]:
+    """Return the names of all coordinates: links of joints in their order, motors behind springs."""
+    names = [joint.name for joint in spec.moving]
+    return (*names, *(motor_coordinate(joint) for joint in spec.moving if joint.elastic))
+
+
 def drives(spec: ArmSpec) -> Iterator[Drive]:
     """Yield the drive of every joint that moves, and behind each that of its motor if that is coupled."""
     for joint in spec.moving:
-        yield Drive(joint, joint.name, ((joint.name, Fraction(1)),), "")
+        yield Drive(joint, joint.name, ((motor_coordinate(joint), Fraction(1)),), "")
         lever = motor_lever(spec, joint)
         if len(lever) > 1:
             yield Drive(joint, joint.name + COUPLED, lever, COUPLED)
 
 
 def motor_lever(spec: ArmSpec, joint: Joint) -> tuple[tuple[str, Fraction], ...]:
-    """Return the speed of a joint's motor, seen from that joint, per speed of every joint that it moves."""
+    """Return the speed of a joint's motor, seen from that joint, per speed of what it moves."""
     row = spec.transmission[spec.moving.index(joint)]
-    moved = [(other.name, Fraction(ratio)) for other, ratio in zip(spec.moving, row, strict=True) if ratio]
-    own = dict(moved).get(joint.name, moved[0][1])
+    moved = [
+        (motor_coordinate(other), Fraction(ratio))
+        for other, ratio in zip(spec.moving, row, strict=True)
+        if ratio
+    ]
+    own = dict(moved).get(motor_coordinate(joint), moved[0][1])
     return tuple((name, ratio / own) for name, ratio in moved)
 
 
@@ -83,6 +99,23 @@ def drive_columns(graph: Graph, drive: Drive) -> Iterator[tuple[str, Ref]]:
             yield joint.coulomb + suffix + drive.suffix, sign * direction
     if joint.offset and not drive.suffix:
         yield joint.offset, ONE
+
+
+def spring_columns(graph: Graph, joint: Joint) -> Iterator[tuple[str, Ref]]:
+    """Yield (parameter, what it is multiplied by) of the torque that a spring hands to the link."""
+    deflection, rate = (
+        graph.subtract(
+            graph.symbol(Symbol("position", motor_coordinate(joint), order)),
+            graph.symbol(Symbol("position", joint.name, order)),
+        )
+        for order in (0, 1)
+    )
+    if joint.stiffness:
+        yield joint.stiffness, deflection
+    if joint.damping:
+        yield joint.damping, rate
+    if joint.stiffness3:
+        yield joint.stiffness3, graph.multiply(deflection, graph.multiply(deflection, deflection))
 
 
 def moved_by(graph: Graph, drive: Drive, order: int) -> Ref:

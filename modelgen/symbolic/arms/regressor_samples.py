@@ -8,6 +8,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.symbolic.arms.arm_rows import ArmRows
+from modelgen.symbolic.arms.drives import coordinates
 from modelgen.symbolic.arms.expressions.evaluation import residues, sampled
 
 SEED = 2002
@@ -36,13 +37,16 @@ def random_regressor(rows: ArmRows, lengths: Mapping[str, float], seed: int = SE
     rng = np.random.default_rng(seed)
     samples = max(2 * len(rows.columns) // len(rows.names), 16) + len(rows.columns)
     motion = {
-        (joint.name, order): rng.uniform(-np.pi, np.pi, samples)
-        if order == 0
-        else rng.standard_normal(samples)
-        for joint in rows.spec.moving
-        for order in (0, 1, 2)
+        (name, order): rng.uniform(-np.pi, np.pi, samples) if order == 0 else rng.standard_normal(samples)
+        for name in coordinates(rows.spec)
+        for order in range(3 + max(rows.differentiated))
     }
-    forces = {f"force {joint.name}": rng.standard_normal(samples) for joint in rows.spec.moving if joint.gain}
+    gained = [joint.name for joint in rows.spec.moving if joint.gain]
+    forces = {
+        f"force {name}{order}": rng.standard_normal(samples)
+        for order in ("", " 1")[: 1 + max(rows.differentiated)]
+        for name in gained
+    }
     return regressor_at(rows, motion, {**lengths, **forces}).reshape(-1, len(rows.columns))
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec, Joint
 from modelgen.symbolic.arms.carried_body import Body, carried
-from modelgen.symbolic.arms.drives import drives
+from modelgen.symbolic.arms.drives import coordinates, drives
 from modelgen.symbolic.arms.link_freedom import Direction, Freedom, base_freedom, freedom, parallel
 from modelgen.symbolic.arms.placements import IDENTITY, Matrix, placement
 from modelgen.symbolic.exact_dependencies import exact_dependencies
@@ -52,7 +52,9 @@ def unseen_changes(spec: ArmSpec, lengths: Mapping[str, Any], base_rows: bool) -
             yield change
         yield from _unseen_alone(joint.name, own, base_rows)
         yield from _unseen_drive(joint)
-        if not base_rows and joint.kind != "fixed":
+        if (
+            not base_rows and joint.kind != "fixed" and not joint.elastic
+        ):  # behind a spring it moves otherwise
             yield from _rotor_as_link(joint, place, parents[place.parent], own)
         parents[joint.name] = own
     yield from _unseen_among_drives(spec)
@@ -171,7 +173,7 @@ def _unseen_among_drives(spec: ArmSpec) -> Iterator[Change]:
             for drive in drives(spec)
             if getattr(drive.joint, part) and (part == "rotor_inertia" or drive.joint.friction == "symmetric")
         ]
-        place = {joint.name: number for number, joint in enumerate(spec.moving)}
+        place = {name: number for number, name in enumerate(coordinates(spec))}
         squares = [
             {(place[a], b): x * y for a, x in drive.lever for b, y in drive.lever} for _, drive in named
         ]

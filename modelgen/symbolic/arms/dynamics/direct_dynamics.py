@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from modelgen.spec.arms.arm import ArmSpec
+from modelgen.symbolic.arms.drives import coordinates, motor_coordinate
 from modelgen.symbolic.arms.dynamics.inverse_dynamics import inverse_dynamics
 from modelgen.symbolic.arms.expressions.derivative import partial_derivatives, substituted
 from modelgen.symbolic.arms.expressions.graph import ZERO, Graph, Ref, Symbol
@@ -22,7 +23,8 @@ class DirectDynamics:
     bias
         Torques at no acceleration: speeds, gravity, friction.
     accelerations
-        By joint, from torques, which are forces' symbols: those of the joints, not of the motors.
+        By coordinate, from torques, which are forces' symbols: those of the joints, not of the motors'.
+        Behind a spring the force of the joint acts on the coordinate of its motor, and none on its link.
     """
 
     mass: Mapping[tuple[int, int], Ref]
@@ -32,7 +34,7 @@ class DirectDynamics:
 
 def mass_matrix(graph: Graph, spec: ArmSpec, torques: Mapping[str, Ref]) -> dict[tuple[int, int], Ref]:
     """Return how the torques of `inverse_dynamics` depend on the accelerations, both triangles."""
-    names = [joint.name for joint in spec.moving]
+    names = coordinates(spec)
     refs = [torques[name] for name in names]
     mass: dict[tuple[int, int], Ref] = {}
     for column, name in enumerate(names):
@@ -50,11 +52,12 @@ def direct_dynamics(graph: Graph, spec: ArmSpec, regrouped: Collection[str] = ()
     tree have no entry where the matrix has none.
     """
     torques = inverse_dynamics(graph, spec, regrouped)
-    names = [joint.name for joint in spec.moving]
+    names = coordinates(spec)
     mass = mass_matrix(graph, spec, torques)
     still = {Symbol("position", name, 2): ZERO for name in names}
     bias = substituted(graph, [torques[name] for name in names], still)
-    forces = [graph.symbol(Symbol("force", name)) for name in names]
+    pushed = {motor_coordinate(joint): joint.name for joint in spec.moving}
+    forces = [graph.symbol(Symbol("force", pushed[name])) if name in pushed else ZERO for name in names]
     right = [graph.subtract(force, load) for force, load in zip(forces, bias, strict=True)]
     found = _solved(graph, mass, right)
     return DirectDynamics(mass, tuple(bias), dict(zip(names, found, strict=True)))

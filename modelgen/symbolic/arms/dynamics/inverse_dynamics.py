@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from modelgen.spec.arms.arm import ArmSpec, Joint
-from modelgen.symbolic.arms.drives import drive_columns, drives
+from modelgen.symbolic.arms.drives import coordinates, drive_columns, drives, motor_coordinate, spring_columns
 from modelgen.symbolic.arms.expressions.graph import ZERO, Graph, Ref, Symbol
 from modelgen.symbolic.arms.kinematics import (
     NONE,
@@ -26,6 +26,9 @@ Wrench = tuple[Vector, Vector]
 
 def inverse_dynamics(graph: Graph, spec: ArmSpec, regrouped: Collection[str] = ()) -> dict[str, Ref]:
     """Return force or torque of every joint that moves: what its drive has to give, friction included.
+
+    Where a spring is between motor and link there is one for each: that of the motor by the name of
+    `motor_coordinate`, and that of the link, which is zero as long as nobody pushes it.
 
     Parameters
     ----------
@@ -51,8 +54,11 @@ def inverse_dynamics(graph: Graph, spec: ArmSpec, regrouped: Collection[str] = (
             before = carried.get(joint.parent, (NONE, NONE))
             handed = _onto_parent(graph, joint, placement(joint), (force, torque))
             carried[joint.parent] = (plus(graph, before[0], handed[0]), plus(graph, before[1], handed[1]))
+    names = coordinates(spec)
+    torques |= {name: ZERO for name in names if name not in torques}
     _add_drives(graph, spec, torques, regrouped)
-    return {joint.name: torques[joint.name] for joint in spec.moving}
+    _add_springs(graph, spec, torques, regrouped)
+    return {name: torques[name] for name in names}
 
 
 def _link_wrench(graph: Graph, joint: Joint, motion: LinkMotion, regrouped: Collection[str]) -> Wrench:
@@ -95,6 +101,17 @@ def _add_drives(graph: Graph, spec: ArmSpec, torques: dict[str, Ref], regrouped:
             value = graph.multiply(graph.symbol(Symbol("parameter", name)), factor)
             for joint, ratio in drive.lever:
                 torques[joint] = graph.add(torques[joint], graph.scale(ratio, value))
+
+
+def _add_springs(graph: Graph, spec: ArmSpec, torques: dict[str, Ref], regrouped: Collection[str]) -> None:
+    """Add what springs take from motors and give to links."""
+    for joint in (joint for joint in spec.moving if joint.elastic):
+        for name, factor in spring_columns(graph, joint):
+            if name not in regrouped:
+                value = graph.multiply(graph.symbol(Symbol("parameter", name)), factor)
+                motor = motor_coordinate(joint)
+                torques[motor] = graph.add(torques[motor], value)
+                torques[joint.name] = graph.subtract(torques[joint.name], value)
 
 
 def _onto_parent(graph: Graph, joint: Joint, place: Placement, wrench: Wrench) -> Wrench:

@@ -12,8 +12,16 @@ from fractions import Fraction
 from random import Random
 from typing import Any
 
-from modelgen.spec.arms.arm import ArmSpec
-from modelgen.symbolic.arms.drives import Drive, direction_of, directions, drives, moved_by
+from modelgen.spec.arms.arm import ArmSpec, Joint
+from modelgen.symbolic.arms.drives import (
+    Drive,
+    coordinates,
+    direction_of,
+    directions,
+    drives,
+    motor_coordinate,
+    moved_by,
+)
 from modelgen.symbolic.arms.dynamics.geometry import in_base, link_poses
 from modelgen.symbolic.arms.dynamics.inverse_dynamics import first_moment, inertia, inverse_dynamics
 from modelgen.symbolic.arms.expressions.derivative import partial_derivatives, time_derivatives
@@ -27,15 +35,18 @@ SEED = 2002
 
 
 def lagrange_torques(graph: Graph, spec: ArmSpec) -> dict[str, Ref]:
-    """Return d/dt dT/dq' - dT/dq + dV/dq + dR/dq' for every joint that moves."""
+    """Return d/dt dT/dq' - dT/dq + dV/dq + dR/dq' for every coordinate."""
     kinetic, potential = energies(graph, spec)
     dissipation = graph.total(_dissipation(graph, drive) for drive in drives(spec))
+    for joint in (joint for joint in spec.moving if joint.elastic):
+        stored, lost = _spring(graph, joint)
+        potential, dissipation = graph.add(potential, stored), graph.add(dissipation, lost)
     torques = {}
-    for joint in spec.moving:
-        momentum, friction = partial_derivatives(graph, [kinetic, dissipation], joint.name, 1)
-        by_place, height = partial_derivatives(graph, [kinetic, potential], joint.name, 0)
+    for name in coordinates(spec):
+        momentum, friction = partial_derivatives(graph, [kinetic, dissipation], name, 1)
+        by_place, height = partial_derivatives(graph, [kinetic, potential], name, 0)
         force = time_derivatives(graph, [momentum])[0]
-        torques[joint.name] = graph.total([force, -by_place, height, friction])
+        torques[name] = graph.total([force, -by_place, height, friction])
     return torques
 
 
@@ -66,10 +77,10 @@ def energies(graph: Graph, spec: ArmSpec) -> tuple[Ref, Ref]:
 
 
 def newton_minus_lagrange(spec: ArmSpec) -> tuple[Graph, list[Ref]]:
-    """Return the difference of both derivations for every joint that moves, in a graph of its own."""
+    """Return the difference of both derivations for every coordinate, in a graph of its own."""
     graph = Graph()
     newton, lagrange = inverse_dynamics(graph, spec), lagrange_torques(graph, spec)
-    return graph, [graph.subtract(newton[joint.name], lagrange[joint.name]) for joint in spec.moving]
+    return graph, [graph.subtract(newton[name], lagrange[name]) for name in coordinates(spec)]
 
 
 def vanishes(graph: Graph, refs: Sequence[Ref], lengths: Sequence[str], seed: int = SEED) -> bool:
@@ -109,6 +120,27 @@ def normal_forms(graph: Graph, refs: Sequence[Ref]) -> list[Any]:
 
     found = evaluate(graph, refs, lambda symbol: generators[symbol], constant)
     return [polynomial.rem(circles) if circles else polynomial for polynomial in found]
+
+
+def _spring(graph: Graph, joint: Joint) -> tuple[Ref, Ref]:
+    """Return the energy that a spring stores, and Rayleigh's function of its damping."""
+    moved, rate = (
+        graph.subtract(
+            graph.symbol(Symbol("position", motor_coordinate(joint), order)),
+            graph.symbol(Symbol("position", joint.name, order)),
+        )
+        for order in (0, 1)
+    )
+    square = graph.multiply(moved, moved)
+    energies = []
+    for name, share, shape in (
+        (joint.stiffness, HALF, square),
+        (joint.stiffness3, HALF * HALF, graph.multiply(square, square)),
+        (joint.damping, HALF, graph.multiply(rate, rate)),
+    ):
+        factor = graph.symbol(Symbol("parameter", name)) if name else ZERO
+        energies.append(graph.scale(share, graph.multiply(factor, shape)))
+    return graph.add(energies[0], energies[1]), energies[2]
 
 
 def _dissipation(graph: Graph, drive: Drive) -> Ref:

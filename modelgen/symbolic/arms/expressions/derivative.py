@@ -11,21 +11,13 @@ Found = Callable[[Ref], Ref]
 
 
 def time_derivatives(graph: Graph, refs: Sequence[Ref]) -> list[Ref]:
-    """Return d/dt of every reference; directions are constant between reversals, forces have no derivative.
-
-    Raises
-    ------
-    ValueError
-        If one of them is made of a force.
-    """
+    """Return d/dt of every reference; directions are constant between reversals."""
 
     def rate(symbol: Symbol) -> Ref:
-        if symbol.kind == "position":
+        if symbol.kind in ("position", "force", "torque", "reading"):
             return graph.symbol(symbol._replace(order=symbol.order + 1))
         if symbol.kind in ("cosine", "sine"):
             return graph.multiply(_turned(graph, symbol), graph.symbol(Symbol("position", symbol.name, 1)))
-        if symbol.kind == "force":
-            raise ValueError("a force has no derivative in this graph")
         return ZERO
 
     return derivatives(graph, refs, rate)

@@ -57,7 +57,8 @@ def sampled(
     motion : mapping of (joint, order) to ndarray
         Coordinates [rad or m] and their derivatives by the time, each of shape (samples,); order 0, 1, 2.
     values : mapping of str to float or ndarray
-        Lengths and parameters by name, in SI units; forces by the name of their joint with "force " in front,
+        Lengths and parameters by name, in SI units; forces by the name of their joint with "force " in front
+        (of measured torques "torque "; behind it the order of a derivative),
         also of shape (samples,).
     speeds : mapping of str to int, optional
         The speeds whose directions the references hold.
@@ -74,7 +75,9 @@ def sampled(
             assert speeds is not None
             speed = evaluate(graph, [speeds[symbol.name]], value, float)[0]
             return _direction(speed, symbol)
-        return values[f"force {symbol.name}" if symbol.kind == "force" else symbol.name]
+        if symbol.kind in ("force", "torque"):
+            return values[f"{symbol.kind} {symbol.name}" + (f" {symbol.order}" if symbol.order else "")]
+        return values[symbol.name]
 
     found = np.empty((samples, len(refs)))
     for place, column in enumerate(evaluate(graph, refs, value, float)):

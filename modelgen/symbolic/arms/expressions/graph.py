@@ -11,7 +11,9 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Literal, NamedTuple
 
-SymbolKind = Literal["position", "cosine", "sine", "length", "parameter", "force", "direction"]
+SymbolKind = Literal[
+    "position", "cosine", "sine", "length", "parameter", "force", "torque", "reading", "direction"
+]
 Operation = Literal["constant", "symbol", "sum", "product", "reciprocal"]
 
 #: A signed reference to a node.
@@ -30,7 +32,9 @@ class Symbol(NamedTuple):
     cosine     cosine of the coordinate of the joint `name`; likewise sine
     length     a length that has a name
     parameter  a parameter of the arm
-    force      force or torque of the motor of the joint `name`
+    force      force or torque of the motor of the joint `name`, differentiated `order` times
+    torque     force or torque that the link of the joint `name` receives, likewise
+    reading    what the sensor `name` gives, likewise
     direction  sign, forward or backward (`of`) of the speed `name`: constant between reversals
     =========  ================================================================================
     """

@@ -116,10 +116,10 @@ def test_derivatives_are_those_of_a_complex_step(seed: int) -> None:
     np.testing.assert_allclose(np.real(values), wanted, rtol=1e-9, atol=1e-12)
 
 
-def test_a_force_has_no_rate_and_directions_are_constant() -> None:
+def test_a_force_has_a_rate_of_its_own_and_directions_are_constant() -> None:
     graph = Graph()
-    with pytest.raises(ValueError, match="force"):
-        time_derivatives(graph, [graph.symbol(Symbol("force", "x"))])
+    force = graph.symbol(Symbol("force", "x"))
+    assert time_derivatives(graph, [force]) == [graph.symbol(Symbol("force", "x", 1))]
     assert time_derivatives(graph, [graph.symbol(Symbol("direction", "x", of="sign"))]) == [ZERO]
 
 

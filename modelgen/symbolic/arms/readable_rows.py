@@ -1,0 +1,141 @@
+"""Rows that the sensors of a set give: differentiated until all in them can be read, or left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+from modelgen.errors import ModelError, listed
+from modelgen.spec.arms.arm import ArmSpec
+from modelgen.symbolic.arms.balances import Balance
+from modelgen.symbolic.arms.drives import motor_coordinate
+from modelgen.symbolic.arms.expressions.derivative import time_derivatives
+from modelgen.symbolic.arms.expressions.graph import Graph, Ref, Symbol
+from modelgen.symbolic.arms.row_parts import RowParts
+from modelgen.symbolic.arms.sensing import Sensing
+
+#: Kind, name and order of a symbol that sensors give.
+Channel = Symbol
+#: A sum of channels: (channel, how often it is differentiated, how often it counts).
+Channels = tuple[tuple[str, int, Fraction], ...]
+#: A speed, differentiated once: farther the links' rows hold angles still, and springs need positions.
+MOST_DIFFERENTIATIONS = 1
+
+
+@dataclass(frozen=True)
+class ReadRows:
+    """Rows, how often each is differentiated, and what they read; `lost` as `ArmRows` has it."""
+
+    rows: tuple[Balance, ...]
+    differentiated: tuple[int, ...]
+    channels: Mapping[Channel, Channels] = field(default_factory=dict)
+    lost: Mapping[str, str] = field(default_factory=dict)
+
+
+def as_they_are(rows: Sequence[Balance]) -> ReadRows:
+    """Return rows of which everything is measured."""
+    return ReadRows(tuple(rows), (0,) * len(rows))
+
+
+def readable_rows(
+    graph: Graph, spec: ArmSpec, parts: RowParts, rows: Sequence[Balance], sensing: Sensing, where: str
+) -> ReadRows:
+    """Return the rows that can be read from sensors, each differentiated as few times as possible.
+
+    Raises
+    ------
+    ModelError
+        If there is none; with the sensors that would give one.
+    """
+    chosen: list[tuple[Balance, int]] = []
+    channels: dict[Channel, Channels] = {}
+    missing: dict[str, list[Channel]] = {}
+    for row in rows:
+        tried = row
+        for times in range(MOST_DIFFERENTIATIONS + 1):
+            needed = _needed(graph, tried, parts)
+            read = {symbol: _read(sensing, symbol) for symbol in needed}
+            lacking = [symbol for symbol, found in read.items() if found is None]
+            if not lacking and tried.entries:
+                chosen.append((tried, times))
+                channels |= {symbol: found for symbol, found in read.items() if found is not None}
+                break
+            if not times:
+                missing[row.name] = lacking
+            tried = _differentiated(graph, tried)
+    if not chosen:
+        raise _none(spec, missing, where)
+    kept = {column for row, _ in chosen for column in row.entries}
+    lost = {
+        parts.columns[column]: _why(spec, row, missing)
+        for row in reversed(rows)
+        for column in row.entries
+        if column not in kept
+    }
+    return ReadRows(tuple(row for row, _ in chosen), tuple(times for _, times in chosen), channels, lost)
+
+
+def _needed(graph: Graph, row: Balance, parts: RowParts) -> list[Channel]:
+    """Return what a row is made of that sensors must give, angles as positions; forces are measured always."""
+    refs = [*row.entries.values(), row.measured]
+    found: dict[Channel, None] = {}
+    nodes = [graph.nodes[index].symbol for index in graph.needed(refs)]
+    turned = [parts.speeds[s.name] for s in nodes if s is not None and s.kind == "direction"]
+    nodes += [graph.nodes[index].symbol for index in graph.needed(turned)]
+    for symbol in nodes:
+        if symbol is None:
+            continue
+        if symbol.kind in ("cosine", "sine"):
+            found[Symbol("position", symbol.name)] = None
+        elif symbol.kind in ("position", "torque"):
+            found[symbol] = None
+    return list(found)
+
+
+def _read(sensing: Sensing, symbol: Channel) -> Channels | None:
+    if symbol.kind == "torque":
+        return ((sensing.torques[symbol.name], symbol.order, Fraction(1)),)
+    return sensing.channels(symbol.name, symbol.order)
+
+
+def _differentiated(graph: Graph, row: Balance) -> Balance:
+    columns = list(row.entries)
+    *rates, measured = time_derivatives(graph, [*row.entries.values(), row.measured])
+    entries: dict[int, Ref] = {c: rate for c, rate in zip(columns, rates, strict=True) if rate}
+    return replace(row, entries=entries, measured=measured)
+
+
+def _why(spec: ArmSpec, row: Balance, missing: Mapping[str, Sequence[Channel]]) -> str:
+    """Return why a column of a row is in no row that is read."""
+    if not missing.get(row.name):
+        return "it is lost where a row is differentiated; measure positions in place of speeds"
+    return f"the sensors do not give {_what(spec, missing[row.name])}"
+
+
+def _none(spec: ArmSpec, missing: Mapping[str, Sequence[Channel]], where: str) -> ModelError:
+    shortest = min(missing.values(), key=len)
+    what = f"give no row: {_what(spec, shortest)} {'is' if len(shortest) == 1 else 'are'} not measured"
+    return ModelError.at(where, what, f"add a sensor, for example {_sensor(spec, shortest[0])}")
+
+
+def _what(spec: ArmSpec, symbols: Sequence[Channel]) -> str:
+    motors = {motor_coordinate(joint): joint.name for joint in spec.moving if joint.elastic}
+    orders = ("position", "speed", "acceleration")
+    lowest: dict[str, int] = {}
+    for symbol in symbols:
+        lowest[symbol.name] = min(symbol.order, lowest.get(symbol.name, symbol.order))
+    named = [
+        f"the {orders[min(order, 2)]} of {'motor' if name in motors else 'link'} {motors.get(name, name)}"
+        for name, order in lowest.items()
+    ]
+    return listed(named, most=4)
+
+
+def _sensor(spec: ArmSpec, symbol: Channel) -> str:
+    motors = {motor_coordinate(joint): joint.name for joint in spec.moving if joint.elastic}
+    side = "motor" if symbol.name in motors else "link"
+    name = motors.get(symbol.name, symbol.name)
+    measures = "velocity" if symbol.order else "position"
+    key = f"{'qm' if side == 'motor' else 'q'}_{name}"
+    return f'{key} = {{ joint = "{name}", side = "{side}", measures = "{measures}" }}'
