@@ -62,16 +62,23 @@ def sensor_sets(chain: ChainSpec, chosen: str | None) -> list[str]:
 
 
 def modules_of(spec: ChainSpec | ArmSpec, chosen: str | None) -> list[str]:
-    """Return the sensor sets that modules are generated for; an arm has one module, named after nothing."""
+    """Return the sensor sets that modules are generated for; "" for an arm that has none."""
     from modelgen.spec.load import ChainSpec
+    from modelgen.spec.words import shown, suggest
 
     if isinstance(spec, ChainSpec):
         return sensor_sets(spec, chosen)
-    if chosen is not None:
-        raise SpecError.at(
-            "--sensors", f"{spec.source} describes an arm, which has no sensor sets", "leave it out"
+    if chosen is None:
+        return list(spec.sensor_sets) or [""]
+    if not spec.sensor_sets:
+        what = (
+            f"{spec.source} describes an arm without sensor sets: the coordinates of its joints are measured"
         )
-    return [""]
+        raise SpecError.at("--sensors", what, "leave it out, or write a table [sensors.NAME]")
+    if chosen not in spec.sensor_sets:
+        remedy = suggest(chosen, spec.sensor_sets, "sensor sets")
+        raise SpecError.at("--sensors", f"{shown(chosen)} is no sensor set of {spec.source}", remedy)
+    return [chosen]
 
 
 def compared_sensor_sets(chain: ChainSpec, chosen: str | None) -> tuple[SetSummary, ...]:

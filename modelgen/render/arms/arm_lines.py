@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from modelgen.errors import RenderError, listed
-from modelgen.render.arms.kernel_names import kernel_names
+from modelgen.render.arms.sensor_readings import from_sensors
 from modelgen.render.arms.straight_line import Output, StraightLine, straight_line
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel
 from modelgen.symbolic.arms.expressions.graph import Ref, Symbol
-
-ORDERS = ("q", "d1_q", "d2_q")
 
 
 @dataclass(frozen=True)
@@ -64,21 +62,28 @@ def arm_lines(model: ArmBaseModel) -> ArmLines:
     place = {column: k for k, column in enumerate(model.columns)}
     kept = sorted((place[c], r, ref) for (r, c), ref in rows.entries.items() if c in place)
     number = {joint.name: n for n, joint in enumerate(spec.joints, start=1)}
-    names = kernel_names(rows)
-    outputs = [Output(ref, f"joint {number[rows.owners[model.columns[k]]]}") for k, _, ref in kept]
-    entries = straight_line(rows.graph, outputs, names, lengths, rows.speeds)
-    measured = [Output(ref, "measured") for ref in _left_side(model)]
-    left = straight_line(rows.graph, measured, names, lengths, rows.speeds)
-    signals = _ordered(model, {*entries.inputs, *left.inputs})
-    local = {symbol: names[rows.graph.symbol(symbol)] for symbol in signals}
+    read = from_sensors(rows, [*(ref for *_, ref in kept), *_left_side(model)])
+    sections = [f"joint {number[rows.owners[model.columns[k]]]}" for k, *_ in kept]
+    outputs = [Output(ref, section) for ref, section in zip(read.refs, sections, strict=False)]
+    measured = [Output(ref, "measured") for ref in read.refs[len(kept) :]]
+    entries, left = (
+        straight_line(rows.graph, refs, read.names, lengths, read.speeds, read.angles)
+        for refs in (outputs, measured)
+    )
+    used = {*entries.inputs, *left.inputs}
+    signals = tuple(symbol for symbol in read.signals if symbol in used)
+    local = {symbol: read.names[rows.graph.symbol(symbol)] for symbol in signals}
     return ArmLines(model, lengths, signals, local, tuple((r, k) for k, r, _ in kept), entries, left)
 
 
 def signal_key(symbol: Symbol) -> str:
-    """Return the key of a signal: ``d1_q_elbow``, ``tau_elbow``, ``base_fx``."""
+    """Return the key of a signal: ``d1_q_elbow``, ``d2_`` and a sensor's key, ``tau_elbow``, ``base_fx``."""
+    front = f"d{symbol.order}_" if symbol.order else ""
     if symbol.kind == "position":
-        return f"{ORDERS[symbol.order]}_{symbol.name}"
-    return symbol.name if symbol.name.startswith("base_") else f"tau_{symbol.name}"
+        return f"{front}q_{symbol.name}"
+    if symbol.kind == "reading" or symbol.name.startswith("base_"):
+        return front + symbol.name
+    return f"{front}tau_{symbol.name}"
 
 
 def _left_side(model: ArmBaseModel) -> list[Ref]:
@@ -90,11 +95,3 @@ def _left_side(model: ArmBaseModel) -> list[Ref]:
         if value is not None:
             found[row] = graph.subtract(found[row], graph.scale(Fraction(str(value)), entry))
     return found
-
-
-def _ordered(model: ArmBaseModel, symbols: set[Symbol]) -> tuple[Symbol, ...]:
-    """Return the signals in the order of the joints: coordinates, speeds, accelerations, forces."""
-    names = [joint.name for joint in model.rows.spec.moving]
-    order = [Symbol("position", name, k) for name in names for k in (0, 1, 2)]
-    order += [Symbol("force", name) for name in model.rows.names]
-    return tuple(symbol for symbol in order if symbol in symbols)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from modelgen.render.arms.arm_lines import ArmLines, arm_lines, signal_key
-from modelgen.render.arms.kernel_names import LEGEND
+from modelgen.render.arms.kernel_names import legend
 from modelgen.render.arms.straight_line import Operation, StraightLine
 from modelgen.render.printer import literal, weighted_sum
+from modelgen.spec.arms.arm import ArmSensor
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel
 
 ARM_CONTRACT_VERSION = 2
@@ -36,6 +37,7 @@ class ArmView:
     name: str
     source: str
     sha256: str
+    sensor_set: str
     rows: tuple[str, ...]
     base: tuple[str, ...]
     absent: tuple[str, ...]
@@ -63,10 +65,11 @@ def arm_view(model: ArmBaseModel) -> ArmView:
         name=spec.name,
         source=spec.source if SAFE_FILE_NAME.match(spec.source) else f"{spec.name}.toml",
         sha256=spec.sha256,
+        sensor_set=rows.sensor_set,
         rows=rows.names,
         base=tuple(b.name for b in model.base),
         absent=tuple(f"{name}: {reason}" for name, reason in model.absent.items()),
-        legend=LEGEND,
+        legend=legend(rows),
         constants=_constants(lines),
         block=BLOCK,
         row_count=len(rows.names),
@@ -118,4 +121,19 @@ def _constants(lines: ArmLines) -> tuple[tuple[str, str], ...]:
         "ROWS": rows.names,
         "ENTRIES": lines.places,
     }
+    if rows.sensor_set:
+        values["SENSOR_SET"] = rows.sensor_set
+        values["SENSORS"] = tuple(_sensor(sensor) for sensor in rows.sensors)
+        values["DIFFERENTIATED"] = rows.differentiated
     return tuple((name, literal(value)) for name, value in values.items())
+
+
+def _sensor(sensor: ArmSensor) -> dict[str, object]:
+    """Return a sensor as a literal: what it measures, and the channels that it has in a record."""
+    return {
+        "key": sensor.key,
+        "joint": sensor.joint,
+        "side": sensor.side,
+        "measures": sensor.measures,
+        "channels": sensor.channels,
+    }

@@ -12,9 +12,10 @@ from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel, arm_base_model
 
 
-def arm_files(spec: ArmSpec, _: str) -> dict[str, str]:
-    """Return the module of an arm by the name of its file; an arm has no sensor sets to choose from."""
-    return {f"{spec.name}.py": arm_module(arm_base_model(arm_rows(spec)))}
+def arm_files(spec: ArmSpec, sensor_set: str) -> dict[str, str]:
+    """Return the module of an arm by the name of its file; "" stands for an arm without sensor sets."""
+    name = f"{spec.name}_{sensor_set}" if sensor_set else spec.name
+    return {f"{name}.py": arm_module(arm_base_model(arm_rows(spec, sensor_set=sensor_set)))}
 
 
 def arm_module(model: ArmBaseModel) -> str:

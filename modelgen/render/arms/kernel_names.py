@@ -15,6 +15,18 @@ LEGEND = (
 )
 
 
+SENSOR_LEGEND = (
+    "q3, p3, y3  positions of link 3 and of motor 3, channel 3 of the sensors; d1_, d2_: their derivatives",
+    "c3, s3      cosine and sine of the coordinate of joint 3",
+    *LEGEND[1:],
+)
+
+
+def legend(rows: ArmRows) -> tuple[str, ...]:
+    """Return what the names of a kernel mean."""
+    return SENSOR_LEGEND if rows.sensor_set else LEGEND
+
+
 def kernel_names(rows: ArmRows) -> dict[int, str]:
     """Return a name for every node that is a signal or part of a link's motion, all different."""
     graph, numbers = rows.graph, {joint.name: n for n, joint in enumerate(rows.spec.joints, start=1)}
@@ -32,7 +44,7 @@ def kernel_names(rows: ArmRows) -> dict[int, str]:
         if joint.kind == "revolute":
             give(graph.symbol(Symbol("cosine", joint.name)), f"c{number}")
             give(graph.symbol(Symbol("sine", joint.name)), f"s{number}")
-    for name in rows.names[len(rows.spec.moving) :]:
+    for name in rows.base_names:
         give(graph.symbol(Symbol("force", name)), name)
     for name, motion in link_motions(graph, rows.spec, rows.has_base).items():
         link = numbers[name]

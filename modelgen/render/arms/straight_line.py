@@ -8,6 +8,8 @@ from fractions import Fraction
 
 from modelgen.symbolic.arms.expressions.graph import Graph, Node, Ref, Symbol
 
+#: Kinds of symbols that are arrays of the record.
+INPUTS = ("position", "force", "reading")
 FUNCTIONS = {"cosine": "cos", "sine": "sin", "sign": "sign", "forward": "greater", "backward": "less"}
 
 
@@ -59,6 +61,7 @@ def straight_line(
     names: Mapping[int, str],
     lengths: Mapping[str, float],
     speeds: Mapping[str, Ref],
+    angles: Mapping[str, Ref] | None = None,
 ) -> StraightLine:
     """Return the operations that compute outputs.
 
@@ -74,8 +77,10 @@ def straight_line(
         Values of the named lengths [m].
     speeds : mapping of str to int
         Those whose directions are needed.
+    angles : mapping of str to int, optional
+        What cosine and sine are taken of, where it is not the joint's position itself.
     """
-    line = _Line(graph, names, lengths, speeds)
+    line = _Line(graph, names, lengths, speeds, angles or {})
     own: dict[int, int] = {}
     for place, output in enumerate(outputs):
         if output.ref > 1 and not line.is_input(output.ref) and not line.is_constant(output.ref):
@@ -105,6 +110,7 @@ class _Line:
     names: Mapping[int, str]
     lengths: Mapping[str, float]
     speeds: Mapping[str, Ref]
+    angles: Mapping[str, Ref]
     constants: dict[int, float] = field(default_factory=dict)
     inputs: list[Symbol] = field(default_factory=list)
     buffers: int = 0
@@ -142,14 +148,15 @@ class _Line:
 
     def is_input(self, ref: Ref) -> bool:
         symbol = self.graph.nodes[abs(ref)].symbol
-        return symbol is not None and symbol.kind in ("position", "force")
+        return symbol is not None and symbol.kind in INPUTS
 
     def operands(self, index: int) -> Iterator[int]:
         """Yield the nodes that one is made of, arrays only."""
         node = self.graph.nodes[index]
         refs: tuple[Ref, ...] = (node.left, node.right)
         if node.symbol is not None and node.symbol.kind in ("cosine", "sine"):
-            refs = (self.graph.symbol(Symbol("position", node.symbol.name)),)
+            name = node.symbol.name
+            refs = (self.angles.get(name) or self.graph.symbol(Symbol("position", name)),)
         elif node.symbol is not None and node.symbol.kind == "direction":
             refs = (self.speeds[node.symbol.name],)
         yield from (abs(ref) for ref in refs if not self.is_constant(ref))
@@ -167,7 +174,7 @@ class _Line:
                 continue
             self._seen.add(at)
             symbol = self.graph.nodes[at].symbol
-            if symbol is not None and symbol.kind in ("position", "force"):
+            if symbol is not None and symbol.kind in INPUTS:
                 self.inputs.append(symbol)
                 continue
             stack.append((at, True))

@@ -10,7 +10,7 @@ from modelgen.spec.arms.arm import ArmSensor, ArmSpec
 from modelgen.symbolic.arms.balances import RowKind, balances
 from modelgen.symbolic.arms.expressions.graph import Graph, Ref
 from modelgen.symbolic.arms.kinematics import BASE_ROWS
-from modelgen.symbolic.arms.readable_rows import Channel, ReadRows, as_they_are, readable_rows
+from modelgen.symbolic.arms.readable_rows import Channel, Channels, ReadRows, as_they_are, readable_rows
 from modelgen.symbolic.arms.row_parts import row_parts
 from modelgen.symbolic.arms.sensing import Sensing
 
@@ -65,7 +65,7 @@ class ArmRows:
     sensor_set: str = ""
     sensors: tuple[ArmSensor, ...] = ()
     differentiated: tuple[int, ...] = ()
-    channels: Mapping[Channel, tuple[tuple[str, int, object], ...]] = field(default_factory=dict)
+    channels: Mapping[Channel, Channels] = field(default_factory=dict)
     lost: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -112,8 +112,8 @@ def arm_rows(
     Raises
     ------
     ModelError
-        If no joint moves, motors do not determine the joints, there is no such sensor set, or its sensors give
-        no row.
+        If no joint moves, motors do not determine the joints, there is no such sensor set, or its sensors
+        give no row.
     """
     _check_size(spec)
     if sensor_set and sensor_set not in spec.sensor_sets:

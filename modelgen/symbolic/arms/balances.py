@@ -41,7 +41,7 @@ def balances(
     """Yield all rows: those of motors with links, motors with springs, measured torques, and the base.
 
     With a spring, Gamma = drive + links and Gamma = drive + spring: the force of the motor stands in both, so
-    that each has a scale of its own. `torques` are the joints whose torque between motor and link is measured:
+    that each has a scale of its own. `torques` are joints whose torque between motor and link is measured:
     there the row of the motor ends, and others begin.
     """
     through = {

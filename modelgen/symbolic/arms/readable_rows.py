@@ -77,7 +77,7 @@ def readable_rows(
 
 
 def _needed(graph: Graph, row: Balance, parts: RowParts) -> list[Channel]:
-    """Return what a row is made of that sensors must give, angles as positions; forces are measured always."""
+    """Return what a row is made of that sensors must give, angles as positions; forces always are."""
     refs = [*row.entries.values(), row.measured]
     found: dict[Channel, None] = {}
     nodes = [graph.nodes[index].symbol for index in graph.needed(refs)]

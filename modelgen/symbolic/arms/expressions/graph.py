@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 SymbolKind = Literal[
     "position", "cosine", "sine", "length", "parameter", "force", "torque", "reading", "direction"
 ]
+Direction = Literal["", "sign", "forward", "backward"]
 Operation = Literal["constant", "symbol", "sum", "product", "reciprocal"]
 
 #: A signed reference to a node.
@@ -42,7 +43,7 @@ class Symbol(NamedTuple):
     kind: SymbolKind
     name: str
     order: int = 0
-    of: Literal["", "sign", "forward", "backward"] = ""
+    of: Direction = ""
 
 
 class Node(NamedTuple):
