@@ -38,7 +38,7 @@ def test_an_arm_has_one_module_that_can_be_checked(tmp_path: Path) -> None:
     ("options", "message"),
     [
         (["--templates", "."], "chains only"),
-        (["--sensors", "all"], "no sensor sets"),
+        (["--sensors", "all"], "without sensor sets"),
         (["--check", "--templates", "."], "chains only"),
     ],
 )

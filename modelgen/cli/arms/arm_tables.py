@@ -11,6 +11,7 @@ from rich.console import Group
 from rich.text import Text
 
 from modelgen.cli.arms.base_tables import base_tables, describe_base
+from modelgen.cli.arms.sensor_tables import describe_sensor_sets, sensor_set_tables
 from modelgen.cli.tables import Description, table
 from modelgen.errors import listed
 from modelgen.spec.arms.angles import nearly_right
@@ -21,10 +22,11 @@ from modelgen.spec.arms.poses import zero_poses
 _AXES = "xyz"
 
 
-def describe_arm(arm: ArmSpec, prove: bool = False) -> Description:
+def describe_arm(arm: ArmSpec, prove: bool = False, sensors: str | None = None) -> Description:
     """Return an arm's kinematics, drives and parameters as plain values; angles in rad, lengths in m.
 
-    `prove` asks whether the equations of Newton and Euler are those of Lagrange.
+    `prove` asks whether the equations of Newton and Euler are those of Lagrange; `sensors` is a sensor set,
+    or "all" for those that robots have usually.
     """
     poses = zero_poses(arm)
     valued = None not in arm.lengths.values()
@@ -40,7 +42,8 @@ def describe_arm(arm: ArmSpec, prove: bool = False) -> Description:
             for p in arm_parameters(arm)
         ],
         "parameter_sets": {name: dict(values) for name, values in arm.parameter_sets.items()},
-        **describe_base(arm, prove),
+        "sensor_sets": describe_sensor_sets(arm, sensors),
+        **describe_base(arm, prove, sensors if sensors in arm.sensor_sets else ""),
         "notes": list(_notes(arm)),
     }
 
@@ -60,6 +63,7 @@ def arm_tables(described: Description) -> Group:
         *(Text(line) for line in [*head, ""]),
         *_joint_tables(described),
         *_parameter_lines(described),
+        *sensor_set_tables(described["sensor_sets"]),
         *base_tables(described),
     )
 

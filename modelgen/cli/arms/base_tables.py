@@ -12,20 +12,19 @@ from modelgen.errors import ModelError
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec
 from modelgen.spec.arms.parameters import arm_parameters
 
-_UNSEEN = "no motion of the arm shows them"
 _NO_SCALE = (
     "only ratios can be found: the gain of every drive is to be estimated and no force or parameter is "
     "known; give a payload that was weighed, or one gain, in [known]"
 )
 
 
-def describe_base(arm: ArmSpec, prove: bool) -> Description:
-    """Return the base parameters of the torques of joints, or why there are none, as plain values."""
+def describe_base(arm: ArmSpec, prove: bool, sensor_set: str | None = "") -> Description:
+    """Return the base parameters of a sensor set ("": everything is measured), or why there are none."""
     from modelgen.symbolic.arms.arm_rows import arm_rows
     from modelgen.symbolic.arms.base_parameters import arm_base_model
 
     try:
-        rows = arm_rows(arm)
+        rows = arm_rows(arm, sensor_set=sensor_set or "")
         model = arm_base_model(rows)
     except ModelError as error:
         return {"base_parameters": None, "reason": "; ".join(f"{p.what}; {p.remedy}" for p in error.problems)}
@@ -59,12 +58,16 @@ def base_tables(described: Description) -> Iterator[Any]:
     head = f"Base parameters: {len(base)} ({links} of links, {len(base) - links} of drives), sums first"
     sums = [(entry["name"], entry["unit"]) for entry in base if entry["terms"] > 1]
     yield Text(head, style="bold")
-    yield table("", [("base parameter", "left"), ("unit", "left")], sums)
+    if sums:
+        yield table("", [("base parameter", "left"), ("unit", "left")], sums)
     alone = ", ".join(described["identifiable"]) or "none"
-    unseen = [name for name, why in described["absent"].items() if not why.startswith("only in combination")]
+    reasons: dict[str, list[str]] = {}
+    for name, why in described["absent"].items():
+        if not why.startswith("only in combination"):
+            reasons.setdefault(why.replace("shows it", "shows them"), []).append(name)
     yield Text(f"\nidentifiable by themselves: {alone}")
-    if unseen:
-        yield Text(f"not identifiable, {_UNSEEN}: {', '.join(unseen)}")
+    for why, unseen in reasons.items():
+        yield Text(f"not identifiable, {why}: {', '.join(unseen)}")
     if not described["has_scale"]:
         yield Text(_NO_SCALE)
     if described["newton_equals_lagrange"] is not None:

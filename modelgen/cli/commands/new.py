@@ -16,6 +16,9 @@ WithProject = Annotated[
     typer.Option("--project", help="Write NAME.project.toml for modelgen run; NAME.toml if there is none."),
 ]
 OfArm = Annotated[bool, typer.Option("--arm", help="Start an arm of links and joints in place of a chain.")]
+OfSprings = Annotated[
+    bool, typer.Option("--elastic", help="Start an arm with springs in its joints, and sensors.")
+]
 FromUrdf = Annotated[
     Path | None, typer.Option("--urdf", metavar="FILE.urdf", help="Start an arm from a URDF; it stays there.")
 ]
@@ -26,6 +29,7 @@ def new(
         str, typer.Argument(metavar="NAME", help="Name of the chain or arm: letters, digits and _.")
     ],
     arm: OfArm = False,
+    elastic: OfSprings = False,
     urdf: FromUrdf = None,
     project: WithProject = False,
     overwrite: Overwrite = False,
@@ -34,10 +38,12 @@ def new(
     """Write NAME.toml, a commented starter spec of a chain or an arm; or a project file for a chain."""
     from modelgen.atomic_write import write_whole
 
-    if project and (arm or urdf):
-        raise SpecError.at("--project", "is for chains", "leave it out, or leave out --arm and --urdf")
+    if project and (arm or urdf or elastic):
+        raise SpecError.at(
+            "--project", "is for chains", "leave it out, or leave out --arm, --elastic and --urdf"
+        )
     path = Path(f"{name}.toml")
-    text = _arm_text(name, urdf) if arm or urdf else _chain_text(name)
+    text = _arm_text(name, urdf, elastic) if arm or urdf or elastic else _chain_text(name)
     texts = {path: text}
     if project:
         from modelgen.cli.project.starter import starter_project
@@ -65,7 +71,7 @@ def _chain_text(name: str) -> str:
     return text
 
 
-def _arm_text(name: str, urdf: Path | None) -> str:
+def _arm_text(name: str, urdf: Path | None, elastic: bool) -> str:
     from modelgen.documents import toml_string
     from modelgen.read_file import URDF, read_text
     from modelgen.render.environment import environment
@@ -83,7 +89,7 @@ def _arm_text(name: str, urdf: Path | None) -> str:
         bare += "".join(f'[[joints]]\nname = "{joint}"\ntype = "fixed"\n' for joint in held)
         moving = [joint.name for joint in parse_arm(bare, f"{name}.toml", Path()).moving]
         names = {"urdf": quoted, "joints": moving, "held": held}
-    text = environment().get_template("starter_arm.toml.j2").render(name=name, **names)
+    text = environment().get_template("starter_arm.toml.j2").render(name=name, elastic=elastic, **names)
     parse_arm(text, f"{name}.toml", Path())
     return text
 

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from modelgen.atomic_write import write_whole
-from modelgen.cli.arguments import compared_sensor_sets, load_chain_or_arm, proof_of
+from modelgen.cli.arguments import compared_sensor_sets, load_chain_or_arm, modules_of, proof_of
 from modelgen.cli.options import Json, Overwrite, SpecOfAny
 from modelgen.cli.output import note, print_json
 from modelgen.cli.output_files import check_output
-from modelgen.errors import SpecError
 
 if TYPE_CHECKING:
     from modelgen.spec.arms.arm import ArmSpec
@@ -25,7 +24,7 @@ def show(
         str | None,
         typer.Option(
             metavar="S",
-            help='One sensor set in detail; "all": every subset of position and acceleration sensors.',
+            help='One sensor set in detail; "all": every subset of sensors, of an arm the usual sets.',
         ),
     ] = None,
     prove: Annotated[
@@ -41,7 +40,7 @@ def show(
 
     The table says for every set its rows, the highest derivative they need, which parameters can be
     identified, and which are lost against a position sensor on every body. Of an arm it shows joints, limits,
-    gears, parameters, and which sums of them its motion tells apart.
+    gears, parameters, which sums of them its motion tells apart, and what its sensor sets give.
     """
     from modelgen.cli.tables import console
     from modelgen.spec.arms.arm import ArmSpec
@@ -81,6 +80,6 @@ def _arm(arm: ArmSpec, sensors: str | None, prove: bool, drawn: bool) -> tuple[d
     from modelgen.cli.arms.arm_tables import arm_tables, describe_arm
     from modelgen.report.arm_drawing import draw_arm
 
-    if sensors is not None:
-        raise SpecError.at("--sensors", "is for chains", "leave it out: every joint of an arm is measured")
-    return describe_arm(arm, prove), draw_arm(arm) if drawn else "", arm_tables
+    if sensors != "all":
+        modules_of(arm, sensors)  # refuses what is no sensor set
+    return describe_arm(arm, prove, sensors), draw_arm(arm) if drawn else "", arm_tables

@@ -51,6 +51,8 @@ class ArmRows:
         The sum of the sensors' channels that every coordinate or torque in the rows is, by the symbol.
     lost
         Why the sensors do not give what parameters in none of these rows need, by parameter.
+    lacking
+        What the sensors would have to give for them, in words.
     """
 
     spec: ArmSpec
@@ -67,6 +69,7 @@ class ArmRows:
     differentiated: tuple[int, ...] = ()
     channels: Mapping[Channel, Channels] = field(default_factory=dict)
     lost: Mapping[str, str] = field(default_factory=dict)
+    lacking: str = ""
 
     @property
     def has_base(self) -> bool:
@@ -77,6 +80,12 @@ class ArmRows:
     def base_names(self) -> tuple[str, ...]:
         """Rows of the base's wrench."""
         return tuple(name for name in self.names if name in BASE_ROWS)
+
+    @property
+    def apart(self) -> frozenset[str]:
+        """Joints whose motors have rows without links: behind a spring, or in front of a measured torque."""
+        torques = {sensor.joint for sensor in self.sensors if sensor.measures == "torque"}
+        return frozenset({*torques, *(joint.name for joint in self.spec.moving if joint.elastic)})
 
     @property
     def has_scale(self) -> bool:
@@ -142,6 +151,7 @@ def arm_rows(
         found.differentiated,
         found.channels,
         found.lost,
+        found.lacking,
     )
 
 

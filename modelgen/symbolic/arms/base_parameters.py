@@ -121,7 +121,7 @@ def dependencies(
     spec = rows.spec
     elements = length_elements(spec.lengths)
     if changes is None:
-        changes = list(unseen_changes(spec, elements, rows.has_base))
+        changes = list(unseen_changes(spec, elements, rows.has_base, rows.apart))
     places = _places(rows, wanted)
     held = {column for _, column in rows.entries}
     changes = [*changes, *({key: Fraction(1)} for key, c in places.items() if c not in held)]

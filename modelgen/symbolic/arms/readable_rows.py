@@ -21,16 +21,18 @@ Channel = Symbol
 Channels = tuple[tuple[str, int, Fraction], ...]
 #: A speed, differentiated once: farther the links' rows hold angles still, and springs need positions.
 MOST_DIFFERENTIATIONS = 1
+CONSTANT = "constant between reversals, and its rows are differentiated: measure positions"
 
 
 @dataclass(frozen=True)
 class ReadRows:
-    """Rows, how often each is differentiated, and what they read; `lost` as `ArmRows` has it."""
+    """Rows, how often each is differentiated, what they read; `lost` and `lacking` as `ArmRows` has them."""
 
     rows: tuple[Balance, ...]
     differentiated: tuple[int, ...]
     channels: Mapping[Channel, Channels] = field(default_factory=dict)
     lost: Mapping[str, str] = field(default_factory=dict)
+    lacking: str = ""
 
 
 def as_they_are(rows: Sequence[Balance]) -> ReadRows:
@@ -67,13 +69,24 @@ def readable_rows(
     if not chosen:
         raise _none(spec, missing, where)
     kept = {column for row, _ in chosen for column in row.entries}
-    lost = {
-        parts.columns[column]: _why(spec, row, missing)
-        for row in reversed(rows)
-        for column in row.entries
-        if column not in kept
+    reasons = {parts.columns[c]: needs for c, needs in _lost(rows, chosen, missing).items() if c not in kept}
+    lost = {name: f"needs {_what(spec, needs)}" if needs else CONSTANT for name, needs in reasons.items()}
+    together = [symbol for needs in reasons.values() for symbol in needs]
+    said = [f"needs {_what(spec, together)}"] if together else []
+    said += [CONSTANT] if CONSTANT in lost.values() else []
+    often = tuple(times for _, times in chosen)
+    return ReadRows(tuple(row for row, _ in chosen), often, channels, lost, "; ".join(said))
+
+
+def _lost(
+    rows: Sequence[Balance], chosen: Sequence[tuple[Balance, int]], missing: Mapping[str, Sequence[Channel]]
+) -> dict[int, Sequence[Channel]]:
+    """Return what the nearest row to each column lacks; nothing where it is lost by differentiation."""
+    names = [row.name for row, _ in chosen]
+    nearest = sorted(rows, key=lambda row: (row.name in names, -len(missing.get(row.name, ()))))
+    return {
+        column: () if row.name in names else missing[row.name] for row in nearest for column in row.entries
     }
-    return ReadRows(tuple(row for row, _ in chosen), tuple(times for _, times in chosen), channels, lost)
 
 
 def _needed(graph: Graph, row: Balance, parts: RowParts) -> list[Channel]:
@@ -106,30 +119,29 @@ def _differentiated(graph: Graph, row: Balance) -> Balance:
     return replace(row, entries=entries, measured=measured)
 
 
-def _why(spec: ArmSpec, row: Balance, missing: Mapping[str, Sequence[Channel]]) -> str:
-    """Return why a column of a row is in no row that is read."""
-    if not missing.get(row.name):
-        return "it is lost where a row is differentiated; measure positions in place of speeds"
-    return f"the sensors do not give {_what(spec, missing[row.name])}"
-
-
 def _none(spec: ArmSpec, missing: Mapping[str, Sequence[Channel]], where: str) -> ModelError:
     shortest = min(missing.values(), key=len)
-    what = f"give no row: {_what(spec, shortest)} {'is' if len(shortest) == 1 else 'are'} not measured"
+    what = f"give no row that is linear: the nearest one needs {_what(spec, shortest)}"
     return ModelError.at(where, what, f"add a sensor, for example {_sensor(spec, shortest[0])}")
 
 
 def _what(spec: ArmSpec, symbols: Sequence[Channel]) -> str:
+    """Return in words what symbols are of: the positions of links 1 and 2, the speed of motor 1."""
     motors = {motor_coordinate(joint): joint.name for joint in spec.moving if joint.elastic}
-    orders = ("position", "speed", "acceleration")
     lowest: dict[str, int] = {}
     for symbol in symbols:
         lowest[symbol.name] = min(symbol.order, lowest.get(symbol.name, symbol.order))
-    named = [
-        f"the {orders[min(order, 2)]} of {'motor' if name in motors else 'link'} {motors.get(name, name)}"
-        for name, order in lowest.items()
-    ]
-    return listed(named, most=4)
+    groups: dict[tuple[int, str], list[str]] = {}
+    for name, order in lowest.items():
+        side = "motor" if name in motors else "link"
+        groups.setdefault((min(order, 1), side), []).append(motors.get(name, name))
+    words = []
+    for (order, side), names in groups.items():
+        many = "s" if len(names) > 1 else ""
+        words.append(
+            f"the {'speed' if order else 'position'}{many} of {side}{many} {listed(sorted(names), most=6)}"
+        )
+    return " and ".join(words)
 
 
 def _sensor(spec: ArmSpec, symbol: Channel) -> str:

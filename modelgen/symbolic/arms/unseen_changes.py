@@ -8,7 +8,7 @@ are; `base_parameters` proves it for each arm.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -28,7 +28,9 @@ TENSOR = LINK_PARAMETERS[:6]
 BASE = "base"
 
 
-def unseen_changes(spec: ArmSpec, lengths: Mapping[str, Any], base_rows: bool) -> Iterator[Change]:
+def unseen_changes(
+    spec: ArmSpec, lengths: Mapping[str, Any], base_rows: bool, apart: Container[str] = ()
+) -> Iterator[Change]:
     """Yield changes of all parameters, those without names included, that leave every row as it is.
 
     Parameters
@@ -39,6 +41,8 @@ def unseen_changes(spec: ArmSpec, lengths: Mapping[str, Any], base_rows: bool) -
         What stands for every named length.
     base_rows : bool
         Whether the base's wrench is measured.
+    apart : container of str
+        Joints whose motors have rows without links: their rotors are told apart from what is behind them.
     """
     parents = {BASE: base_freedom(spec.gravity)}
     yield from _unseen_alone(BASE, parents[BASE], base_rows)
@@ -52,9 +56,7 @@ def unseen_changes(spec: ArmSpec, lengths: Mapping[str, Any], base_rows: bool) -
             yield change
         yield from _unseen_alone(joint.name, own, base_rows)
         yield from _unseen_drive(joint)
-        if (
-            not base_rows and joint.kind != "fixed" and not joint.elastic
-        ):  # behind a spring it moves otherwise
+        if not base_rows and joint.kind != "fixed" and joint.name not in apart:
             yield from _rotor_as_link(joint, place, parents[place.parent], own)
         parents[joint.name] = own
     yield from _unseen_among_drives(spec)

@@ -83,6 +83,24 @@ def test_an_arm_without_rows_is_shown_all_the_same(tmp_path: Path) -> None:
     assert "base parameters: none are derived; no parameter is left to be estimated" in printed.output
 
 
+def test_show_says_what_sensor_sets_give_and_what_they_lack() -> None:
+    described = json.loads(run("show", "elastic_two_link", "--sensors", "all", "--json").output)
+    by_name = {entry["name"]: entry for entry in described["sensor_sets"]}
+    assert not by_name["motor and link encoders"]["lost"]
+    assert by_name["motor encoders, link speeds"]["base_parameters"] == [
+        "Ia_1", "Fv_1", "K_1", "D_1", "Ia_2", "Fv_2", "K_2", "D_2"
+    ]  # fmt: skip
+    assert [row["differentiated"] for row in by_name["motor encoders, link speeds"]["rows"]] == [1, 1]
+    assert by_name["motor encoders, joint torques"]["reason"] == "needs the positions of links 1, 2"
+    assert "needs the position of link 1" in by_name["motor encoders"]["reason"]
+    one = run("show", "elastic_two_link", "--sensors", "rates").output
+    assert "Base parameters: 8 (0 of links, 8 of drives)" in one
+    assert "needs the positions of links 1, 2: Izz_1, mx_1" in one
+    assert "constant between reversals" in one
+    rigid = json.loads(run("show", "two_link", "--sensors", "all", "--json").output)["sensor_sets"]
+    assert not any(entry["lost"] for entry in rigid)
+
+
 def test_show_draws_an_arm(tmp_path: Path) -> None:
     picture = tmp_path / "arm.svg"
     assert run("show", "scara", "--svg", str(picture)).exit_code == 0
@@ -96,8 +114,9 @@ def test_an_angle_beside_a_right_one_is_noted(tmp_path: Path) -> None:
 
 
 REFUSED = {
-    "sensor sets": ("show tx40 --sensors q", ["--sensors: is for chains"]),
+    "sensor sets": ("show tx40 --sensors q", ["describes an arm without sensor sets"]),
     "a chain's command": ("compare tx40", ["tx40.toml: arm: describes an arm"]),
+    "a misspelt sensor set": ("show elastic_two_link --sensors encoder", ['did you mean "encoders"?']),
     "a project": ("new a --arm --project", ["--project: is for chains"]),
     "a name with quotes": ("new a\"b --arm", ["is not a name"]),
     "no URDF": ("new a --urdf none.urdf", ["none.urdf: cannot be read"]),
@@ -123,11 +142,11 @@ def test_what_is_refused(
 def test_new_starts_an_arm_that_show_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("robot.urdf").write_text(random_urdf(5))
-    for line in ("new plain --arm", "new robot --urdf robot.urdf"):
+    for line in ("new plain --arm", "new robot --urdf robot.urdf", "new soft --elastic"):
         done = run(*line.split())
         assert done.exit_code == 0, done.output
         assert "next: modelgen show" in done.output
-    for name in ("plain", "robot"):
+    for name in ("plain", "robot", "soft"):
         assert json.loads(run("show", f"{name}.toml", "--json").output)["arm"] == name
 
 

@@ -16,7 +16,7 @@ from modelgen.spec.arms.poses import zero_poses
 from modelgen.spec.load import catalog_arms, catalog_names, catalog_path, load_spec
 from tests.spec.arms.rigid_bodies import mass_matrix_and_weights, poses
 
-NAMES = ("puma560", "scara", "two_link", "tx40")
+NAMES = ("elastic_spatial", "elastic_two_link", "puma560", "scara", "two_link", "tx40")
 
 
 def arm(name: str) -> ArmSpec:
@@ -88,7 +88,7 @@ def test_the_poses_are_those_of_the_motion() -> None:
 
 def test_starter_is_a_good_file_and_so_are_its_options() -> None:
     template = environment().get_template("starter_arm.toml.j2")
-    text = template.render(name="my_arm", urdf=None, joints=["1", "2", "3"], held=[])
+    text = template.render(name="my_arm", urdf=None, joints=["1", "2", "3"], held=[], elastic=False)
     spec = parse_arm(text, "my_arm.toml")
     assert (spec.name, [joint.name for joint in spec.joints]) == ("my_arm", ["1", "2", "3", "tool"])
     assert float(spec.gravity[2]) == -9.81
@@ -105,6 +105,28 @@ def test_starter_is_a_good_file_and_so_are_its_options() -> None:
     assert arm.joints[0].friction == "asymmetric" and arm.known == {"m_3": 1.5}
 
 
+def test_starter_of_an_elastic_arm_is_a_good_file_and_so_are_its_sensors() -> None:
+    template = environment().get_template("starter_arm.toml.j2")
+    text = template.render(name="soft", urdf=None, joints=["1", "2", "3"], held=[], elastic=True)
+    spec = parse_arm(text, "soft.toml")
+    assert all(joint.elastic for joint in spec.moving)
+    assert [sensor.key for sensor in spec.sensor_sets["encoders"]] == [
+        "qm_1",
+        "qm_2",
+        "qm_3",
+        "q_1",
+        "q_2",
+        "q_3",
+    ]
+    options = ("dq =", "w =", "t =", "g =")
+    lines = [line.removeprefix("# ") if line.startswith(tuple(f"# {o}" for o in options)) else line
+             for line in text.splitlines()]  # fmt: skip
+    sensors = parse_arm("\n".join(lines), "soft.toml").sensor_sets["encoders"]
+    assert [(s.key, s.side) for s in sensors[6:]] == [
+        ("dq", "deflection"), ("w", "link"), ("t", "between"), ("g", "link")
+    ]  # fmt: skip
+
+
 def test_starter_of_a_urdf_is_a_good_file(tmp_path: Path) -> None:
     from tests.spec.arms.random_urdf import random_urdf
 
@@ -112,7 +134,7 @@ def test_starter_of_a_urdf_is_a_good_file(tmp_path: Path) -> None:
     bare = parse_arm('[arm]\nname = "a"\nurdf = "r.urdf"\n', "a.toml", tmp_path)
     moving = [joint.name for joint in bare.moving]
     template = environment().get_template("starter_arm.toml.j2")
-    text = template.render(name="a", urdf='"r.urdf"', joints=moving, held=[])
+    text = template.render(name="a", urdf='"r.urdf"', joints=moving, held=[], elastic=False)
     assert parse_arm(text, "a.toml", tmp_path).joints == bare.joints
     options = ("gear", "[[joints]]", "name", "type", "parent", "xyz")
     lines = [line.removeprefix("# ") if line.startswith(tuple(f"# {o}" for o in options)) else line

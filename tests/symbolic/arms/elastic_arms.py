@@ -1,7 +1,7 @@
 """Elastic arms for tests, and their motion: exact, from a smooth motion of the links alone.
 
-The links' motion gives the torques that they need, and with the rules of the graph their derivatives; these say
-how far each spring is deflected, and so how the motors move and what they exert. Nothing is integrated.
+The links' motion gives the torques that they need, and with the rules of the graph their derivatives; these
+say how far each spring is deflected, and so how the motors move and what they exert. Nothing is integrated.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.drives import motor_coordinate
 from modelgen.symbolic.arms.expressions.derivative import time_derivatives
 from modelgen.symbolic.arms.expressions.evaluation import sampled
+from modelgen.symbolic.arms.expressions.graph import Graph
 from modelgen.symbolic.arms.regressor_samples import regressor_at
 from modelgen.symbolic.arms.row_parts import row_parts
-from modelgen.symbolic.arms.expressions.graph import Graph
 from tests.symbolic.arms.made_arms import serial
 
 Motion = dict[tuple[str, int], FloatArray]
@@ -33,7 +33,9 @@ def elastic(spec: ArmSpec, joints: tuple[str, ...] | None = None, **parts: bool)
     """Return the arm with springs in these joints, in all if none are named, and encoders on both sides."""
     chosen = [joint.name for joint in spec.moving] if joints is None else joints
     made = tuple(
-        replace(j, stiffness=f"K{j.name}", **{part: f"{part}{j.name}" for part, there in parts.items() if there})
+        replace(
+            j, stiffness=f"K{j.name}", **{part: f"{part}{j.name}" for part, there in parts.items() if there}
+        )
         if j.name in chosen
         else j
         for j in spec.joints
@@ -52,7 +54,9 @@ def geared(spec: ArmSpec) -> ArmSpec:
 
 def with_sensors(spec: ArmSpec, *sensors: tuple[str, str, str]) -> ArmSpec:
     """Return the arm with one sensor set "s": (joint, side, what it measures) of each sensor."""
-    made = tuple(ArmSensor(f"{side}_{measures}_{joint}", joint, side, measures) for joint, side, measures in sensors)  # type: ignore[arg-type]
+    made = tuple(
+        ArmSensor(f"{side}_{measures}_{joint}", joint, side, measures) for joint, side, measures in sensors
+    )  # type: ignore[arg-type]
     return replace(spec, sensor_sets={**spec.sensor_sets, "s": made})
 
 
@@ -71,14 +75,16 @@ def smooth_motion(names: list[str], times: FloatArray, rng: np.random.Generator,
     for name in names:
         parts = [(rng.uniform(0.2, 0.5), 2 * np.pi * f, rng.uniform(0, 6)) for f in (0.31, 0.83, 1.7)]
         for order in range(orders + 1):
-            motion[name, order] = sum(a * w**order * np.sin(w * times + p + order * np.pi / 2) for a, w, p in parts)
+            motion[name, order] = sum(
+                a * w**order * np.sin(w * times + p + order * np.pi / 2) for a, w, p in parts
+            )
     return motion
 
 
 def exact_record(
     spec: ArmSpec, values: dict[str, float], times: FloatArray, rng: np.random.Generator
 ) -> tuple[Motion, dict[str, FloatArray]]:
-    """Return the motion of all coordinates, and torques of springs and forces of motors, by "torque 1", "force 1".
+    """Return the motion of all coordinates, torques of joints and forces of motors, by "torque 1", "force 1".
 
     Springs are linear without damping: the deflection is then the torque that the link needs, over K.
     """
@@ -104,7 +110,9 @@ def exact_record(
     return motion, {**found, **{f"force {name}": needed[:, k] for k, name in enumerate(names)}}
 
 
-def readings(spec: ArmSpec, motion: Motion, forces: dict[str, FloatArray], sensor_set: str) -> dict[str, FloatArray]:
+def readings(
+    spec: ArmSpec, motion: Motion, forces: dict[str, FloatArray], sensor_set: str
+) -> dict[str, FloatArray]:
     """Return the signals that the sensors of a set give, and the motors' forces, by the keys of a module."""
     signals = {f"tau_{joint.name}": forces[f"force {joint.name}"] for joint in spec.moving}
     moving = [joint.name for joint in spec.moving]

@@ -1,0 +1,84 @@
+"""What `modelgen show` says of an arm's sensor sets: one beside the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from rich.text import Text
+
+from modelgen.cli.tables import Description, table
+from modelgen.errors import ModelError, listed
+from modelgen.spec.arms.arm import ArmSensor, ArmSpec
+from modelgen.symbolic.arms.arm_sensor_sets import arm_overview, with_usual_sets
+
+#: names of lost parameters in the table; --json has all
+MOST_NAMES = 6
+
+
+def describe_sensor_sets(arm: ArmSpec, chosen: str | None) -> list[Description]:
+    """Return the sensor sets of an arm, those that robots have usually ("all"), or one, as plain values."""
+    if chosen == "all" and "all" not in arm.sensor_sets:
+        arm, chosen = with_usual_sets(arm), None
+    names = list(arm.sensor_sets) if chosen is None else [chosen]
+    try:
+        overview = arm_overview(arm, names) if names else ()
+    except ModelError:  # an arm without rows; the base parameters say why
+        return []
+    return [
+        {
+            "name": summary.name,
+            "sensors": [_sensor(sensor) for sensor in arm.sensor_sets[summary.name]],
+            "rows": [
+                {"name": name, "differentiated": times}
+                for name, times in zip(
+                    summary.model.rows.names, summary.model.rows.differentiated, strict=True
+                )
+            ]
+            if summary.model
+            else [],
+            "base_parameters": [base.name for base in summary.model.base] if summary.model else [],
+            "lost": list(summary.lost),
+            "reason": summary.model.rows.lacking if summary.model else summary.reason,
+        }
+        for summary in overview
+    ]
+
+
+def sensor_set_tables(described: Sequence[Description]) -> Iterator[Any]:
+    """Lay out what `describe_sensor_sets` says; nothing for an arm without sensor sets."""
+    if not described:
+        return
+    columns = ("sensor set", "rows", "of them differentiated", "base parameters", "lost", "because")
+    yield Text("")
+    yield table(
+        "Sensor sets (linear rows)",
+        [(column, "right" if column in columns[1:4] else "left") for column in columns],
+        [
+            (
+                one["name"],
+                str(len(one["rows"])) if one["rows"] else "-",
+                str(sum(row["differentiated"] > 0 for row in one["rows"])) if one["rows"] else "-",
+                str(len(one["base_parameters"])) if one["rows"] else "-",
+                listed([_short(name) for name in one["lost"]], most=MOST_NAMES) if one["lost"] else "nothing",
+                one["reason"] or "-",
+            )
+            for one in described
+        ],
+    )
+
+
+def _short(name: str) -> str:
+    """Return a sum by its first term."""
+    first, _, rest = name.partition(" ")
+    return f"{first} + ..." if rest else first
+
+
+def _sensor(sensor: ArmSensor) -> Description:
+    return {
+        "key": sensor.key,
+        "joint": sensor.joint,
+        "side": sensor.side,
+        "measures": sensor.measures,
+        "channels": list(sensor.channels),
+    }

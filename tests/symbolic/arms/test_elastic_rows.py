@@ -1,0 +1,178 @@
+"""Rows of elastic arms: proven by Lagrange, exact base parameters, and the truth from noise-free sensors."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from modelgen.errors import ModelError
+from modelgen.generated_module.module_check import module_problems
+from modelgen.render.arms.arm_writer import arm_module
+from modelgen.spec.arms.arm import ArmSensor, ArmSpec
+from modelgen.symbolic.arms.arm_rows import arm_rows
+from modelgen.symbolic.arms.base_parameters import arm_base_model, numerical_rank
+from modelgen.symbolic.arms.dynamics.lagrange import newton_minus_lagrange, vanishes
+from tests.symbolic.arms.elastic_arms import (
+    SPATIAL,
+    elastic,
+    exact_record,
+    geared,
+    readings,
+    spatial,
+    two_link,
+    values_of,
+    with_sensors,
+)
+from tests.symbolic.arms.made_arms import PUMA, arm, joint, random_arm, serial
+from tests.symbolic.arms.test_base_parameters import coupled, reproduces
+
+PARTS = ("damping", "stiffness3")
+
+
+def random_elastic(seed: int, **kinds: float) -> ArmSpec:
+    rng = random.Random(seed)
+    spec = random_arm(rng, **kinds)  # type: ignore[arg-type]
+    chosen = tuple(j.name for j in spec.moving if rng.random() < 0.7)
+    spec = elastic(spec, chosen, **{part: rng.random() < 0.5 for part in PARTS})
+    return coupled(rng, spec) if seed % 3 == 0 else spec
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_springs_by_newton_are_those_of_lagrange(seed: int) -> None:
+    spec = random_elastic(seed)
+    graph, differences = newton_minus_lagrange(spec)
+    assert len(differences) == len(spec.moving) + sum(j.elastic for j in spec.moving)
+    assert vanishes(graph, differences, [*spec.lengths])
+
+
+@pytest.mark.parametrize("kind", ["joint", "motor"])
+@pytest.mark.parametrize("seed", range(20))
+def test_base_parameters_are_exact(seed: int, kind: str) -> None:
+    spec = random_elastic(200 + seed)
+    rows = arm_rows(spec, kind)  # type: ignore[arg-type]
+    model = arm_base_model(rows)
+    assert len(model.base) == numerical_rank(rows)
+    reproduces(model, {})
+
+
+def test_a_rotor_behind_a_spring_counts_by_itself() -> None:
+    rigid, soft = serial(SPATIAL, True), spatial()
+    regrouped = arm_base_model(arm_rows(rigid)).absent
+    assert "only in combination" in regrouped["Ia1"] and "only in combination" in regrouped["Ia2"]
+    model = arm_base_model(arm_rows(soft))
+    assert {"Ia1", "Ia2", "Ia3", "K1", "K2", "K3"} <= {*model.identifiable}
+    # a torque sensor in front of the link does the same for a rigid joint
+    sensed = with_sensors(rigid, *[(n, "link", "position") for n in "123"], ("2", "between", "torque"))
+    alone = arm_base_model(arm_rows(sensed, sensor_set="s")).identifiable
+    assert "Ia2" in alone and "Ia1" not in alone
+
+
+def both(side: str = "motor", measures: str = "position", names: str = "12") -> list[tuple[str, str, str]]:
+    return [(name, side, measures) for name in names]
+
+
+KNOWN = {"m2": 1.5, "K1": 1200.0, "Ia2": 0.4}
+SETS = {
+    "two encoders": (two_link(), "encoders", 16),
+    "two encoders, spatial": (spatial(), "encoders", 30),
+    "gears and a coupling": (geared(spatial()), "encoders", 33),
+    "one elastic joint among rigid ones": (geared(elastic(serial(SPATIAL, True), ("2",))), "encoders", 30),
+    "six joints": (elastic(serial(PUMA, True)), "encoders", 66),
+    "known parameters": (replace(geared(two_link()), known=KNOWN), "encoders", 17),
+    "deflections": (geared(with_sensors(two_link(), *both(), *both("deflection"))), "s", 19),
+    "speeds of motors": (
+        geared(with_sensors(two_link(), *both(), *both("motor", "velocity"), *both("link"))), "s", 19),
+    "torques": (
+        geared(with_sensors(two_link(), *both(), *both("between", "torque"), *both("link"))), "s", 19),
+    "torques without links": (geared(with_sensors(two_link(), *both(), *both("between", "torque"))), "s", 11),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", SETS)
+def test_noise_free_sensors_give_the_truth(case: str) -> None:
+    spec, sensor_set, count = SETS[case]
+    rng = np.random.default_rng(1)
+    model = arm_base_model(arm_rows(spec, sensor_set=sensor_set))
+    text = arm_module(model)
+    assert module_problems(text) == []
+    module: dict[str, object] = {}
+    exec(compile(text, "module", "exec"), module)
+    values = values_of(spec, rng)
+    motion, forces = exact_record(spec, values, np.linspace(0.0, 8.0, 1500), rng)
+    signals = readings(spec, motion, forces, sensor_set)
+    regressor = module["regressor"](signals).reshape(-1, count)  # type: ignore[operator]
+    measured = module["measurement"](signals).ravel()  # type: ignore[operator]
+    truth = module["base_from_physical"]({n: values[n] for n in module["PARAMETERS"]})  # type: ignore[operator, attr-defined]
+    sizes = np.linalg.norm(regressor, axis=0)
+    found, _, rank, _ = np.linalg.lstsq(regressor / sizes, measured, rcond=1e-12)
+    assert rank == count
+    np.testing.assert_allclose(found / sizes, truth, rtol=1e-7)
+
+
+def gyros(spec: ArmSpec, mounting: tuple[object, ...] = ()) -> ArmSpec:
+    made = tuple(ArmSensor(f"g_{n}", n, "link", "gyro", mounting) for n in "12")  # type: ignore[arg-type]
+    motors = tuple(ArmSensor(f"qm_{n}", n, "motor", "position") for n in "12")
+    return replace(spec, sensor_sets={"s": (*motors, *made)})
+
+
+def test_gyros_on_links_give_the_springs() -> None:
+    rows = arm_rows(gyros(two_link()), sensor_set="s")
+    assert rows.names == ("1 spring", "2 spring") and rows.differentiated == (1, 1)
+    assert arm_base_model(rows).identifiable == ("Ia1", "fv1", "K1", "Ia2", "fv2", "K2")
+    reading = {
+        symbol: found for symbol, found in rows.channels.items() if symbol.name == "2" and symbol.order == 1
+    }
+    # the speed of joint 2 is what both gyros differ by, along the axis
+    assert {(key, factor) for (found,) in [reading.values()] for key, _, factor in found} == {
+        ("g_2_z", 1),
+        ("g_1_z", -1),
+    }
+    assert "needs the positions of links 1, 2" in rows.lacking
+    assert rows.lost["fs1"].startswith("constant between reversals")
+
+
+def test_what_a_set_cannot_give_is_said_with_the_sensor_that_would() -> None:
+    for sides, needs in ((both(), "the position of link 1"), (both("link"), "the speed of motor 1")):
+        with pytest.raises(ModelError) as error:
+            arm_rows(with_sensors(two_link(), *sides), sensor_set="s")
+        assert needs in str(error.value) and 'joint = "1", side = "' in str(error.value)
+    with pytest.raises(ModelError, match="has no sensor set 'x'"):
+        arm_rows(two_link(), sensor_set="x")
+
+
+def test_one_elastic_joint_without_gravity_is_the_chain_of_the_paper() -> None:
+    import importlib
+
+    chain = importlib.import_module("generated.emps300_qm_qc")
+    turning = joint(
+        "1", None, (), stiffness="K", damping="F_vmc", rotor_inertia="J_m", viscous="F_vm", coulomb="F_sm"
+    )
+    spec = arm([turning], gravity=(Fraction(0),) * 3)
+    spec = replace(
+        spec,
+        sensor_sets={
+            "s": (ArmSensor("q_m", "1", "motor", "position"), ArmSensor("q_c", "1", "link", "position"))
+        },
+    )
+    model = arm_base_model(arm_rows(spec, sensor_set="s"))
+    module: dict[str, object] = {}
+    exec(arm_module(model), module)
+    rng = np.random.default_rng(2)
+    signals = {
+        f"{front}{key}": rng.standard_normal(300) for key in ("q_m", "q_c") for front in ("", "d1_", "d2_")
+    }
+    signals |= {"tau_1": rng.standard_normal(300)}
+    theirs = {**signals, "Gamma_m": signals["tau_1"]}
+    theirs |= chain.features(theirs)
+    names = {"Izz1": "J_c"}
+    order = [chain.BASE_PARAMETERS.index(names.get(n, n)) for n in (b.name for b in model.base)]
+    wanted, left = chain.regressor(theirs)[:, :, order], chain.measurement(theirs)
+    found, measured = module["regressor"](signals), module["measurement"](signals)  # type: ignore[operator]
+    np.testing.assert_allclose(found[:, 1], wanted[:, 0], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(measured[:, 1], left[:, 0], rtol=1e-9)
+    np.testing.assert_allclose(found[:, 0] - found[:, 1], wanted[:, 1], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(measured[:, 0] - measured[:, 1], left[:, 1], atol=1e-12)
