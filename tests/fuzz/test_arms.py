@@ -41,6 +41,7 @@ JOINT = table(
         "xyz": mostly(st.lists(LENGTH, min_size=3, max_size=3)),
         "rpy": mostly(st.lists(ANGLE, min_size=3, max_size=3)),
         **{key: OWN for key in ("rotor_inertia", "viscous", "coulomb", "offset", "gain")},
+        **{key: OWN for key in ("stiffness", "damping", "stiffness3")},
         "gear": mostly(NUMBER),
         "massless": mostly(st.booleans()),
         "position_limits": mostly(st.lists(ANGLE, min_size=2, max_size=2)),
@@ -48,6 +49,17 @@ JOINT = table(
     },
 )
 COUPLING = table({"motor": mostly(NAME), "joint": mostly(NAME), "ratio": mostly(NUMBER)})
+SENSOR = table(
+    {"measures": mostly(st.sampled_from(["position", "velocity", "torque", "gyro", "accelerometer"]))},
+    {
+        "joint": mostly(NAME),
+        "deflection": mostly(NAME),
+        "side": mostly(st.sampled_from(["motor", "link"])),
+        "xyz": mostly(st.lists(LENGTH, min_size=3, max_size=3)),
+        "rpy": mostly(st.lists(ANGLE, min_size=3, max_size=3)),
+    },
+)
+SENSORS = st.dictionaries(st.sampled_from(["q_1", "qm_1", "g", "g_x", "tau_1", "Ia_1"]), mostly(SENSOR))
 ARM = table(
     {"name": mostly(st.just("arm"))},
     {
@@ -64,6 +76,7 @@ DOCUMENT = st.fixed_dictionaries(
             st.dictionaries(st.sampled_from(["L1", "L2"]), mostly(NUMBER | st.just("symbolic")))
         ),
         "known": mostly(st.dictionaries(st.sampled_from(["m_1", "Fv_2", "Ixx_3", "x"]), mostly(NUMBER))),
+        "sensors": mostly(st.dictionaries(st.sampled_from(["all", "few"]), mostly(SENSORS), max_size=2)),
         "parameters": mostly(st.dictionaries(TEXT, st.dictionaries(TEXT, NUMBER, max_size=3), max_size=2)),
     },
 )
@@ -104,6 +117,7 @@ def good_documents(draw: st.DrawFn) -> dict[str, Any]:
             "friction": st.just("asymmetric"),
             "gear": st.just(-50),
             "gain": st.booleans(),
+            "stiffness": st.just(True),
         }
         more = {} if kind == "fixed" else drive
         joint = draw(st.fixed_dictionaries({}, optional=place | more | {"massless": st.booleans()}))
@@ -112,7 +126,21 @@ def good_documents(draw: st.DrawFn) -> dict[str, Any]:
     document: dict[str, Any] = {"arm": {"name": "arm"}, "joints": joints}
     if any("L" in str(joint) for joint in joints):
         document["lengths"] = {"L": draw(st.sampled_from([0.5, "symbolic"]))}
+    moving = [joint["name"] for joint in joints if joint["type"] != "fixed"]
+    sensors = st.tuples(
+        st.sampled_from(moving),
+        st.sampled_from(["motor", "link"]),
+        st.sampled_from(["position", "velocity", "torque"]),
+    )
+    chosen = draw(st.lists(sensors, max_size=6, unique=True))
+    if chosen:
+        document["sensors"] = {"few": {f"s{k}": _sensor(*one) for k, one in enumerate(chosen)}}
     return document
+
+
+def _sensor(joint: str, side: str, measures: str) -> dict[str, str]:
+    named = {"joint": joint, "measures": measures}
+    return named if measures == "torque" else {**named, "side": side}
 
 
 @settings(FUZZ, max_examples=1000 if NIGHTLY else 40)
