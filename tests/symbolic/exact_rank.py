@@ -26,6 +26,8 @@ def rank_along_motions(model: BaseModel, seed: int) -> int:
     modes = [_mode(motion, point, rng) for _ in range(6 * len(motion.equations) + 12)]
     pivots: dict[int, dict[int, int]] = {}
     for _ in range(2 * len(columns) + 10):
+        if len(pivots) == len(columns):
+            break
         values = _values(model, modes, _at_rest(motion, point, rng), rng)
         for row in model.rows.rows:
             vector: dict[int, int] = {}

@@ -56,6 +56,8 @@ def check_identifiable(module: ModuleType, truth: dict[str, float], text: str) -
             slope, (target - module.base_from_physical(point)) / np.abs(target), rcond=1e-9
         )[0]
         point = {name: point[name] + float(s) for name, s in zip(module.PARAMETERS, step, strict=True)}
+        if np.abs(step).max() < 1e-14:
+            break
     assert np.abs(module.base_from_physical(point) / target - 1).max() < 1e-9, text
     for name in module.IDENTIFIABLE:
         assert point[name] == pytest.approx(truth[name], rel=1e-6), (name, text)
@@ -86,7 +88,10 @@ def walk(module: ModuleType, truth: dict[str, float], name: str, text: str) -> d
     def back(point: np.ndarray, times: int) -> np.ndarray:
         for _ in range(times):
             base = module.base_from_physical(dict(zip(names, point.tolist(), strict=True)))
-            point = point + np.linalg.lstsq(slope_at(point), (target - base) / np.abs(target), rcond=1e-9)[0]
+            missed = (target - base) / np.abs(target)
+            if np.abs(missed).max() < 1e-13:
+                break
+            point = point + np.linalg.lstsq(slope_at(point), missed, rcond=1e-9)[0]
         return point
 
     start = point
