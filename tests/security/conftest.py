@@ -26,12 +26,14 @@ _armed: list[bool] = []
 
 
 def _watch(event: str, arguments: tuple[Any, ...]) -> None:
+    if not _armed or not event.startswith(FORBIDDEN):
+        return
     uname = (
         event == "subprocess.Popen" and arguments[0] == "uname"
     )  # the platform module asks what this machine is
     # nor does it matter where a file is read
     reader = event == "subprocess.Popen" and list(arguments[1][:4]) == [sys.executable, "-I", "-c", START]
-    if _armed and event.startswith(FORBIDDEN) and not uname and not reader:
+    if not uname and not reader:
         _caught.append(f"{event} {arguments!r}")
 
 

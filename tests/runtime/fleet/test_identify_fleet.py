@@ -6,6 +6,7 @@ import json
 import os
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import active_children
@@ -78,10 +79,21 @@ pytestmark = [
 ]
 
 
+@contextmanager
+def impatient_client(workers: int) -> Iterator[Any]:
+    """A cluster that gives up what two of its workers did not survive, where dask would spend four."""
+    dask = pytest.importorskip("dask")
+    pytest.importorskip("distributed")
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        fleet_client(workers=workers) as found,
+    ):
+        yield found
+
+
 @pytest.fixture(scope="module")
 def client() -> Iterator[Any]:
-    pytest.importorskip("distributed")
-    with fleet_client(workers=2) as found:
+    with impatient_client(2) as found:
         yield found
 
 
@@ -263,7 +275,7 @@ def test_a_record_that_shares_a_worker_with_a_deadly_one_is_not_blamed(sources: 
     """With one process, whatever waits there is lost as often as what kills it."""
     bad = [Deadly(sources[0].columns, sources[0].fs, f"bad {k}", sources[0].n) for k in range(2)]
     fleet = [FleetRecord("a", one) for one in (bad[0], sources[0], bad[1], *sources[1:])]
-    with fleet_client(workers=1) as only:
+    with impatient_client(1) as only:
         found = identify_fleet(only, TEXT, fleet, SETTINGS)
     assert (list(found.failed), found.refused) == (["bad 0", "bad 1"], {})
     assert found.machines["a"] == alone(sources, **SETTINGS)

@@ -2,13 +2,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from statsmodels.stats.multitest import multipletests
 
 from modelgen.runtime.numerics.heterogeneity import heterogeneity, holm
 
 
 @pytest.mark.slow
 def test_holm_is_that_of_statsmodels() -> None:
+    from statsmodels.stats.multitest import multipletests  # takes seconds to import
+
     rng = np.random.default_rng(3)
     for count in range(1, 20):
         p_values = (rng.uniform(size=count) ** 3).round(3)  # some alike, some zero
