@@ -9,13 +9,34 @@ from collections.abc import Iterator
 # before NumPy is imported: each process of pytest-xdist has a core of its own
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# where this is set, every process that a test starts would compile the whole package anew
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 from pathlib import Path
 
 import pytest
 
+from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
 from tests.runtime import measured_records
+
+STILL = ("tests/symbolic/", "tests/spec/", "tests/security/")
+
+
+@pytest.hookimpl(trylast=True)  # after what is left out
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Let every process but the first begin with what simulates nothing; each gets its share in this order.
+
+    On a new checkout the first of them compiles the simulation meanwhile, which takes half a minute, for all.
+    """
+    count = getattr(config, "workerinput", {}).get("workercount", 1)
+    if count > 1:
+        still = [item for item in items if item.nodeid.startswith(STILL)]
+        others = [item for item in items if not item.nodeid.startswith(STILL)]
+        first = min(len(items) // count, len(others))
+        items[:] = [*others[:first], *still, *others[first:]]
 
 
 @pytest.fixture(scope="session")
@@ -43,6 +64,18 @@ def emps(shared_data: Path) -> Record:
 def bench(shared_data: Path) -> Record:
     """The two-mass bench: both angles in rad, the current in A, 2.5 kHz."""
     return measured_records.bench(shared_data)[1]
+
+
+@pytest.fixture(scope="session")
+def emps_estimate(shared_data: Path) -> Estimate:
+    """What the EMPS bench gives by default: it takes seconds, and several tests look at it."""
+    return identify(*measured_records.emps(shared_data))
+
+
+@pytest.fixture(scope="session")
+def bench_estimate(shared_data: Path) -> Estimate:
+    """What the two-mass bench gives by default."""
+    return identify(*measured_records.bench(shared_data))
 
 
 @pytest.fixture(autouse=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from generated import emps300_qm_qc
 from modelgen.cli.candidates import spec_model
+from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
@@ -98,6 +99,12 @@ def two_mass_records(
             signals[key] = noisy + (zeros or {}).get(key, 0.0)
         found.append(Record(signals, FS, kind, kind))
     return found
+
+
+@cache
+def plain_estimate() -> Estimate:
+    """What the records give by default where nothing is wrong with them."""
+    return identify(SMALL, two_mass_records())
 
 
 def assert_truth_inside(estimate: Estimate, truth: Mapping[str, float], model: Model = SMALL) -> None:

@@ -27,6 +27,7 @@ from tests.runtime.two_mass_records import (
     SMALL,
     TRUTH,
     assert_truth_inside,
+    plain_estimate,
     two_mass_records,
 )
 
@@ -88,7 +89,7 @@ def test_an_encoder_out_of_step_is_named_and_does_not_spoil_the_stiffness(sample
     assert any(f"q_c is {word} by" in what for what in found)
     assert_truth_inside(estimate, TRUTH)
     # what is found is not bought with intervals that say nothing
-    assert estimate.bse["K"] < 4.0 * identify(SMALL, two_mass_records()).bse["K"]
+    assert estimate.bse["K"] < 4.0 * plain_estimate().bse["K"]
 
 
 @pytest.mark.parametrize("zero", [1.0, -1.0])
@@ -113,8 +114,7 @@ def test_without_the_checks_no_effect_is_looked_for() -> None:
 
 
 def test_the_default_is_instruments_where_these_find_something() -> None:
-    records = two_mass_records()
-    default, instruments = identify(SMALL, records), identify(SMALL, records, IV())
+    default, instruments = plain_estimate(), identify(SMALL, two_mass_records(), IV())
     assert default.params == instruments.params
     assert default.fit.method == instruments.fit.method == "iv"
     assert any(note.startswith("method iv") for note in default.fit.notes)

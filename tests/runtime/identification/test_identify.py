@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -33,12 +34,15 @@ QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
 NOISE = {"q_m": 2e-5, "q_c": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
 
 
-def experiments(model: Model, parameters: str) -> list[Record]:
+@cache
+def experiments(model: Model, parameters: str) -> tuple[Record, ...]:
     """A chirp on a constant velocity and trapezoids with dwells, 4 s each at 5 kHz."""
     truth = model.parameter_sets[parameters]
     # the chirp's force is linear between internal steps: make them small
     kinds = (("chirp", 32), ("trapezoid", 8))
-    return [simulate(model, truth, kind, fs=5000.0, duration_s=4.0, oversample=n).record for kind, n in kinds]
+    return tuple(
+        simulate(model, truth, kind, fs=5000.0, duration_s=4.0, oversample=n).record for kind, n in kinds
+    )
 
 
 def with_noise(record: Record, seed: int) -> Record:
@@ -72,8 +76,10 @@ def test_emps_agrees_with_the_published_result(emps: Record) -> None:
     assert not estimate.fit.pruning.steps
 
 
-def test_emps_by_default_holds_the_published_result_and_names_what_the_model_lacks(emps: Record) -> None:
-    estimate = identify(RIGID, emps)
+def test_emps_by_default_holds_the_published_result_and_names_what_the_model_lacks(
+    emps_estimate: Estimate,
+) -> None:
+    estimate = emps_estimate
     published = {"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "offset": -3.1648}
     for name, (low, high) in estimate.conf_int().items():
         assert low < published[name] < high
@@ -83,8 +89,8 @@ def test_emps_by_default_holds_the_published_result_and_names_what_the_model_lac
 
 
 @pytest.mark.slow
-def test_emps_asymmetric_friction_fits_better(emps: Record) -> None:
-    symmetric, asymmetric = identify(RIGID, emps), identify(ASYMMETRIC, emps)
+def test_emps_asymmetric_friction_fits_better(emps: Record, emps_estimate: Estimate) -> None:
+    symmetric, asymmetric = emps_estimate, identify(ASYMMETRIC, emps)
     published = {
         "M": 95.1540,
         "Fv_plus": 166.7061,
@@ -97,15 +103,14 @@ def test_emps_asymmetric_friction_fits_better(emps: Record) -> None:
     assert asymmetric.fit.relative_error < 0.8 * symmetric.fit.relative_error
 
 
-def test_emps_intervals_know_that_the_residual_is_coloured(emps: Record) -> None:
-    estimate = identify(RIGID, emps)
-    for entry in estimate.parameters.identified:
+def test_emps_intervals_know_that_the_residual_is_coloured(emps_estimate: Estimate) -> None:
+    for entry in emps_estimate.parameters.identified:
         assert entry.noise_std > 2.0 * entry.printed_std
 
 
 @pytest.mark.slow
-def test_bench_agrees_with_its_frequency_response(bench: Record) -> None:
-    estimate = identify(BENCH, bench)
+def test_bench_agrees_with_its_frequency_response(bench_estimate: Estimate) -> None:
+    estimate = bench_estimate
     found = estimate.params
     for name, value in {"Jm": 4.94e-3, "Jc": 4.90e-3, "K": 557.0}.items():
         assert found[name] == pytest.approx(value, rel=0.03)
@@ -117,8 +122,8 @@ def test_bench_agrees_with_its_frequency_response(bench: Record) -> None:
 
 
 @pytest.mark.slow
-def test_bench_friction_and_offsets_are_refused(bench: Record) -> None:
-    estimate = identify(BENCH, bench)
+def test_bench_friction_and_offsets_are_refused(bench_estimate: Estimate) -> None:
+    estimate = bench_estimate
     assert sorted(estimate.not_identifiable) == ["Fsc", "Fsm", "Fvc", "Fvm", "Oc", "Om"]
     assert sorted(estimate.parameters.nuisance) == sorted(estimate.not_identifiable)
     for name in ("Fvm", "Fsm", "Fvc", "Fsc"):
@@ -130,8 +135,8 @@ def test_bench_friction_and_offsets_are_refused(bench: Record) -> None:
 
 
 @pytest.mark.slow
-def test_bench_intervals_hold_what_other_cutoffs_give(bench: Record) -> None:
-    estimate = identify(BENCH, bench)
+def test_bench_intervals_hold_what_other_cutoffs_give(bench: Record, bench_estimate: Estimate) -> None:
+    estimate = bench_estimate
     low, high = estimate.conf_int()["K"]
     for cutoff_hz in (120.0, 300.0):
         assert (
@@ -257,8 +262,9 @@ def test_progress_is_told_step_by_step() -> None:
 def test_a_generated_module_identifies_itself() -> None:
     records = experiments(QC, "light")
     itself: Any = emps300_qm_qc
-    assert itself.identify(records).to_json() == identify(QC, records).to_json()
-    assert identify(emps300_qm_qc, records).to_json() == identify(QC, records).to_json()
+    expected = identify(QC, records).to_json()
+    assert itself.identify(records).to_json() == expected
+    assert identify(emps300_qm_qc, records).to_json() == expected
 
 
 def noisy(channels: tuple[str, ...], n: int = 3000, fs: float = 1000.0, name: str = "run") -> Record:

@@ -110,6 +110,10 @@ def in_files(record: Record, folder: Path) -> NpyChannels:
     return open_npy({key: folder / f"{key}.npy" for key in record.signals}, record.fs, record.name)
 
 
+def in_all_files(records: list[Record], folder: Path) -> list[NpyChannels]:
+    return [in_files(record, folder / record.name) for record in records]
+
+
 def in_small_chunks(monkeypatch: pytest.MonkeyPatch, samples: int, threads: int) -> None:
     monkeypatch.setattr("modelgen.runtime.rows.chunk.CHUNK_SAMPLES", samples)
     monkeypatch.setattr("modelgen.runtime.rows.chunk.HALOS", 0)
@@ -124,26 +128,31 @@ def in_small_chunks(monkeypatch: pytest.MonkeyPatch, samples: int, threads: int)
 def test_files_chunks_and_threads_change_nothing(
     seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    check_chunks_and_threads(seed, tmp_path, monkeypatch, "wls")
+    model, records = experiment(seed)
+    expected, sources = outcome(model, records, method="wls"), in_all_files(records, tmp_path)
+    same(outcome(model, sources, method="wls"), expected)
+    same(in_chunks_and_threads(seed, model, sources, monkeypatch, "wls"), expected)
 
 
 @pytest.mark.parametrize(
     "seed", [0, 1, 6, 7, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 6))]
 )
 def test_nor_do_they_change_the_default(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # its rounds end within a tenth of a standard deviation of where they would come to rest: rounding shows
-    check_chunks_and_threads(seed, tmp_path, monkeypatch, "auto", 1e-6)
-
-
-def check_chunks_and_threads(
-    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str, share: float = 1e-9
-) -> None:
     model, records = experiment(seed)
-    expected = outcome(model, records, method=method)
-    sources = [in_files(record, tmp_path / record.name) for record in records]
-    same(outcome(model, sources, method=method), expected, share)
+    expected = outcome(model, records)
+    # its rounds end within a tenth of a standard deviation of where they would come to rest: rounding shows
+    same(
+        in_chunks_and_threads(seed, model, in_all_files(records, tmp_path), monkeypatch, "auto"),
+        expected,
+        1e-6,
+    )
+
+
+def in_chunks_and_threads(
+    seed: int, model: Model, sources: list[NpyChannels], monkeypatch: pytest.MonkeyPatch, method: str
+) -> Estimate | str:
     in_small_chunks(monkeypatch, int(np.random.default_rng(seed).integers(200, 1500)), 1 + seed % 3)
-    same(outcome(model, sources, method=method), expected, share)
+    return outcome(model, sources, method=method)
 
 
 def bench(seed: int = 0) -> tuple[Model, list[Record]]:
@@ -171,7 +180,7 @@ def bench(seed: int = 0) -> tuple[Model, list[Record]]:
 )
 def test_every_option_takes_files(tmp_path: Path, options: dict[str, Any]) -> None:
     model, records = bench()
-    sources = [in_files(record, tmp_path / record.name) for record in records]
+    sources = in_all_files(records, tmp_path)
     same(outcome(model, sources, **options), outcome(model, records, **options))
 
 
@@ -183,7 +192,7 @@ def test_long_records_are_looked_at_in_stretches(tmp_path: Path, monkeypatch: py
     for entry in estimate.parameters.identified:
         assert abs(entry.value - truth[entry.name]) < 5.0 * entry.std
     again = [Record(dict(record.signals), record.fs, record.name) for record in records]
-    sources = [in_files(record, tmp_path / record.name) for record in again]
+    sources = in_all_files(again, tmp_path)
     same(identify(model, sources), estimate)
 
 
@@ -214,10 +223,7 @@ def test_composites_give_physical_parameters(tmp_path: Path) -> None:
     spec = parse_spec(catalog_path("emps300").read_text(encoding="utf-8") + only_motor, "emps300.toml")
     model = model_from_text(generate(spec, "qm"), "qm")
     records = [Record({k: r.signals[k] for k in model.channels}, r.fs, r.name) for r in bench()[1]]
-    same(
-        outcome(model, [in_files(record, tmp_path / record.name) for record in records]),
-        outcome(model, records),
-    )
+    same(outcome(model, in_all_files(records, tmp_path)), outcome(model, records))
 
 
 def test_a_sample_that_is_not_finite_is_named(tmp_path: Path) -> None:

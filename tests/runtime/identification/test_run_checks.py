@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.identification.refusals import late_refusals
 from modelgen.runtime.least_squares.wls import fit_matched
-from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.parameters.pruning import prune
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
@@ -182,11 +181,11 @@ def test_a_kept_name_is_spared_even_where_it_is_the_worst() -> None:
     assert [step.removed for step in prune("abcd", refit, 10.0).steps] == ["b", "a", "c"]
 
 
-@pytest.mark.parametrize("which", [emps, pytest.param(bench, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("which", ["emps", pytest.param("bench", marks=pytest.mark.slow)])
 def test_good_benches_raise_no_alarm_but_that_their_models_are_not_the_whole_truth(
-    shared_data: Path, which: Callable[[Path], tuple[Model, Record]]
+    request: pytest.FixtureRequest, which: str
 ) -> None:
-    estimate = identify(*which(shared_data))
+    estimate: Estimate = request.getfixturevalue(f"{which}_estimate")
     assert set(kinds(estimate)) == {"more than noise", "more than the model"}
 
 
