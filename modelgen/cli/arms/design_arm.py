@@ -12,7 +12,7 @@ import typer
 
 from modelgen.array_types import FloatArray
 from modelgen.cli.arguments import given_options, load_chain_or_arm
-from modelgen.cli.output import deliver
+from modelgen.cli.output import deliver, note
 from modelgen.cli.output_files import check_output
 from modelgen.cli.tables import Description, Justify, console, table
 from modelgen.errors import DataError, Problem
@@ -79,6 +79,7 @@ def design_arm(
     from modelgen.render.arms.arm_writer import arm_module
     from modelgen.runtime.model.module_file import execute_text
     from modelgen.runtime.planning.arms.exciting_trajectory import exciting_trajectory
+    from modelgen.spec.arms.sensors import without_springs
     from modelgen.symbolic.arms.arm_rows import arm_rows
     from modelgen.symbolic.arms.base_parameters import arm_base_model
 
@@ -87,6 +88,9 @@ def design_arm(
     if path is not None:
         check_output(path, (".csv", ".npz"), result.overwrite)
     boxes = (*_boxes("--inside", trajectory.inside), *_boxes("--outside", trajectory.outside))
+    if arm.elastic:
+        note(["springs are left out: this is for links, drives and gravity; K and D need fast motion"])
+        arm = without_springs(arm)
     module = execute_text(arm_module(arm_base_model(arm_rows(arm))), arm.name)
     found = exciting_trajectory(
         module,

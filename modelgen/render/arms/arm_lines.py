@@ -48,7 +48,7 @@ def arm_lines(model: ArmBaseModel) -> ArmLines:
     Raises
     ------
     RenderError
-        If a named length has no value.
+        If a named length has no value, or joints are elastic and no sensor set says what is measured.
     """
     rows, spec = model.rows, model.rows.spec
     lengths = {name: value for name, value in spec.lengths.items() if value is not None}
@@ -58,6 +58,11 @@ def arm_lines(model: ArmBaseModel) -> ArmLines:
             f"{spec.source}: lengths",
             f"{listed(missing)} {'has' if len(missing) == 1 else 'have'} no value, which a module needs",
             "give every named length its value [m]",
+        )
+    if spec.elastic and not rows.sensor_set:
+        remedy = f"choose one of the sensor sets {listed(spec.sensor_sets)}"
+        raise RenderError.at(
+            spec.source, "has elastic joints, of which motors and links are measured apart", remedy
         )
     place = {column: k for k, column in enumerate(model.columns)}
     kept = sorted((place[c], r, ref) for (r, c), ref in rows.entries.items() if c in place)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from modelgen.documents import Document
 from modelgen.errors import Problem
@@ -38,6 +39,12 @@ def usual_sensors(spec: ArmSpec) -> tuple[ArmSensor, ...]:
     """Return an encoder on every link, and one at the motor of every elastic joint."""
     motors = [ArmSensor(f"qm_{j.name}", j.name, "motor", "position") for j in spec.moving if j.elastic]
     return (*motors, *(ArmSensor(f"q_{joint.name}", joint.name, "link", "position") for joint in spec.moving))
+
+
+def without_springs(spec: ArmSpec) -> ArmSpec:
+    """Return the arm as it is in slow motion: every motor moves with its link, and no sensor is said."""
+    rigid = (replace(joint, stiffness=None, damping=None, stiffness3=None) for joint in spec.joints)
+    return replace(spec, joints=tuple(rigid), sensor_sets={})
 
 
 def _sensor(key: str, table: Document) -> ArmSensor:

@@ -9,10 +9,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from modelgen.errors import ModelError
+from modelgen.errors import ModelError, RenderError
 from modelgen.generated_module.module_check import module_problems
 from modelgen.render.arms.arm_writer import arm_module
 from modelgen.spec.arms.arm import ArmSensor, ArmSpec
+from modelgen.spec.arms.sensors import without_springs
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model, numerical_rank
 from modelgen.symbolic.arms.dynamics.lagrange import newton_minus_lagrange, vanishes
@@ -142,6 +143,12 @@ def test_what_a_set_cannot_give_is_said_with_the_sensor_that_would() -> None:
         assert needs in str(error.value) and 'joint = "1", side = "' in str(error.value)
     with pytest.raises(ModelError, match="has no sensor set 'x'"):
         arm_rows(two_link(), sensor_set="x")
+
+
+def test_a_module_says_what_is_measured_and_slow_motion_needs_no_springs() -> None:
+    with pytest.raises(RenderError, match="choose one of the sensor sets encoders"):
+        arm_module(arm_base_model(arm_rows(two_link())))
+    assert without_springs(spatial()) == serial(SPATIAL, drive=True)
 
 
 def test_one_elastic_joint_without_gravity_is_the_chain_of_the_paper() -> None:
