@@ -25,7 +25,11 @@ SUFFIXES = (
     ".mcap",
     ".bag",
     ".db3",
+    ".db3.zstd",
+    ".db3.zst",
 )
+# of files that are packed as a whole the suffix before tells the format
+PACKED = (".zstd", ".zst", ".gz", ".bz2", ".xz", ".zip")
 
 
 def open_source(path: Path) -> Source:
@@ -37,9 +41,12 @@ def open_source(path: Path) -> Source:
         When the file is absent, unreadable, or of no known format.
     """
     suffix = path.suffix.lower()
+    if suffix in PACKED:
+        suffix = path.with_suffix("").suffix.lower() + suffix
     if suffix not in SUFFIXES:
-        what = f"has the suffix {path.suffix!r}" if path.suffix else "has no suffix"
-        raise DataError.at(str(path), what, f"give a file of one of the formats {', '.join(SUFFIXES)}")
+        what = f"has the suffix {suffix!r}" if suffix else "has no suffix"
+        first = "unpack it, and " if path.suffix.lower() in PACKED else ""
+        raise DataError.at(str(path), what, f"{first}give a file of one of the formats {', '.join(SUFFIXES)}")
     check_file(path, TEXT_DATA if suffix in TEXT_SUFFIXES else DATA)
     try:
         source = _opener(suffix)(path)
@@ -72,7 +79,7 @@ def _opener(suffix: str) -> Callable[[Path], Source]:
         from modelgen.runtime.files.child_process.messages import open_mcap
 
         return open_mcap
-    if suffix in (".bag", ".db3"):
+    if suffix == ".bag" or suffix.startswith(".db3"):
         from modelgen.runtime.files.child_process.messages import open_rosbag
 
         return open_rosbag

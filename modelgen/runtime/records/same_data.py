@@ -2,12 +2,15 @@
 
 Records are compared by what they hold, whatever their files, formats, names and tags: whole records of equal
 length up to a factor and to rounding (a table of seven digits and the binary file), and, where they are in
-memory, any stretch that two records share sample by sample. Data with noise of its own is never that equal.
+memory, any stretch that two records share sample by sample. Data with noise of its own is never that equal:
+the difference of two records of one motion is larger than the noise of either, however small that is, that of
+a record and its rounded copy is at most the rounding of the copy.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import comb
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +19,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.records.thresholds import NEAR, ROUNDING, SHARED
+from modelgen.runtime.records.thresholds import EXACT, NEAR, ROUNDING, SHARED, TWICE
 
 #: Stretches at which two records are looked at first, and the samples of each.
 STRETCHES, WIDTH = 16, 32
@@ -100,15 +103,28 @@ def same_throughout(first: Channels, second: Channels, channels: Sequence[str]) 
 
 
 def _agrees(first: Channels, second: Channels, channel: str) -> bool:
-    """Tell whether a channel of two records is the same up to a factor."""
+    """Tell whether a channel of two records is the same up to a factor and to rounding."""
     factor, peak = _factor(first, second, channel)
+    noise, products = np.zeros(2), np.zeros(3)
     for start in range(0, first.n, CHUNK):
         stop = min(start + CHUNK, first.n)
         a, b = (np.asarray(source.read(channel, start, stop)) for source in (first, second))
         with np.errstate(invalid="ignore"):
-            if not np.all((np.abs(a * factor - b) <= ROUNDING * peak) | (np.isnan(a) & np.isnan(b))):
+            apart = a * factor - b
+            if not np.all((np.abs(apart) <= ROUNDING * peak) | (np.isnan(a) & np.isnan(b))):
                 return False
-    return True
+        known = np.isfinite(apart)
+        a, b, apart = a[known] * factor, b[known], apart[known]
+        noise += [_noise(a) @ _noise(a), _noise(b) @ _noise(b)]
+        products += [apart @ apart, apart @ a, a @ a]
+    # the factor is that of one rounded sample
+    left = products[0] - products[1] ** 2 / products[2] if products[2] else 0.0
+    return bool(left <= max(TWICE**2 * noise.max(), first.n * (EXACT * peak) ** 2))
+
+
+def _noise(samples: FloatArray) -> FloatArray:
+    """Return what is as large as the noise of samples, and hardly holds what changes slowly, shape (n - 6,)."""
+    return np.diff(samples, 6) / np.sqrt(comb(12, 6))
 
 
 def _factor(first: Channels, second: Channels, channel: str) -> tuple[float, float]:

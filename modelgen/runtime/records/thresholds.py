@@ -19,6 +19,11 @@ ACTIVE = 0.36
 
 # Samples that differ by less than this share of the largest are equal: a table of six digits.
 ROUNDING = 6e-6
+# Two noises of one size differ by the root of two of it, a record and its rounded copy by no more than the
+# rounding, which is the copy's noise.
+TWICE = 1.2
+# Of the largest sample: what changing a unit leaves.
+EXACT = 1e-13
 # In units of a look's own largest sample, which may be far below the largest of all.
 NEAR = 1e-3
 # Two records that share so many changing samples, sample by sample, share a stretch.

@@ -108,6 +108,29 @@ def test_data_with_noise_of_its_own_passes(seed: int, resolution: float, rest: i
     refuse_same_data(sources, MODEL.channels)
 
 
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.floats(-11.0, -5.5), st.sampled_from([0.0, 1.0]))
+def test_the_same_motion_measured_twice_passes_however_small_the_noise(
+    seed: int, exponent: float, of_force: float
+) -> None:
+    """As `simulate` with another seed: forces may be equal to the last bit, readings are not."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(3000) / 1000.0
+    clean = {"q_m": np.sin(5.0 * t), "q_c": np.sin(5.0 * t - 0.1), "Gamma_m": 3.0 * np.cos(7.0 * t)}
+    noise = {"q_m": 10**exponent, "q_c": 10**exponent, "Gamma_m": of_force * 10**exponent}
+
+    def reading() -> Signals:
+        return {key: one + noise[key] * rng.standard_normal(t.size) for key, one in clean.items()}
+
+    first, second = reading(), reading()
+    refuse_same_data([Record(first, 1000.0, "1"), Record(second, 1000.0, "2")], MODEL.channels)
+    for dress in (as_it_is, seven_digits, another_unit):
+        with pytest.raises(DataError, match="2: holds the same data as 1"):
+            refuse_same_data(
+                [Record(first, 1000.0, "1"), Record(dress(first, rng), 1000.0, "2")], MODEL.channels
+            )
+
+
 def test_every_way_to_an_estimate_refuses_it(tmp_path: Path) -> None:
     record = simulate(MODEL, MODEL.parameter_sets["table_2"], "chirp", duration_s=1.0, oversample=4).record
     again = Record(dict(record.signals), record.fs, "again", "trapezoid")

@@ -1,7 +1,8 @@
 """Calls of a reading process (`reader_child`) about bags of ROS 1 (.bag) and of ROS 2 (.db3, SQLite).
 
 Both are read by hand: the library for bags executes code that it makes of the definitions in them.
-http://wiki.ros.org/Bags/Format/2.0; messages become columns as in `message_columns`.
+http://wiki.ros.org/Bags/Format/2.0; messages become columns as in `message_columns`. rosbag2 packs single messages
+by zstd, or the whole file (.db3.zstd).
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ from modelgen.runtime.files.child_process.ros_messages import decoder
 MAGIC = b"#ROSBAG V2.0\n"
 MESSAGE, CHUNK, CONNECTION = 0x02, 0x05, 0x07
 LARGEST_CHUNK = 1 << 30  # bytes, unpacked
+LARGEST_BASE = 1 << 32
+PIECE = 1 << 20
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"  # no message begins so: CDR has a zero first
 
 
 def listing(path: Path) -> Iterator[Any]:
@@ -130,6 +134,23 @@ def _lz4(data: bytes, most: int) -> bytes:
     return bytes(frame.LZ4FrameDecompressor().decompress(data, most))
 
 
+def _zstd(data: bytes, most: int) -> bytes:
+    try:
+        library = import_module("zstandard")  # comes with mcap
+    except ImportError as error:
+        raise ValueError("it is packed by zstd, which needs pip install 'modelgen[io]'") from error
+    found = bytearray()
+    try:
+        with library.ZstdDecompressor().stream_reader(data) as stream:
+            while piece := stream.read(PIECE):
+                found += piece
+                if len(found) > most:
+                    raise MemoryError
+    except MemoryError as error:
+        raise ValueError(f"it unpacks to more than {len(found)} bytes") from error
+    return bytes(found)
+
+
 def _size(data: bytes) -> int:
     if len(data) < 4:
         raise ValueError("it ends within a record")
@@ -144,7 +165,7 @@ def _exactly(file: BinaryIO, size: int) -> bytes:
 
 
 def _of_ros2(path: Path) -> Iterator[Message]:
-    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as base:
+    with closing(_base(path)) as base:
         base.execute("PRAGMA trusted_schema = OFF")
         tables = dict(base.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table'"))
         plain = [name for name, sql in tables.items() if "virtual" not in str(sql).lower()[:40]]
@@ -168,4 +189,15 @@ def _of_ros2(path: Path) -> Iterator[Message]:
             "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
         ):
             if number in topics:
-                yield (*topics[number], bytes(data), int(stamp))
+                raw = bytes(data)
+                held = _zstd(raw, LARGEST_CHUNK) if raw.startswith(ZSTD_MAGIC) else raw
+                yield (*topics[number], held, int(stamp))
+
+
+def _base(path: Path) -> sqlite3.Connection:
+    if path.suffix.lower() == ".db3":
+        return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+    base = sqlite3.connect(":memory:")
+    with open_file(path, DATA) as file:
+        base.deserialize(_zstd(file.read(), LARGEST_BASE))
+    return base

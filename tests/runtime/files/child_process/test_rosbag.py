@@ -143,11 +143,33 @@ def db3(path: Path, definition: str | None = ROS2, kind: str = "drive/msg/Joints
         base.commit()
 
 
+def packed_messages(path: Path) -> None:
+    """A bag whose messages are packed one by one, as rosbag2 does in its mode MESSAGE."""
+    zstandard = pytest.importorskip("zstandard")
+    db3(path)
+    with closing(sqlite3.connect(path)) as base:
+        for key, data in list(base.execute("SELECT id, data FROM messages")):
+            packed = zstandard.ZstdCompressor().compress(data)
+            base.execute("UPDATE messages SET data = ? WHERE id = ?", (packed, key))
+        base.commit()
+
+
+def packed_file(path: Path) -> None:
+    """A bag that is packed as a whole, as rosbag2 does in its mode FILE."""
+    zstandard = pytest.importorskip("zstandard")
+    plain = path.with_name("unpacked.db3")
+    db3(plain)
+    path.write_bytes(zstandard.ZstdCompressor().compress(plain.read_bytes()))
+    plain.unlink()
+
+
 MADE: dict[str, Callable[[Path], None]] = {
     "plain.bag": bag,
     "bz2.bag": lambda path: bag(path, "bz2"),
     "lz4.bag": lambda path: bag(path, "lz4"),
     "iron.db3": db3,
+    "messages.db3": packed_messages,
+    "file.db3.zstd": packed_file,
 }
 
 
@@ -232,3 +254,19 @@ def test_views_in_place_of_tables_are_refused(tmp_path: Path) -> None:
         base.commit()
     with pytest.raises(DataError, match="has no tables topics and messages"):
         open_source(tmp_path / "view.db3")
+
+
+def test_what_unpacks_without_end_is_refused(tmp_path: Path) -> None:
+    zstandard = pytest.importorskip("zstandard")
+    packer = zstandard.ZstdCompressor().compressobj()
+    pieces = [packer.compress(bytes(1 << 24)) for _ in range(20)]
+    (tmp_path / "large.db3.zstd").write_bytes(b"".join([*pieces, packer.flush()]))
+    with pytest.raises(DataError, match=r"unpacks to more than \d+ bytes"):
+        open_source(tmp_path / "large.db3.zstd")
+
+
+@pytest.mark.parametrize("name", ["a.csv.gz", "a.mcap.zstd"])
+def test_other_packed_files_are_to_be_unpacked(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(DataError, match=r"has the suffix '\.\w+\.\w+'; unpack it, and give"):
+        open_source(tmp_path / name)
