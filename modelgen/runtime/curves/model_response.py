@@ -2,7 +2,7 @@
 
 C (j w I - A)^-1 B + D of the module's state space. Coulomb friction and cubic springs enter with the gains
 that they have at a record's amplitude (`equivalent_gains`). The band is the delta method on log H: magnitudes
-have factors, phases have degrees.
+have factors, phases have degrees; what is hardly known reaches further (`UncertainChain.cautious_root`).
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def model_response(
 
     H = at(chain.by_name)
     slopes = _log_slopes(at, chain)
-    spread = slopes @ chain.root
+    spread = slopes @ chain.cautious_root
     left = np.abs(slopes * np.abs(chain.values)) @ np.abs(chain.open_but_damping)
     told = np.asarray((left <= OPEN_SHARE).all(axis=1))
     unit = response_unit(model, output, input)

@@ -20,6 +20,8 @@ MOST_LOG = 5.0
 # this share of them; a mode is left open if that is this share of the mode's own deviation, and of its value.
 LOOSE_SHARE = 0.2
 LOOSE_PART, LOOSE_SIZE = 0.3, 0.005
+# Such a direction reaches as far as its reciprocal does, at most by this factor.
+FARTHEST = 4.0
 # A mode depends on what the records leave open if more than this share of its slope lies there.
 OPEN_SHARE = 1e-5
 # Open directions are tried out by so much of a parameter's size: a slope may be zero by chance.

@@ -9,7 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.modes.thresholds import FULLY_OPEN, LOOSE_PART, LOOSE_SHARE, MOST_LOG
+from modelgen.runtime.modes.thresholds import FARTHEST, FULLY_OPEN, LOOSE_PART, LOOSE_SHARE, MOST_LOG, Z95
 from modelgen.runtime.parameters.composite_fit import fit_composites
 from modelgen.runtime.parameters.thresholds import RANK_TOLERANCE
 
@@ -52,6 +52,25 @@ class UncertainChain:
             return ()
         lost = np.linalg.norm(self.loose, axis=1) > LOOSE_PART * LOOSE_SHARE * np.abs(self.values)
         return tuple(name for name, one in zip(self.names, lost, strict=True) if one)
+
+    @property
+    def cautious_root(self) -> FloatArray:
+        """`root` with what is too uncertain reaching as far as the intervals of reciprocals, same shape.
+
+        The deviation of a composite that is hardly known grows with it, nearly as its square: that stated at
+        too small an estimate is too small, and the reciprocal is nearer to normal than the number (the
+        interval of a ratio with an uncertain divisor, Fieller 1954).
+        """
+        if self.loose is None or not self.loose.any():
+            return self.root
+        size = np.where(self.values == 0.0, 1.0, np.abs(self.values))[:, None]
+        U, s, Vt = np.linalg.svd(self.loose / size, full_matrices=False)
+        reach = Z95 * np.abs(U).max(axis=0) * s
+        far = reach > Z95 * LOOSE_PART * LOOSE_SHARE
+        wider = np.zeros_like(s)
+        ends = -np.log(np.maximum(1.0 - reach[far], 1.0 / FARTHEST))
+        wider[far] = np.maximum(ends / reach[far], 1.0) - 1.0
+        return np.asarray(self.root + size * (U * (s * wider) @ Vt))
 
     def moved(self, by: FloatArray, inertias: frozenset[str]) -> dict[str, float]:
         """Return the values moved; inertias by their logarithms, so that none falls below zero."""

@@ -1,8 +1,8 @@
 """Calls of a reading process (`reader_child`) about bags of ROS 1 (.bag) and of ROS 2 (.db3, SQLite).
 
 Both are read by hand: the library for bags executes code that it makes of the definitions in them.
-http://wiki.ros.org/Bags/Format/2.0; messages become columns as in `message_columns`. rosbag2 packs single messages
-by zstd, or the whole file (.db3.zstd).
+http://wiki.ros.org/Bags/Format/2.0; messages become columns as in `message_columns`. rosbag2 packs single
+messages by zstd, or the whole file (.db3.zstd).
 """
 
 from __future__ import annotations
