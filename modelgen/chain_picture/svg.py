@@ -150,7 +150,11 @@ def _body_width(body: DrawnBody) -> float:
 
 def _link_width(link: DrawnLink) -> float:
     longest = max(width(", ".join(link.springs)), width(link.damping or ""))
-    return max(112.0, longest + 36.0) + (GEAR if link.ratio else 0.0)
+    return max(112.0, longest + 36.0) + _gear_room(link)
+
+
+def _gear_room(link: DrawnLink) -> float:
+    return max(GEAR, width(f"{link.ratio} : 1") + 6.0) if link.ratio else 0.0
 
 
 def _sensed(sensor: DrawnDeflection) -> float:
@@ -209,8 +213,12 @@ def _elements(left: float, right: float, y: float, link: DrawnLink, first_left: 
     """Return spring, damper and gear of a link; the gear is at the side of its first body."""
     pieces = []
     if link.ratio:
-        pieces.append(gear(left if first_left else right - GEAR, y, link.ratio))
-        left, right = (left + GEAR, right) if first_left else (left, right - GEAR)
+        room = _gear_room(link)
+        begin, spare = left if first_left else right - room, 0.5 * (room - GEAR)
+        pieces.append(gear(begin + spare, y, link.ratio))
+        if spare:
+            pieces += [path([(x, y), (x + spare, y)]) for x in (begin, begin + room - spare)]
+        left, right = (left + room, right) if first_left else (left, right - room)
     name = ", ".join(link.springs)
     middle = 0.5 * (left + right)
     if not link.damping:

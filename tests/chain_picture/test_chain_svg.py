@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from modelgen.chain_picture.diagram import GROUND, ChainDiagram, DrawnBody, DrawnDeflection, DrawnLink
 from modelgen.chain_picture.svg import chain_svg
+from modelgen.chain_picture.symbols import width
 from modelgen.chain_picture.tree import branches
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -91,6 +92,10 @@ def test_everything_is_named_once_and_no_two_bodies_lie_on_each_other(diagram: C
         assert x >= 0 and x + w <= wide and y >= 0 and y + h <= high
     for (ax, ay, aw, ah), (bx, by, bw, bh) in ((a, b) for i, a in enumerate(boxes) for b in boxes[:i]):
         assert ax + aw < bx or bx + bw < ax or ay + ah < by or by + bh < ay
+    for label in root.iter(f"{SVG}text"):
+        if (label.text or "").endswith(" : 1"):
+            at, level, half = float(label.attrib["x"]), float(label.attrib["y"]), 0.5 * width(str(label.text))
+            assert not any(x < at + half and at - half < x + w and y < level < y + h for x, y, w, h in boxes)
     for d in re.findall(r' d="([^"]+)"', svg):
         for x, y in re.findall(r"[ML]([-\d.e]+) ([-\d.e]+)", d):
             assert -1 <= float(x) <= wide + 1 and -1 <= float(y) <= high + 1

@@ -18,6 +18,7 @@ from modelgen.runtime.curves.model_response import (
     response_unit,
 )
 from modelgen.runtime.curves.thresholds import CURVE_POINTS, MOST_POINTS
+from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.frequency_response import FrequencyResponse
 from modelgen.runtime.records.record import Record, missing_name
@@ -44,7 +45,7 @@ def responses(
     outputs: Sequence[str] | None = None,
     input: str | None = None,
 ) -> list[ResponsePair]:
-    """Return the responses of sensors over one force of a record.
+    """Return the responses of sensors over one force of a record, delays that the estimate found taken out.
 
     Parameters
     ----------
@@ -62,7 +63,8 @@ def responses(
     DataError
         When a name is no sensor or actuator of the record, or no force moves.
     """
-    force = _force(model, record, input)
+    force, late = _force(model, record, input), estimate.delays
+    record = advanced(record, late)
     keys = [s.key for s in model.sensors if s.key in record.signals]
     wanted = keys if outputs is None else list(outputs)
     problems = [missing_name(record.name, "sensor", key, keys) for key in wanted if key not in keys]
@@ -74,7 +76,22 @@ def responses(
     except DataError as error:
         # no chain has such parameters: what was measured is drawn all the same
         return [_measured_alone(model, record, key, force, str(error)) for key in wanted]
-    return [_pair(chain, gains, record, key, force) for key in wanted]
+    pairs = [_pair(chain, gains, record, key, force) for key in wanted]
+    notes = {k: _late(k, late.get(k, 0.0), estimate.fit.filtering.cutoff_hz) for k in (force, *wanted)}
+    return [
+        replace(
+            pair, modelled=replace(pair.modelled, notes=(*pair.modelled.notes, *notes[force], *notes[key]))
+        )
+        for key, pair in zip(wanted, pairs, strict=True)
+    ]
+
+
+def _late(key: str, delay_s: float, cutoff_hz: float) -> tuple[str, ...]:
+    """Return what is said of a delay that was found and taken out, where it turns a phase by a degree."""
+    if abs(360.0 * delay_s * cutoff_hz) < 1.0:
+        return ()
+    word = "late" if delay_s > 0.0 else "early"
+    return (f"measured without the delay that was found: {key} is {1e3 * abs(delay_s):.3g} ms {word}",)
 
 
 def moving_forces(model: Model, record: Record) -> list[str]:

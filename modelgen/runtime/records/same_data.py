@@ -123,8 +123,8 @@ def _agrees(first: Channels, second: Channels, channel: str) -> bool:
 
 
 def _noise(samples: FloatArray) -> FloatArray:
-    """Return what is as large as the noise of samples and hardly holds what changes slowly, shape (n - 6,)."""
-    return np.diff(samples, 6) / np.sqrt(comb(12, 6))
+    """Return what is as large as the noise of samples and holds little else, shape (n - 6,)."""
+    return np.asarray(np.diff(samples, 6) / np.sqrt(comb(12, 6)))
 
 
 def _factor(first: Channels, second: Channels, channel: str) -> tuple[float, float]:
