@@ -18,6 +18,7 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.tails import chi_square_tail
 from modelgen.runtime.records.directions import wanted_directions
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.results.estimate import Estimate
@@ -169,8 +170,6 @@ def consistency(estimates: Mapping[str, Estimate]) -> tuple[Consistency, ...]:
 
 
 def _test(first: str, a: Estimate, second: str, b: Estimate) -> Consistency:
-    from scipy.stats import chi2
-
     common = tuple(name for name in a.params if name in b.params)
     difference = np.array([a.params[name] - b.params[name] for name in common])
     covariance = np.zeros((len(common),) * 2)
@@ -181,5 +180,5 @@ def _test(first: str, a: Estimate, second: str, b: Estimate) -> Consistency:
     scaled = difference / std
     # on standard deviations of 1: the sizes of the parameters differ by many decades
     statistic = float(scaled @ np.linalg.pinv(covariance / np.outer(std, std), hermitian=True) @ scaled)
-    p_value = float(chi2.sf(statistic, len(common))) if isfinite(statistic) else 0.0
+    p_value = chi_square_tail(statistic, len(common)) if isfinite(statistic) else 0.0
     return Consistency(first, second, common, tuple(float(value) for value in scaled), statistic, p_value)

@@ -20,6 +20,7 @@ from modelgen.runtime.diagnostics.thresholds import CONFIDENCE, MOST_CLUSTERS
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import influence_parts
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.tails import chi_square_beyond
 from modelgen.runtime.records.period import found_period, lag_correlation
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.thresholds import FEWEST_PERIODS, LEAST_CORRELATION
@@ -112,10 +113,8 @@ def spread_beyond_noise(found: PeriodSpread, noise: FloatArray) -> FloatArray:
 
     Noise that changes from period to period (drift, temperature) hides from residuals within a period.
     """
-    from scipy.stats import chi2
-
     own, theirs = np.diag(found.covariance), np.diag(noise)
-    limit = float(chi2.isf((1.0 - CONFIDENCE) / len(own), found.count - 1)) / (found.count - 1)
+    limit = chi_square_beyond((1.0 - CONFIDENCE) / len(own), found.count - 1) / (found.count - 1)
     more = np.where(own > limit * theirs, np.maximum(own - theirs, 0.0), 0.0)
     return np.asarray(np.diag(more))
 

@@ -26,6 +26,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.least_squares.fit import Fit, FittedStretch
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.tails import normal_beyond
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.thresholds import FEWEST_PERIODS
 from modelgen.runtime.rows.row_block import STRETCH
@@ -193,8 +194,6 @@ def residual_advice(tests: Sequence[ResidualTest]) -> tuple[Advice, ...]:
 
 def _correlation(fit: Fit, index: int, run: FittedStretch, step_s: float) -> Correlation | None:
     """Return the largest correlation, against its bound, of a stretch of a residual with past inputs."""
-    from scipy.stats import norm
-
     e = run.residual - run.residual.mean()
     touched = fit.touched(index)
     n = len(e)
@@ -203,7 +202,7 @@ def _correlation(fit: Fit, index: int, run: FittedStretch, step_s: float) -> Cor
     E = np.fft.rfft(e, size)
     density = _smooth(np.abs(E) ** 2)
     count = len(fit.blocks) * lags * len(fit.columns)
-    quantile = float(norm.isf(0.5 * (1.0 - CONFIDENCE) / count))
+    quantile = normal_beyond(0.5 * (1.0 - CONFIDENCE) / count)
     best: tuple[float, Correlation] | None = None
     inputs = run.regressor * fit.solution.x[touched]
     least = 1e-9 * max(float(inputs.max()), -float(inputs.min()))

@@ -25,6 +25,8 @@ from modelgen.runtime.diagnostics.thresholds import (
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import gain
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.nonnegative import nonnegative
+from modelgen.runtime.numerics.tails import chi_square_beyond
 from modelgen.runtime.rows.row_block import RowBlock
 
 
@@ -85,14 +87,12 @@ def whiteness(found: Coloured, tests: int = 1) -> tuple[float, float]:
     each of them the variance 1 / (2 m). With a right model all of so many `tests` stay below the bound in 99
     %.
     """
-    from scipy.stats import chi2
-
     lines = found.whitened
     m = len(lines)
     lags = min(WHITENESS_LAGS, m // 4)
     place = (np.arange(m) + 0.5) / m
     correlation = np.cos(np.pi * np.outer(np.arange(1, lags + 1), place)) @ lines / m
-    return float(2.0 * m * np.sum(correlation**2)), float(chi2.isf((1.0 - CONFIDENCE) / tests, lags))
+    return float(2.0 * m * np.sum(correlation**2)), chi_square_beyond((1.0 - CONFIDENCE) / tests, lags)
 
 
 def _shapes(
@@ -153,11 +153,9 @@ def response(terms: list[tuple[float, int]], frequency_hz: FloatArray) -> npt.ND
 
 def _fitted(shapes: FloatArray, power: FloatArray) -> FloatArray:
     """Return the sum of shapes, none negative, that fits a periodogram, by weighted least squares."""
-    from scipy.optimize import nnls
-
     scale = shapes.max(axis=0)
     noise = np.full(len(power), power.mean())
     for _ in range(WHITENESS_ROUNDS):
-        levels, _ = nnls(shapes / scale / noise[:, None], power / noise)
+        levels = nonnegative(shapes / scale / noise[:, None], power / noise)
         noise = np.maximum(shapes @ (levels / scale), 1e-12 * power.mean())
     return noise

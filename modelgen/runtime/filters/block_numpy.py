@@ -60,7 +60,8 @@ class BlockProduct:
         forward = product(whole[: margin + inside - block].reshape(-1, block), tables.gather)
         behind = whole[len(whole) - margin - inside + block :]
         backward = product(behind.reshape(-1, block), tables.gather_back)
-        scan_all(forward, backward, tables.powers)
+        scan(forward, tables.powers)
+        scan(backward, tables.powers, backward=True)
         body = whole[margin : len(whole) - margin]
         near = body.reshape(-1, block) if wide == block else _overlapping(body, block, wide)
         spread = tables.spread.reshape(len(tables.spread), -1)
@@ -102,25 +103,29 @@ def window(samples: FloatArray, start: int, stop: int) -> FloatArray:
     return padded
 
 
-def scan_all(forward: FloatArray, backward: FloatArray, powers: FloatArray) -> None:
-    """Replace s_b by the sum over the blocks a up to b (from b on) of s_a, carried over |b - a| blocks.
+def scan(states: FloatArray, powers: FloatArray, backward: bool = False) -> None:
+    """Replace s_b by the sum over the blocks a up to b (from b on, if `backward`) of s_a, carried to b.
 
     After step i every row holds the sum over 2^i blocks; the transition over twice the last power counts as
     zero.
 
     Parameters
     ----------
-    forward, backward : array, shape (blocks, n)
+    states : array, shape (blocks, n)
         Changed in place.
     powers : array, shape (levels, n, n)
         Transposed transition over 1, 2, 4, ... blocks.
+    backward : bool
     """
     hop = 1
     for power in powers:
-        if hop >= len(forward):
+        if hop >= len(states):
             break
-        forward[hop:] += product(forward[:-hop], power)
-        backward[:-hop] += product(backward[hop:], power)
+        later, earlier = states[hop:], states[:-hop]
+        if backward:
+            earlier += product(later, power)
+        else:
+            later += product(earlier, power)
         hop *= 2
 
 

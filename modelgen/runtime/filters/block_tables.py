@@ -119,12 +119,12 @@ def block_tables(
         len(derivatives),
         one_sample[::-1].copy(),
         one_sample,
-        _powers(A, block),
+        powers_of(A, block),
         np.concatenate([near, before_all, behind_all]),
     )
 
 
-def _powers(A: FloatArray, block: int) -> FloatArray:
+def powers_of(A: FloatArray, block: int) -> FloatArray:
     """Return the transposes of A^block, A^(2 block), ... down to rounding, shape (levels, states, states)."""
     power = np.linalg.matrix_power(A, block).T
     found = [power]

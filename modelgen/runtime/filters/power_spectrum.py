@@ -79,9 +79,16 @@ def quick_length(n: int) -> int:
 
     A transform of prime length takes several times as long; padding with so few zeros changes no density.
     """
-    from scipy.fft import next_fast_len
-
-    return int(next_fast_len(n, real=True))
+    best = 1 << max(n - 1, 0).bit_length()
+    fives = 1
+    while fives < best:
+        odd = fives
+        while odd < best:
+            # the least power of two that makes it long enough
+            best = min(best, odd << max(-(-n // odd) - 1, 0).bit_length())
+            odd *= 3
+        fives *= 5
+    return best
 
 
 def band_limit_hz(frequency_hz: FloatArray, power: FloatArray, share: float, up_to_hz: float) -> float | None:

@@ -55,7 +55,7 @@ def kernels(sos: FloatArray, derivatives: Sequence[int], stencil: Sequence[float
     DataError
         When the response of the filter takes more than half a million samples to end.
     """
-    n = _table_length(sos)
+    n = table_length(sos)
     frequency = np.arange(n // 2 + 1) * (2.0 * np.pi / n)
     gain = squared_gain(sos, np.sin(0.5 * frequency) ** 2)
     slope = sum((2.0 * c * np.sin(k * frequency) for k, c in enumerate(stencil, start=1)), np.zeros(1))
@@ -90,12 +90,29 @@ def _squared(c0: float, c1: float, c2: float, half_sine: FloatArray) -> FloatArr
     return np.asarray(at_zero**2 + 4.0 * half_sine * linear + 16.0 * c0 * c2 * half_sine**2)
 
 
-def _table_length(sos: FloatArray) -> int:
-    """Return a power of two at which the tails of the response do not fold back into it."""
-    radius = longest_radius(sos)
-    # poles that lie close together decay like k^m r^k: half as long again
-    half = 1.5 * np.log(KERNEL_TOLERANCE) / np.log(radius) if 0.0 < radius < 1.0 else np.inf
-    if half > LONGEST_KERNEL // 2:
-        what = f"has a pole at {radius:.9g}, so its response takes too long to end"
+def table_length(sos: FloatArray) -> int:
+    """Return a power of two at which the tails of the response do not fold back into it.
+
+    Raises
+    ------
+    DataError
+        When the response takes more than half a million samples to end.
+    """
+    if not is_tabled(sos):
+        what = f"has a pole at {longest_radius(sos):.9g}, so its response takes too long to end"
         raise DataError.at("filter", what, "give a higher cut-off frequency, or a stable filter")
-    return int(2 ** np.ceil(np.log2(2.0 * max(half, 64.0))))
+    return int(2 ** np.ceil(np.log2(2.0 * max(_ending(sos), 64.0))))
+
+
+def is_tabled(sos: FloatArray) -> bool:
+    """Return whether the response of sections, shape (sections, 6), ends within half a million samples."""
+    return _ending(sos) <= LONGEST_KERNEL // 2
+
+
+def _ending(sos: FloatArray) -> float:
+    """Return after how many samples the response is over."""
+    radius = longest_radius(sos)
+    if radius == 0.0:
+        return 0.0
+    # poles that lie close together decay like k^m r^k: half as long again
+    return float(1.5 * np.log(KERNEL_TOLERANCE) / np.log(radius)) if radius < 1.0 else float("inf")

@@ -8,7 +8,9 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
+from modelgen.runtime.filters.butterworth import butterworth
 from modelgen.runtime.filters.derivatives import differentiate
+from modelgen.runtime.filters.one_pass import forward_and_backward
 
 # Chebyshev I of MATLAB's `decimate`: order, ripple in dB, cut-off as a fraction of the new Nyquist frequency
 DECIMATE_ORDER = 8
@@ -33,18 +35,7 @@ def zero_phase(samples: FloatArray, order: int, cutoff_hz: float, fs: float) -> 
     -------
     array, shape (n,)
     """
-    from scipy.signal import sosfiltfilt
-
-    sos = _butterworth(order, cutoff_hz, fs)
-    return np.asarray(sosfiltfilt(sos, samples, padtype="odd", padlen=3 * order), dtype=float)
-
-
-@lru_cache(maxsize=64)
-def _butterworth(order: int, cutoff_hz: float, fs: float) -> FloatArray:
-    """Return the filter's second-order sections; designing them takes as long as filtering a short record."""
-    from scipy.signal import butter
-
-    return np.asarray(butter(order, cutoff_hz, output="sos", fs=fs), dtype=float)
+    return forward_and_backward(butterworth(order, cutoff_hz, fs), samples, 3 * order)
 
 
 @lru_cache(maxsize=64)
@@ -54,16 +45,14 @@ def support_samples(order: int, cutoff_hz: float, fs: float, derivative: int, to
     Beyond it the response to an impulse stays below `tolerance` times its own peak: a disturbance at one
     sample (a jump of the friction, the end of the record) is not felt farther away than this.
     """
-    from scipy.signal import sosfiltfilt
-
-    sos = _butterworth(order, cutoff_hz, fs)
     half = int(np.ceil((2.0 - np.log10(tolerance)) * order * fs / cutoff_hz)) + 8 * (derivative + 1)
     if half > MOST_REACH:
         what = f"of {cutoff_hz:g} Hz reaches over {2 * half:.3g} samples at {fs:g} Hz"
         raise DataError.at("cut-off", what, "give a higher cut-off")
     impulse = np.zeros(2 * half + 1)
     impulse[half] = 1.0
-    response = np.abs(differentiate(sosfiltfilt(sos, impulse, padtype=None), 1.0, derivative))
+    low_passed = forward_and_backward(butterworth(order, cutoff_hz, fs), impulse, 0)
+    response = np.abs(differentiate(low_passed, 1.0, derivative))
     # the ends of the array are ends of a record too: differences there are one-sided
     inside = response[half : 2 * half - 4 * derivative]
     return int(np.flatnonzero(inside > tolerance * inside.max())[-1]) + 1

@@ -92,10 +92,10 @@ def _with_usable_cutoff(task: Task) -> Task:
     return replace(task, choice=choice, job=replace(task.job, choice=choice))
 
 
-def _exceeding(one: Begun) -> bool:
-    """Tell whether a row leaves clearly more than noise of the sensors."""
+def _exceeding(one: Begun, share: float = 0.0) -> bool:
+    """Tell whether a row leaves clearly more than noise, and more than that share of its largest term."""
     job = one.task.job
-    return bool(exceeding_noise(job.model, job.records, job.choice, one.found.fit, OVER_NOISE))
+    return bool(exceeding_noise(job.model, job.records, job.choice, one.found.fit, OVER_NOISE, share))
 
 
 def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
@@ -156,8 +156,8 @@ def _instrumental(task: Task, method: IV) -> Begun:
 
 
 def _unexplained(one: Begun) -> bool:
-    """Tell whether a row is left unexplained, or effects were found and still leave more than noise."""
-    return max(one.found.fit.left_shares) > LEFT_SHARE or (bool(one.found.effects) and _exceeding(one))
+    """Tell whether noise does not explain a row that is left, or what is left where effects were found."""
+    return bool(_exceeding(one, LEFT_SHARE) or (one.found.effects and _exceeding(one)))
 
 
 def _explained(task: Task, method: IV) -> Begun:

@@ -108,7 +108,10 @@ def simulated_beside(
 ) -> Simulated:
     """Return the same with the plant and the signals of all bodies; `index` says which record it is."""
     plant, motion = _beside(model, parameters, record, choice, loop)
-    return Simulated(plant, _as_read(record, readings(plant, motion)), true_signals(plant, motion), index)
+    true = true_signals(plant, motion)
+    keys = [entry.key for entry in model.actuators] + [entry.key for entry in model.sensors]
+    read = {key: true[key] for key in keys}
+    return Simulated(plant, _as_read(record, read), true, index)
 
 
 def _beside(

@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from modelgen.array_types import ComplexArray, FloatArray
+from modelgen.runtime.filters.one_pass import one_pass
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect, curvature
@@ -105,11 +106,9 @@ def _bent_further(key: str) -> Callable[[Simulated, float], Changes]:
     """Return what a longer time constant adds behind a lag of this size: s^2 / (1 + tau s)."""
 
     def changes(simulated: Simulated, size: float) -> Changes:
-        from scipy.signal import lfilter
-
         bent = curvature(simulated.record.signals[key], simulated.record.dt)
         tau = float(np.sqrt(2.0 * abs(size))) / simulated.record.dt
         # the trapezoidal rule has no delay
-        return {key: np.asarray(lfilter([0.5, 0.5], [0.5 + tau, 0.5 - tau], bent))}
+        return {key: one_pass(((0.5, 0.5, 0.0, 0.5 + tau, 0.5 - tau, 0.0),)).apply(bent)}
 
     return changes

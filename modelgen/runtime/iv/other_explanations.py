@@ -16,6 +16,7 @@ from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.score_tests import apart, largest_overlooked, regressors, stacked
 from modelgen.runtime.iv.thresholds import AS_GOOD, EXACTNESS, LARGEST_SHARE, LEVEL, LITTLE_OWN
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.numerics.tails import normal_beyond
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,14 +69,12 @@ def other_explanations(
     array, shape (c, c)
         Mean square of the differences of X.
     """
-    from scipy.stats import norm
-
     c = len(fit.columns)
     found: list[list[tuple[Effect, float]]] = [[] for _ in effects]
     drift = np.zeros((c, c))
     if not others or not effects:
         return found, drift
-    critical = float(norm.isf(0.5 * LEVEL / len(others))) ** 2
+    critical = normal_beyond(0.5 * LEVEL / len(others)) ** 2
     G = np.stack([stacked(fit, one) for one in looked.tested], axis=1)
     whole = np.sum(G**2, axis=0)
     for index, (size, std) in enumerate(zip(sizes, stds, strict=True)):

@@ -25,6 +25,7 @@ from modelgen.runtime.iv.thresholds import (
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_run_covariance
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.tails import normal_beyond
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +83,6 @@ def scores(
     slope : array, shape (c, p), optional
         How X grows with the p parameters that were fitted in its place.
     """
-    from scipy.stats import norm
-
     if not effects:
         return ()
     R, free = regressors(fit, others, slope)
@@ -95,7 +94,7 @@ def scores(
     seen = np.flatnonzero(power > LEAST_OWN_SHARE * whole)
     sizes = own[:, seen].T @ r / power[seen]
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
-    critical = float(norm.isf(0.5 * LEVEL / max(len(seen), 1)))
+    critical = normal_beyond(0.5 * LEVEL / max(len(seen), 1))
     largest = largest_overlooked(fit, R[:, :free])
     share_of = (power / np.maximum(whole, np.finfo(float).tiny)).tolist()
     explained = sizes**2 * power[seen] / float(r @ r)

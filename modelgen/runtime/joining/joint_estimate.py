@@ -14,6 +14,7 @@ from modelgen.runtime.joining.sensor_set_part import SensorSetPart
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.chain_of_fit import modes_of_fit
 from modelgen.runtime.modes.uncertain_chain import UncertainChain, chain_around, square_root, uncertain_chain
+from modelgen.runtime.numerics.tails import chi_square_tail
 from modelgen.runtime.parameters.composite_fit import PhysicalSolution
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import Covariances
@@ -41,12 +42,10 @@ class Agreement:
     @classmethod
     def of(cls, solution: PhysicalSolution, covariance: FloatArray) -> Agreement | None:
         """Return the test of what a fit to all numbers leaves; None where there are just enough of them."""
-        from scipy.stats import chi2
-
         statistic, spare = solution.left_over(covariance)
         if not spare:
             return None
-        p_value = float(chi2.sf(statistic, spare))
+        p_value = chi_square_tail(statistic, spare)
         return cls(statistic, spare, p_value, solution.contradiction(covariance))
 
     @property

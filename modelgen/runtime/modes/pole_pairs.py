@@ -136,7 +136,11 @@ def _modal(
 
 def _assigned(shares: FloatArray) -> list[tuple[int, int]]:
     """Return pairs of column and row of (modes, poles), one to one, with the largest sum of shares."""
-    from scipy.optimize import linear_sum_assignment
+    rows = np.arange(len(shares))
+    columns = shares.argmax(axis=1) if shares.shape[1] else rows
+    if len(rows) > shares.shape[1] or len(set(columns.tolist())) < len(rows):
+        from scipy.optimize import linear_sum_assignment
 
-    rows, columns = linear_sum_assignment(-shares)
+        # more than one wants the same: what is best for all
+        rows, columns = linear_sum_assignment(-shares)
     return list(zip(columns.tolist(), rows.tolist(), strict=True))

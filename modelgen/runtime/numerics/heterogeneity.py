@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.numerics.tails import chi_square_tail
 
 
 @dataclass(frozen=True)
@@ -40,8 +41,6 @@ def heterogeneity(values: FloatArray, variances: FloatArray, groups: IntArray | 
         Estimates of one group have one true value, apart from the spread; one group by default. The mean is
         that of all.
     """
-    from scipy.stats import chi2
-
     weights = 1.0 / variances
     of = np.zeros(len(values), dtype=int) if groups is None else groups
     Q = freedom = scale = 0.0
@@ -57,7 +56,7 @@ def heterogeneity(values: FloatArray, variances: FloatArray, groups: IntArray | 
         float(1.0 / np.sqrt(spread.sum())),
         float(np.sqrt(between)),
         Q if freedom else 0.0,
-        float(chi2.sf(Q, freedom)) if freedom else 1.0,
+        chi_square_tail(Q, int(freedom)) if freedom else 1.0,
     )
 
 

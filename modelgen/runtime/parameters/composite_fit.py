@@ -10,6 +10,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.decorrelation import whitening
+from modelgen.runtime.numerics.tails import chi_square_beyond
 from modelgen.runtime.parameters.thresholds import (
     CONTRADICTION,
     CONVERGED,
@@ -53,10 +54,9 @@ class PhysicalSolution:
         `covariance` is that of the composites, shape (identified, identified). What is left of them is then a
         chi square, and the factor, where that is too large, its root per degree of freedom (Birge 1932).
         """
-        from scipy.stats import chi2
-
         found, spare = self.left_over(covariance)
-        return float(np.sqrt(found / spare)) if spare and found > chi2.isf(CONTRADICTION, spare) else 1.0
+        apart = spare and found > chi_square_beyond(CONTRADICTION, spare)
+        return float(np.sqrt(found / spare)) if apart else 1.0
 
 
 def fit_composites(

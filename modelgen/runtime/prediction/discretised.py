@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.matrix_exponential import matrix_exponential
 
 # Value and derivatives at 0 of the cubic through values at -1, 0, 1 and 2.
 CUBIC = np.linalg.inv([[t**k / factorial(k) for k in range(4)] for t in (-1.0, 0.0, 1.0, 2.0)])
@@ -44,8 +45,6 @@ def discretised(
     motion : array, shape (states, states + 4 forces + columns of E + w)
     reading : array, shape (sensors, states + forces + columns of E)
     """
-    from scipy.linalg import expm
-
     A, B, C, D, E, F = model.state_space(parameters, directions)
     n, m = B.shape
     held = E if further is None else np.hstack((E, further))
@@ -53,6 +52,6 @@ def discretised(
     M = np.zeros((n + 4 * m + held.shape[1],) * 2)
     M[:n] = dt * np.hstack((A, B, np.zeros((n, 3 * m)), held))
     M[n : n + 3 * m, n + m : n + 4 * m] = np.eye(3 * m)
-    moved = expm(M)[:n]
+    moved = matrix_exponential(M)[:n]
     by_samples = moved[:, n : n + 4 * m] @ np.kron(CUBIC, np.eye(m))
     return np.hstack((moved[:, :n], by_samples, moved[:, n + 4 * m :])), np.hstack((C, D, F))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filters.butterworth import butterworth
 from modelgen.runtime.filters.derivatives import EIGHTH_ORDER, stencil_for
 from modelgen.runtime.filters.two_sided_kernel import Sections
 
@@ -50,12 +51,3 @@ def matched_filtering(choice: FilterChoice, fs: float, factor: int) -> Filtering
     directions = butterworth(choice.filter_order, choice.direction_cutoff_hz, fs)
     stencil = stencil_for(choice.cutoff_hz, fs)
     return Filtering(fs, factor, low_pass, directions, stencil)
-
-
-@lru_cache(maxsize=128)
-def butterworth(order: int, cutoff_hz: float, fs: float) -> tuple[tuple[float, ...], ...]:
-    """Return the sections of a Butterworth low-pass."""
-    from scipy.signal import butter
-
-    sos = butter(order, cutoff_hz, output="sos", fs=fs)
-    return tuple(tuple(row) for row in sos.tolist())

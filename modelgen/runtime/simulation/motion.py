@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.records.record import missing_name
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, closed_loop, open_loop
@@ -201,12 +201,8 @@ def _outputs(
     springs = np.zeros_like(x if cubes else x[:0])
     for spring in cubes:
         springs += np.outer((x @ spring.deflection) ** 3, spring.push)
-    # a number from 0 on for every mode: counting needs no sorting
-    codes = (modes.astype(np.int64) + 1) @ 3 ** np.arange(modes.shape[1])
-    for code in np.flatnonzero(np.bincount(codes)):
-        rows = codes == code
-        mode = modes[rows.argmax()]
-        space = plant.space(tuple(int(sign) for sign in mode))
+    for rows, mode in _rows_by_mode(modes):
+        space = plant.space(mode)
         moving, pushed = x[rows], forces[rows]
         free = moving @ space.A.T + pushed @ space.B.T
         if cubes:
@@ -217,12 +213,26 @@ def _outputs(
                 f[:, j] += body.plus if sign > 0 else -body.minus
             else:
                 f[:, j] = free[:, body.velocity] * body.inertia  # what holds it
-        acceleration[rows] = (free + f @ space.E.T)[:, n:]
+        felt = free + f @ space.E.T
         # exactly, where the line above leaves rounding errors
-        held = [b.velocity - n for b, sign in zip(plant.coulomb_bodies, mode, strict=True) if sign == 0]
-        acceleration[np.ix_(rows, held)] = 0.0
+        held = [body.velocity for body, sign in zip(plant.coulomb_bodies, mode, strict=True) if sign == 0]
+        felt[:, held] = 0.0
+        acceleration[rows] = felt[:, n:]
         sensed[rows] = moving @ space.C.T + pushed @ space.D.T + f @ space.F.T
         friction[rows] = f
     if cubes:
         sensed += springs[:, n:] @ felt_accelerations(plant.model).T
     return acceleration, friction, sensed
+
+
+def _rows_by_mode(modes: npt.NDArray[np.int8]) -> Iterator[tuple[slice | IntArray, tuple[int, ...]]]:
+    """Yield the samples of each mode and the mode, a sign a body; all at once where there is one only."""
+    # a number from 0 on for every mode: counting needs no sorting
+    codes = np.zeros(len(modes), dtype=np.int64)
+    for column in modes.T:
+        codes = 3 * codes + (column + 1)
+    counts = np.bincount(codes)
+    for code in np.flatnonzero(counts).tolist():
+        rows = slice(None) if counts[code] == len(codes) else np.flatnonzero(codes == code)
+        mode = modes[0] if isinstance(rows, slice) else modes[rows[0]]
+        yield rows, tuple(int(sign) for sign in mode)

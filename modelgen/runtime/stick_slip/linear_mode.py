@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.numerics.matrix_exponential import matrix_exponential
 from modelgen.runtime.stick_slip.root_finding import when_negative
 
 Mode = tuple[int, ...]
@@ -142,10 +143,8 @@ class ModeMotion:
 
     def _discretise(self) -> None:
         """First-order hold: x[k+1] = Phi x[k] + G0 w[k] + G1 w[k+1] + constant."""
-        from scipy.linalg import expm
-
         nx, m = self._nx, self._m
-        self.step = step = expm(self.M)[:nx]
+        self.step = step = matrix_exponential(self.M)[:nx]
         self._powers = [np.ascontiguousarray(step[:, :nx].T)]
         self._G1 = step[:, nx + m : nx + 2 * m].T
         self._G0 = step[:, nx : nx + m].T - self._G1

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray
+from modelgen.runtime.numerics.tails import normal_tail
 from modelgen.runtime.trend.series import Series
 from modelgen.runtime.trend.thresholds import BLOCK, DRAWS, FALSE_ALARMS, FEWEST_DRAWS, MOST_NUMBERS, RUNS
 
@@ -39,8 +40,6 @@ class Difference:
 
 def largest_difference(series: Series) -> Difference:
     """Return the largest difference of a series of at least two entries."""
-    from scipy.stats import norm
-
     parts = _parts(len(series.values))
     weights = 1.0 / (series.noise**2 + series.drift**2)
     means, std = _contrasts(parts, weights, series)
@@ -48,7 +47,7 @@ def largest_difference(series: Series) -> Difference:
     scaled = np.abs(differences) / std
     best = int(np.argmax(scaled))
     reached = float(scaled[best])
-    p_one = 2.0 * float(norm.sf(reached))
+    p_one = 2.0 * normal_tail(reached)
     p_value = len(parts) * p_one  # no more often than each of them alone, added up
     if p_one < FALSE_ALARMS and p_value * DRAWS > 1.0:  # else it is chance, or none, whatever the draws say
         exceeded = _exceeded(reached, means / std[:, None], parts[best], series)

@@ -9,7 +9,7 @@ from scipy.signal import butter, cheby1, sosfiltfilt
 from modelgen.errors import DataError
 from modelgen.runtime.filters.allpass_states import allpass_states, responses
 from modelgen.runtime.filters.block_kernels import run, scan_in_turn
-from modelgen.runtime.filters.block_numpy import BlockProduct, scan_all
+from modelgen.runtime.filters.block_numpy import BlockProduct, scan
 from modelgen.runtime.filters.derivatives import EIGHTH_ORDER, differentiate
 from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
 from modelgen.runtime.filters.two_sided_kernel import kernels
@@ -165,7 +165,8 @@ def test_both_scans_carry_the_same_states() -> None:
     powers = np.stack([np.linalg.matrix_power(power, 2**k) for k in range(9)])
     forward, backward = rng.standard_normal((40, 8)), rng.standard_normal((40, 8))
     expected = [forward.copy(), backward.copy()]
-    scan_all(*expected, powers)
+    scan(expected[0], powers)
+    scan(expected[1], powers, backward=True)
     state = np.zeros(8)
     for b in range(40):
         state = state @ power + forward[b]
