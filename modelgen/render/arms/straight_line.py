@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
+from modelgen.render.arms.free_signs import free_signs
 from modelgen.symbolic.arms.expressions.graph import Graph, Node, Ref, Symbol
 
 #: Kinds of symbols that are arrays of the record.
@@ -81,15 +82,18 @@ def straight_line(
         What cosine and sine are taken of, where it is not the joint's position itself.
     """
     line = _Line(graph, names, lengths, speeds, angles or {})
+    read = [*speeds.values(), *(angles or {}).values()]
+    line.negated = free_signs(graph, [output.ref for output in outputs], read, line.is_constant, names)
     own: dict[int, int] = {}
     for place, output in enumerate(outputs):
-        if output.ref > 1 and not line.is_input(output.ref) and not line.is_constant(output.ref):
-            own.setdefault(output.ref, place)
+        ref = abs(output.ref)
+        if line.stored(ref) == output.ref and not line.is_input(ref) and not line.is_constant(ref):
+            own.setdefault(ref, place)
     # what is computed for which output; its number stands for the copy that ends it, if it needs one
     steps: list[tuple[int | None, int]] = []
     for place, output in enumerate(outputs):
         steps += [(index, place) for index in line.pending(abs(output.ref))]
-        if own.get(output.ref) != place:
+        if own.get(abs(output.ref)) != place:
             steps.append((None, place))
     last: dict[int, int] = {}
     for step, (node, place) in enumerate(steps):
@@ -114,6 +118,7 @@ class _Line:
     constants: dict[int, float] = field(default_factory=dict)
     inputs: list[Symbol] = field(default_factory=list)
     buffers: int = 0
+    negated: frozenset[int] = frozenset()
     _seen: set[int] = field(default_factory=set)
     _free: list[int] = field(default_factory=list)
     _held: dict[int, int] = field(default_factory=dict)
@@ -145,6 +150,10 @@ class _Line:
 
     def is_constant(self, ref: Ref) -> bool:
         return abs(ref) in self.constants
+
+    def stored(self, index: int) -> Ref:
+        """Return what the array of a node holds: the node, or its negative."""
+        return -index if index in self.negated else index
 
     def is_input(self, ref: Ref) -> bool:
         symbol = self.graph.nodes[abs(ref)].symbol
@@ -199,9 +208,10 @@ class _Line:
 
     def copy(self, output: Output, place: int, last: Mapping[int, int], step: int) -> Operation:
         """Return what writes a value that is computed already, or its negative, to an output of its own."""
-        negative = output.ref < 0 and not self.is_constant(output.ref)
-        self._release([abs(output.ref)], last, step)
-        operands = (self.value(-output.ref if negative else output.ref),)
+        constant, index = self.is_constant(output.ref), abs(output.ref)
+        negative = not constant and self.stored(index) != output.ref
+        self._release([index], last, step)
+        operands = (self.value(output.ref if constant else index),)
         return Operation(
             f"e{place}", "negative" if negative else "positive", operands, f"o{place}", output.section
         )
@@ -221,11 +231,30 @@ class _Line:
             return FUNCTIONS[symbol.of], (operand,) if symbol.of == "sign" else (operand, 0.0)
         if node.operation == "reciprocal":
             return "divide", (1.0, self.value(node.left))
+        turn = -1 if index in self.negated else 1
         if node.operation == "product":
-            return "multiply", (self.value(node.left), self.value(node.right))
-        if node.right < 0 and not self.is_constant(node.right):
-            return "subtract", (self.value(node.left), self.value(-node.right))
-        return "add", (self.value(node.left), self.value(node.right))
+            return "multiply", self._factors(turn, node)
+        (left, first), (right, second) = (self._term(turn, ref) for ref in (node.left, node.right))
+        if second < 0:
+            return "subtract", (left, right)
+        return ("subtract", (right, left)) if first < 0 else ("add", (left, right))
+
+    def _term(self, turn: int, ref: Ref) -> tuple[str | float, int]:
+        """Return an operand of a sum and its sign; that of a number is in the number."""
+        if self.is_constant(ref):
+            return turn * self.number(ref), 1
+        return self._name(abs(ref)), turn if self.stored(abs(ref)) == ref else -turn
+
+    def _factors(self, turn: int, node: Node) -> tuple[str | float, str | float]:
+        """Return the operands of a product; the sign that arrays leave open is that of its number."""
+        for ref in (node.left, node.right):
+            if not self.is_constant(ref):
+                turn *= 1 if self.stored(abs(ref)) == ref else -1
+        left, right = (
+            turn * self.number(ref) if self.is_constant(ref) else self._name(abs(ref))
+            for ref in (node.left, node.right)
+        )
+        return left, right
 
     def value(self, ref: Ref) -> str | float:
         return self.number(ref) if self.is_constant(ref) else self._name(ref)
