@@ -89,6 +89,24 @@ def test_the_first_page_shows_what_is_printed(tmp_path: Path, monkeypatch: pytes
             assert float(here) == pytest.approx(float(there), rel=0.05)
 
 
+@pytest.mark.slow
+def test_the_first_chain_of_the_readme_goes_through(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its lines as they stand there, down to the report; the answer holds what was simulated."""
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (spec,) = re.findall(r"^```toml\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    (block,) = re.findall(r"^```\n(modelgen show axis.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    Path("axis.toml").write_text(spec, encoding="utf-8")
+    lines = [line.partition(" #")[0].strip() for line in block.replace("\\\n", " ").splitlines()]
+    printed = [run_command(line) for line in lines if line.startswith("modelgen")]
+    assert "Verdict: " in printed[-1] and Path("report.html").is_file()
+    guess = tomllib.loads(spec)["parameters"]["guess"]
+    for name in ("J_m", "J_c", "K"):
+        assert float(re.findall(rf"^  {name} +([\d.]+)", printed[-1], re.MULTILINE)[0]) == pytest.approx(
+            guess[name], rel=0.02
+        )
+
+
 def test_the_tutorial_ends_with_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     commands = [line for block in blocks_of("tutorial.md") for line in block.text.splitlines()]
     steps = [line for line in commands if line.startswith(("$ modelgen import", "$ modelgen identify"))]

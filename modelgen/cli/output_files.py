@@ -72,8 +72,7 @@ class OutputFiles:
         if self.figure is not None:
             from modelgen.cli.write_report import write_figure
 
-            (model,) = found.models.values()
-            write_figure(self.figure, model, found.readings, estimate, self.overwrite)
+            write_figure(self.figure, found, self.overwrite)
 
 
 def check_result(how: ResultOptions) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -67,16 +68,19 @@ def check_inputs(spec: str | None, controller: Path | None) -> None:
         load_controller(controller)
 
 
-def write_figure(
-    path: Path, model: Model, readings: Sequence[Reading], estimate: Estimate, overwrite: bool
-) -> None:
+def write_figure(path: Path, found: Identified, overwrite: bool) -> None:
     """Write measured and rebuilt rows that hold a force as PNG, SVG or PDF, one panel a record and row.
 
-    The place and its suffix have been checked, see `modelgen.cli.output_files.OutputFiles.check`.
+    Of several sensor sets each is rebuilt with what it says alone. The place and its suffix have been
+    checked, see `modelgen.cli.output_files.OutputFiles.check`.
     """
     from modelgen.cli.figure import draw_forces
 
-    panels = force_panels(model, [reading.record for reading in readings], estimate)
+    panels = [
+        replace(panel, title=f"{title}: {panel.title}") if title else panel
+        for title, model, records, estimate in found.alone()
+        for panel in force_panels(model, records, estimate)
+    ]
     optional_library("matplotlib", "plot", str(path))
     draw_forces(panels, path, columns=min(len(panels), 2), overwrite=overwrite)
 

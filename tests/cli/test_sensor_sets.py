@@ -36,7 +36,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def answer(folder: Path) -> str:
     files = [str(folder / f"{name}.csv") for name in SETS]
     chosen = [word for name in SETS for word in ("--sensors", name)]
-    outputs = ["-o", str(folder / "j.json"), "--report", str(folder / "j.html")]
+    outputs = [
+        "-o",
+        str(folder / "j.json"),
+        "--report",
+        str(folder / "j.html"),
+        "--figure",
+        str(folder / "j.svg"),
+    ]
     project = ["--save-project", str(folder / "j.project.toml")]
     return run(
         "identify",
@@ -58,6 +65,8 @@ def test_each_file_is_for_the_sensors_it_has(folder: Path, answer: str) -> None:
     assert {*saved.physical} >= {"M_1", "M_2", "M_3", "K_1"}
     page = (folder / "j.html").read_text(encoding="utf-8")
     assert "all sensor sets and each alone" in page and page.count("<svg") >= 3 and "<script src" not in page
+    # a panel each record and row that holds a force, of each set with its own estimate
+    assert (folder / "j.svg").read_text(encoding="utf-8").count('<g id="axes_') >= len(SETS)
 
 
 def test_the_project_says_the_same(folder: Path, answer: str) -> None:
@@ -103,9 +112,7 @@ def test_what_fits_no_set_or_two_is_explained(folder: Path) -> None:
     assert "sensors of al" in none and "name one of all" in none
     missing = run("identify", str(folder / "all.csv"), code=2)
     assert "--model" in missing and "--spec" in missing
-    figure = ("--figure", str(folder / "x.png"))
+    loop = ("--controller", str(folder / "loop.toml"))
     files = [str(folder / f"{name}.csv") for name in SETS]
-    several = run(
-        "identify", *files, "--spec", spec, "--sensors", "low", "--sensors", "ends", *figure, code=2
-    )
+    several = run("identify", *files, "--spec", spec, "--sensors", "low", "--sensors", "ends", *loop, code=2)
     assert "is of one sensor set" in several

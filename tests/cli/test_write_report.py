@@ -170,10 +170,11 @@ def test_figures_are_written_in_every_format(
     tmp_path: Path, readings: list[Reading], estimate: Estimate, suffix: str
 ) -> None:
     path = tmp_path / f"f{suffix}"
-    write_figure(path, MODEL, readings, estimate, overwrite=False)
+    found = Identified({MODEL.sensor_set: MODEL}, readings, estimate)
+    write_figure(path, found, overwrite=False)
     assert path.stat().st_size > 1000
     with pytest.raises(ModelgenError, match="exists already"):
-        write_figure(path, MODEL, readings, estimate, overwrite=False)
+        write_figure(path, found, overwrite=False)
     with pytest.raises(DataError, match="exists already"):
         OutputFiles(None, None, path, overwrite=False).check()
 
@@ -183,6 +184,7 @@ def test_without_matplotlib_a_figure_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    found = Identified({MODEL.sensor_set: MODEL}, readings, estimate)
     with pytest.raises(DataError, match=r"needs matplotlib.*pip install 'modelgen\[plot\]'"):
-        write_figure(tmp_path / "f.png", MODEL, readings, estimate, overwrite=False)
+        write_figure(tmp_path / "f.png", found, overwrite=False)
     assert list(tmp_path.iterdir()) == []

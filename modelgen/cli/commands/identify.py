@@ -114,7 +114,7 @@ def identify(
     outputs.check(spec, controller)  # before the work, not after it
     inputs = (REFERENCE, FURTHER_INPUTS) if controller and report_file else ()
     read = read_for(data, models, given, tag or (), of_records, inputs)
-    refuse_several({title for title, _ in read}, {"--controller": controller, "--figure": figure})
+    refuse_several({title for title, _ in read}, {"--controller": controller})
     settings = settings_typed(estimation, given, context.params)
     found = identified(models, read, settings)
     note(reading_lines(data, found.readings))

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from modelgen.runtime.joining.joint_estimate import JointEstimate
     from modelgen.runtime.model.model import Model
     from modelgen.runtime.records.read_record import Reading
+    from modelgen.runtime.records.record import Record
     from modelgen.runtime.results.estimate import Estimate
 
 
@@ -21,13 +22,26 @@ if TYPE_CHECKING:
 class Identified:
     """An estimate and what it was made from; `joint` where records of several sensor sets were joined.
 
-    `models` are those that have records, by their sensor sets.
+    `models` are those that have records, by their sensor sets; `titles` names the set of each reading where
+    there are several.
     """
 
     models: Mapping[str, Model]
     readings: Sequence[Reading]
     estimate: Estimate
     joint: JointEstimate | None = None
+    titles: tuple[str, ...] = ()
+
+    def alone(self) -> list[tuple[str, Model, list[Record], Estimate]]:
+        """Return each sensor set's title, model, records and own estimate; one set has no title."""
+        if self.joint is None:
+            (model,) = self.models.values()
+            return [("", model, [one.record for one in self.readings], self.estimate)]
+        of = list(zip(self.titles, self.readings, strict=True))
+        return [
+            (title, self.models[title], [one.record for name, one in of if name == title], estimate)
+            for title, estimate in self.joint.parts.items()
+        ]
 
     def text(self, details: bool) -> str:
         """Return what is printed."""
@@ -97,7 +111,7 @@ def identified(
         (model,) = used.values()
         return Identified(used, readings, identify(model, [one.record for one in readings], **settings))
     joint = identify_jointly(by_set(models, [(title, one.record) for title, one in read]), **settings)
-    return Identified(used, readings, joint.estimate, joint)
+    return Identified(used, readings, joint.estimate, joint, tuple(title for title, _ in read))
 
 
 def sensors_from(given: Sequence[str]) -> tuple[list[str], dict[str, str]]:
