@@ -74,6 +74,7 @@ def square(lines: npt.NDArray[np.complex128]) -> FloatArray:
     return np.asarray(lines.real**2 + lines.imag**2)
 
 
+@lru_cache(maxsize=256)
 def quick_length(n: int) -> int:
     """Return the least length from n on whose Fourier transform is fast: a product of small primes.
 
