@@ -16,7 +16,12 @@ from modelgen.spec.arms.arm import ArmSensor, ArmSpec
 from modelgen.spec.arms.sensors import without_springs
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model, numerical_rank
+from modelgen.symbolic.arms.drives import coordinates, drives, motor_coordinate, speed_node
+from modelgen.symbolic.arms.dynamics.inverse_dynamics import inverse_dynamics
 from modelgen.symbolic.arms.dynamics.lagrange import newton_minus_lagrange, vanishes
+from modelgen.symbolic.arms.expressions.evaluation import sampled
+from modelgen.symbolic.arms.expressions.graph import Graph
+from modelgen.symbolic.arms.regressor_samples import regressor_at
 from tests.symbolic.arms.elastic_arms import (
     SPATIAL,
     elastic,
@@ -183,3 +188,27 @@ def test_one_elastic_joint_without_gravity_is_the_chain_of_the_paper() -> None:
     np.testing.assert_allclose(measured[:, 1], left[:, 0], rtol=1e-9)
     np.testing.assert_allclose(found[:, 0] - found[:, 1], wanted[:, 1], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(measured[:, 0] - measured[:, 1], left[:, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_are_the_torques_of_motors_and_links(seed: int) -> None:
+    """Springs with damping and cubic stiffness: what a motor exerts ends in its rotor and its spring."""
+    spec = random_elastic(400 + seed)
+    rows, rng = arm_rows(spec), np.random.default_rng(seed)
+    motion = {(name, k): rng.standard_normal(5) for name in coordinates(spec) for k in (0, 1, 2)}
+    values = {name: float(rng.uniform(0.5, 2.0)) for name in rows.columns}
+    graph = Graph()
+    torques = inverse_dynamics(graph, spec)
+    speeds = {drive.speed_name: speed_node(graph, drive) for drive in drives(spec)}
+    needed = dict(zip(torques, sampled(graph, [*torques.values()], motion, values, speeds).T, strict=True))
+    regressor = regressor_at(rows, motion, {})
+    found = dict(zip(rows.names, (regressor @ [values[name] for name in rows.columns]).T, strict=True))
+    for moved in spec.moving:
+        whole = needed[moved.name] + (needed[motor_coordinate(moved)] if moved.elastic else 0.0)
+        np.testing.assert_allclose(
+            found[moved.name], whole, rtol=1e-9, atol=1e-9 * max(1.0, np.abs(whole).max())
+        )
+        if moved.elastic:
+            np.testing.assert_allclose(
+                found[f"{moved.name} spring"], needed[motor_coordinate(moved)], rtol=1e-9, atol=1e-9
+            )
