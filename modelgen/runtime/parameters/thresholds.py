@@ -56,3 +56,7 @@ SMALLEST_SPREAD = 1e-5
 # Steady motion: this share of the velocity's power below this share of the dynamics' frequency.
 STEADY_SHARE = 0.01
 STEADY_BAND = 1.0 / 20.0
+
+# Share of the largest curvature of an arm's least squares: what no base parameter sees stays near zero, and
+# the others move by less than a thousandth of a standard deviation.
+SMALLEST_CURVATURE = 1e-10
