@@ -15,7 +15,13 @@ from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
 from modelgen.runtime.diagnostics.row_noise import noise_band
-from modelgen.runtime.diagnostics.thresholds import LEAST_BIAS, LEAST_DEVIATIONS, LOST_SHARE
+from modelgen.runtime.diagnostics.thresholds import (
+    LEAST_BIAS,
+    LEAST_DEVIATIONS,
+    LEAST_SIGNAL,
+    LOST_PART,
+    LOST_SHARE,
+)
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
@@ -26,7 +32,7 @@ from modelgen.runtime.records.record import Record
 def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit) -> FloatArray:
     """Return by how much noise of the sensors shifts a least-squares fit, shape (c,).
 
-    Where the columns together hold no more than noise: infinite for those of which it is the larger part.
+    Infinite where a parameter rests on combinations of columns that are nearly all noise.
     """
     c = len(fit.columns)
     added, crossed = np.zeros((c, c)), np.zeros(c)
@@ -40,12 +46,28 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
             shared = np.real(np.conj(responses) * noise @ responses.T)
             added[np.ix_(touched, touched)] += shared[:-1, :-1]
             crossed[touched] += shared[:-1, -1]
-    # W^T W holds the noise, and so does W^T Y; without it the same rows would have given another x
-    without = np.eye(c) - fit.solution.inverse @ added
-    if np.min(np.real(np.linalg.eigvals(without))) <= 0.0:
-        return np.where(np.diag(added) > 0.5 * np.sum(fit.triangle[:, :-1] ** 2, axis=0), np.inf, 0.0)
-    found = np.linalg.solve(without, fit.solution.x - fit.solution.inverse @ crossed)
-    return np.asarray(fit.solution.x - found)
+    return _without_noise(fit, added, crossed)
+
+
+def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> FloatArray:
+    """Return by how much N = `added`, shape (c, c), and E[dW^T dY] = `crossed` shift the solution, (c,).
+
+    In the directions in which N and W^T W are both diagonal, each is attenuated by the share of it that is
+    no noise. Where hardly any of a direction is, that share is not known: what has a part in it is lost.
+    """
+    x, inverse = fit.solution.x, fit.solution.inverse
+    scale = np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(inverse / np.outer(scale, scale))
+    held = values > np.finfo(float).eps * len(x) * values[-1]
+    root = vectors[:, held] * np.sqrt(values[held])
+    share, turned = np.linalg.eigh(root.T @ (added * np.outer(scale, scale)) @ root)
+    along = root @ turned
+    back = (vectors[:, held] / np.sqrt(values[held])) @ turned
+    seen = back.T @ (x / scale) - along.T @ (scale * crossed)
+    found = scale * (along @ (seen / np.maximum(1.0 - share, LEAST_SIGNAL)))
+    # a parameter over its scale is a unit vector in these directions
+    part = np.sum(along[:, share > 1.0 - LEAST_SIGNAL] ** 2, axis=1)
+    return np.asarray(np.where(part > LOST_PART, np.inf, x - found))
 
 
 def _ways(model: Model, fit: Fit, row: int, touched: IntArray) -> dict[str, list[list[tuple[float, int]]]]:

@@ -31,6 +31,9 @@ LARGEST_LOSS = 0.5
 
 # A bias is reported from this share of the value and this many standard deviations of the noise.
 LEAST_BIAS, LEAST_DEVIATIONS = 0.01, 2.0
+# Where less than this share of a combination of columns is no noise, what that pulls cannot be told; a
+# parameter is lost that has more than this part of its variance from there.
+LEAST_SIGNAL, LOST_PART = 0.1, 0.01
 # A parameter with a bias of more than this share of what is left of it is lost.
 LOST_SHARE = 1.0
 

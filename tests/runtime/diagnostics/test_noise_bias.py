@@ -1,12 +1,16 @@
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from generated import emps300_qm_ac
-from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.diagnostics.noise_bias import _without_noise, noise_bias
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
@@ -91,3 +95,34 @@ def test_columns_that_are_nothing_but_noise_are_told() -> None:
     estimate = identify(RIGID, drowned, **values_of("wls", cutoff_hz=10.0, direction_cutoff_hz=5.0))
     assert "M" not in estimate.params
     assert all(np.isfinite(entry.std) for entry in estimate.parameters.identified)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What the pull of noise is worked out from."""
+
+    x: np.ndarray
+    inverse: np.ndarray
+
+
+@given(seed=st.integers(0, 10**6), share=st.floats(0.0, 1.2))
+@settings(deadline=None, max_examples=40)
+def test_one_direction_of_noise_pulls_what_has_a_part_in_it_and_nothing_else(seed: int, share: float) -> None:
+    """Noise in one combination of columns: attenuated by its share, lost where it is alone."""
+    rng = np.random.default_rng(seed)
+    W = rng.standard_normal((50, 4)) * 10.0 ** rng.uniform(-6.0, 6.0, 4)
+    gram, x = W.T @ W, rng.uniform(0.5, 2.0, 4) / np.linalg.norm(W, axis=0)
+    direction = np.linalg.solve(gram, np.r_[1.0, 0.7, 0.0, 0.0] * np.linalg.norm(W, axis=0))
+    weight = gram @ direction
+    added = share * np.outer(weight, weight) / (direction @ weight)
+    fit = SimpleNamespace(solution=Solved(x, np.linalg.inv(gram)))
+    found = _without_noise(fit, added, np.zeros(4))  # type: ignore[arg-type]
+    unit = direction / np.sqrt(direction @ weight)
+    part = unit**2 / np.diag(fit.solution.inverse)
+    if share > 0.91:
+        np.testing.assert_array_equal(np.isinf(found), part > 0.01)
+    elif share < 0.89:
+        expected = x - unit * (unit @ gram @ x) / (1.0 - share) - (x - unit * (unit @ gram @ x))
+        np.testing.assert_allclose(
+            (found - expected) / x, 0.0, atol=1e-6 * (1.0 + np.max(np.abs(expected / x)))
+        )
