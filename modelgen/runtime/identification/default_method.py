@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +12,7 @@ from modelgen.progress import step
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import usable_cutoff
+from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts
 from modelgen.runtime.identification.explanation.explain_residual import (
     explained,
     found_by,
@@ -20,7 +20,6 @@ from modelgen.runtime.identification.explanation.explain_residual import (
 )
 from modelgen.runtime.identification.explanation.explain_stretches import explained_by_stretches
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, run_method
-from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals
@@ -32,21 +31,14 @@ from modelgen.runtime.identification.thresholds import (
     LEFT_SHARE,
     OVER_NOISE,
     SEARCHED,
-    SENSOR_DELAYS,
     STANDS_IN,
 )
-from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import fit_with_effects
-from modelgen.runtime.iv.model_errors import delay_effects, zero_effects
-from modelgen.runtime.iv.thresholds import AS_GOOD
+from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import ESTIMATED, HELD, estimated
-from modelgen.runtime.least_squares.coarse_delays import coarse_delays
-from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
-from modelgen.runtime.rows.observation import Observation
 
 
 def default_method(task: Task, method: Auto) -> Begun:
@@ -156,8 +148,8 @@ def _instrumental(task: Task, method: IV) -> Begun:
 
 
 def _unexplained(one: Begun) -> bool:
-    """Tell whether noise does not explain a row that is left, or what is left where effects were found."""
-    return bool(_exceeding(one, LEFT_SHARE) or (one.found.effects and _exceeding(one)))
+    """Tell whether noise does not explain a row that is left, or what is left where an effect was seen."""
+    return bool(_exceeding(one, LEFT_SHARE) or (one.found.advice and _exceeding(one)))
 
 
 def _explained(task: Task, method: IV) -> Begun:
@@ -179,75 +171,39 @@ def _with(task: Task, found: Explained) -> Begun:
 
 
 def _with_starts(task: Task, method: IV) -> Begun | None:
-    """Return instruments with zeros of positions, or the delay of a sensor, estimated from the start.
+    """Return instruments with zeros of positions, or what is read at other instants, estimated at once.
 
     Where zeros differ by more than deflections, or a sensor is late by a sample, a link seems to carry a
-    force that nothing explains, and nothing comes out without them. The one that leaves least is taken.
+    force that nothing explains, and nothing comes out without them. What leaves least is taken.
     """
     job = task.job
     if all_from_composites(task.model):
         return None
-    step("looking for zeros and delays of sensors")
+    step("looking for zeros, delays and clocks of sensors")
     setting = job.setting()
     found = []
-    for effects, start, known in _starts(task):
+    for start in coarse_starts(job):
         try:
-            freed = fit_with_effects(setting, job.calm, start, effects, known, job.sharpened)
+            freed = fit_with_effects(
+                setting, job.calm, start.fit, start.effects, start.sizes, job.sharpened, EFFECT_ROUNDS
+            )
         except (IdentifiabilityError, DataError):
             continue
-        found.append((freed.fit.misfit, effects, start, freed))
+        found.append((start, freed))
     if not found:
         return None
-    _, effects, start, freed = min(found, key=lambda entry: entry[0])
-    none = np.zeros((len(freed.fit.columns),) * 2)
+    # of those that leave as little, the one that needs least for it
+    most = min(freed.fit.misfit for _, freed in found) + 0.5 * AS_GOOD
+    alike = [entry for entry in found if entry[1].fit.misfit < most]
+    start, freed = min(alike, key=lambda entry: len(entry[0].effects))
+    none, effects = np.zeros((len(freed.fit.columns),) * 2), start.effects
     told = Explained(freed.observation, freed.fit, effects, freed.sizes, none, ())
     if task.checks.drift_check:
-        told = explained(job, freed, start, effects)
+        told = explained(job, freed, start.fit, effects)
     else:
         advice = tuple(estimated(one, size, ()) for one, size in zip(effects, freed.sizes, strict=True))
         told = replace(told, advice=advice)
     return _with(replace(task, method=method), told)
-
-
-def _starts(task: Task) -> Iterator[tuple[tuple[Effect, ...], Fit, tuple[float, ...]]]:
-    """Yield effects to begin with, least squares to start from, and the sizes that it belongs to."""
-    job, model = task.job, task.model
-    zeros = zero_effects(model, len(task.records))
-    if zeros:
-        yield zeros, _about_means(job), ()
-    sample = 1.0 / min(record.fs for record in task.records)
-    for effect in delay_effects(model)[1:]:
-        fits = []
-        for late in SENSOR_DELAYS:
-            records = tuple(effect.corrected(record, late * sample) for record in job.records)
-            try:
-                fit = fit_matched(job.calm(records))
-            except IdentifiabilityError:
-                continue
-            fits.append((fit.misfit, late * sample, fit))
-        if fits:
-            _, size, fit = min(fits, key=lambda entry: entry[0])
-            yield (effect,), replace(fit, delays=tuple((key, 0.0, 0.0) for key in job.late)), (size,)
-
-
-def _about_means(job: Job) -> Fit:
-    """Return least squares of the rows with a constant in each block, which takes up zeros."""
-    observation = job.calm(job.records)
-    plain = fit_matched(observation)
-    count = len(plain.blocks)
-    blocks = tuple(
-        replace(
-            block.kept(), W=np.column_stack([block.W, np.tile(np.eye(count)[index], (len(block.place), 1))])
-        )
-        for index, block in enumerate(plain.blocks)
-    )
-    names = tuple(f"constant {index}" for index in range(count))
-    larger = fit_matched(Observation(plain.columns + names, blocks))
-    values = dict(zip(larger.columns, larger.solution.x.tolist(), strict=True))
-    x = np.array([values[name] for name in plain.columns])
-    late = coarse_delays(larger, job.model, job.records, job.choice, job.late)
-    delays = tuple((channel, delay, 0.0) for channel, delay in late.items())
-    return replace(plain, solution=replace(plain.solution, x=x), delays=delays)
 
 
 def _with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:

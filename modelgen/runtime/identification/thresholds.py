@@ -60,8 +60,17 @@ SAMPLES_TRIED = 1 << 17
 # So many effects at a time are estimated in turn, if they explain this share of what the first one does.
 MOST_TRIED, TRIED_TOO = 3, 0.3
 
-# Delays of a sensor in samples that are looked at where a row is left unexplained.
-SENSOR_DELAYS = (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0)
+# Delays of a sensor, and time constants of its low-pass, in samples that are looked at where a row is left
+# unexplained; and by how many samples a clock may have drifted at the end, at most by this share.
+SENSOR_DELAYS = (-8.0, -4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0, 8.0)
+LOW_PASSES = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 16.0)
+CLOCK_DRIFTS = tuple(float(by) for by in (*range(-16, 0), *range(1, 17)))
+LARGEST_CLOCK_TRIED = 3e-3
+# Sizes so many samples more and less than the best are looked at as well; samples of each record.
+FINER = (0.5, 0.25)
+LOOKED_AT = 20_000
+# They are estimated where they leave less than this share of what rows leave without.
+CLEARLY_LESS = 0.9
 # Residuals of instruments up to this multiple of the sensors' noise raise no alarm by their colour alone.
 CALM = 1.5
 

@@ -97,7 +97,7 @@ class Effect:
         if self.kind == "average":
             return f"{words} (over about {1e6 * self._width(size):.2g} us)"
         if self.kind == "clock":
-            return f"{words} ({1e6 * size:+.3g} ppm)"
+            return f"{words} ({1e6 * size:+.4g} ppm)"
         if self.kind == "gain":
             return f"{words} ({100.0 * size:+.2g} %)"
         if self.kind == "zero":

@@ -63,6 +63,7 @@ def fit_with_effects(
     effects: Sequence[Effect],
     known: Sequence[float] = (),
     finish: Callable[[Fit], Fit] | None = None,
+    rounds: int | None = None,
 ) -> Freed:
     """Estimate parameters, delays and effects together, from a fit without the effects.
 
@@ -79,6 +80,8 @@ def fit_with_effects(
         Sizes of the first effects at other settings, to start from.
     finish : callable, optional
         What is done to the fit with further columns once it has come to rest.
+    rounds : int, optional
+        At most so many; by default fewer where all sizes are known, as those at other settings are.
 
     Raises
     ------
@@ -90,7 +93,7 @@ def fit_with_effects(
     c, now, sizes = len(start.columns), start, np.r_[known, np.zeros(len(effects) - len(known))]
     length, before = 1.0, np.zeros(c + len(delays) + len(effects))
     edited = np.array([effect.edit is not None for effect in effects])
-    for done in range(KNOWN_ROUNDS if len(known) == len(effects) else EFFECT_ROUNDS):
+    for done in range(rounds or (KNOWN_ROUNDS if len(known) == len(effects) else EFFECT_ROUNDS)):
         here = replace(setting, records=_corrected(setting.records, delays, effects, sizes))
         observation = rows(tuple(here.records))
         plain = fit_at(observation, now)

@@ -54,6 +54,13 @@ def delay_effects(model: Model) -> tuple[Effect, ...]:
     return tuple(_delay(sensor.key) for sensor in model.sensors if sensor.key in model.channels)
 
 
+def clock_effects(model: Model) -> tuple[Effect, ...]:
+    """Return the clocks of all sensors but the first one, and of all forces."""
+    sensors = [sensor.key for sensor in model.sensors if sensor.key in model.channels]
+    forces = [actuator.key for actuator in model.actuators]
+    return tuple(_clock(key) for key in (*sensors[1:], *forces))
+
+
 def _delay(key: str) -> Effect:
     late = _with(key, lambda s, dt: -np.gradient(s, dt))
     remedy = "read all channels at one instant, or shift this one"

@@ -1,0 +1,152 @@
+"""Where to start from when zeros of positions differ, or a channel is read at quite other instants.
+
+A sensor that is late by samples, a clock that drifts by samples, readings behind a slow low-pass: small steps
+from the records as they are lead nowhere. Channels are set right by sizes on a grid and solved by least
+squares, with a constant in each row where zeros may differ; the best of these is what is estimated from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import log
+
+import numpy as np
+
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.thresholds import (
+    CLEARLY_LESS,
+    CLOCK_DRIFTS,
+    FINER,
+    LARGEST_CLOCK_TRIED,
+    LOOKED_AT,
+    LOW_PASSES,
+    MOST_TRIED,
+    SENSOR_DELAYS,
+)
+from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.low_pass import low_pass
+from modelgen.runtime.iv.model_errors import clock_effects, delay_effects, zero_effects
+from modelgen.runtime.least_squares.coarse_delays import coarse_delays
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import Observation
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Effects to begin with, the sizes of the first of them, and the fit that these belong to."""
+
+    effects: tuple[Effect, ...]
+    sizes: tuple[float, ...]
+    fit: Fit
+
+
+def coarse_starts(job: Job) -> Iterator[Start]:
+    """Yield where to start from: with zeros, with what is read at other instants, with both.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When least squares says nothing of the records as they are.
+    """
+    zeros = zero_effects(job.model, len(job.records))
+    if zeros:
+        yield Start(zeros, (), _with_delays(job, _fit(job, job.records), job.records))
+    # clocks drift apart from the first sample on
+    short = replace(
+        job, records=tuple(one.part(0, min(LOOKED_AT, one.n), one.name) for one in job.records), surveys=()
+    )
+    plain = _fit(short, short.records)
+    limit = plain.misfit + log(CLEARLY_LESS) * plain.count
+    found = [best for best in (_best(short, one) for one in _families(short)) if best is not None]
+    found = [one for one in found if one.fit.misfit < limit]
+    none = tuple((key, 0.0, 0.0) for key in job.late)
+    for one in sorted(found, key=lambda one: one.fit.misfit)[:MOST_TRIED]:
+        start = replace(one, fit=replace(_fit(job, _corrected(job, one.effects, one.sizes)), delays=none))
+        yield start
+        if zeros:
+            yield replace(start, effects=(*start.effects, *zeros))
+
+
+@dataclass(frozen=True, eq=False)
+class _Family:
+    """Effects of one channel whose sizes follow from one number, in samples, and those that are tried."""
+
+    effects: tuple[Effect, ...]
+    sizes: Callable[[float], tuple[float, ...]]
+    tried: tuple[float, ...]
+
+
+def _families(job: Job) -> Iterator[_Family]:
+    sample = 1.0 / min(record.fs for record in job.records)
+    longest = max(record.n for record in job.records)
+    late_by = {effect.channel: effect for effect in delay_effects(job.model)}
+    for late in list(late_by.values())[1:]:
+        yield _Family((late,), lambda by: (by * sample,), SENSOR_DELAYS)
+        # a low-pass is late, too
+        behind = low_pass(late.channel, force=False)
+        yield _Family((late, behind), lambda by: (by * sample, 0.5 * (by * sample) ** 2), LOW_PASSES)
+    drifts = tuple(by for by in CLOCK_DRIFTS if abs(by) < LARGEST_CLOCK_TRIED * longest)
+    for effect in clock_effects(job.model):
+        yield _Family((effect,), lambda by: (by / longest,), drifts)
+
+
+def _best(job: Job, family: _Family) -> Start | None:
+    """Return the sizes that leave least, those between the ones that are tried included; None without any."""
+    found: dict[float, Start] = {}
+
+    def look(by: float) -> None:
+        sizes = family.sizes(by)
+        with suppress(IdentifiabilityError):
+            found[by] = Start(family.effects, sizes, _fit(job, _corrected(job, family.effects, sizes)))
+
+    for by in family.tried:
+        look(by)
+    for step in FINER if found else ():
+        best = min(found, key=lambda by: found[by].fit.misfit)
+        look(best + step)
+        look(best - step)
+    return min(found.values(), key=lambda one: one.fit.misfit, default=None)
+
+
+def _corrected(job: Job, effects: Sequence[Effect], sizes: Sequence[float]) -> tuple[Record, ...]:
+    records = job.records
+    for effect, size in zip(effects, sizes, strict=True):
+        records = tuple(effect.corrected(record, size) for record in records)
+    return records
+
+
+def _fit(job: Job, records: tuple[Record, ...]) -> Fit:
+    """Return least squares of the rows, with a constant in each block where zeros may differ."""
+    plain = fit_matched(job.calm(records))
+    return _about_means(plain) if zero_effects(job.model, len(records)) else plain
+
+
+def _about_means(plain: Fit) -> Fit:
+    """Return a fit with the solution, and what is left, of its rows with a constant in each block."""
+    larger = _with_constants(plain)
+    values = dict(zip(larger.columns, larger.solution.x.tolist(), strict=True))
+    x = np.array([values[name] for name in plain.columns])
+    return replace(plain, solution=replace(plain.solution, x=x), residuals=larger.residuals)
+
+
+def _with_constants(plain: Fit) -> Fit:
+    count = len(plain.blocks)
+    blocks = tuple(
+        replace(
+            block.kept(), W=np.column_stack([block.W, np.tile(np.eye(count)[index], (len(block.place), 1))])
+        )
+        for index, block in enumerate(plain.dense().blocks)
+    )
+    names = tuple(f"constant {index}" for index in range(count))
+    return fit_matched(Observation(plain.columns + names, blocks))
+
+
+def _with_delays(job: Job, plain: Fit, records: tuple[Record, ...]) -> Fit:
+    """Return a fit with the delays of forces that leave clearly less."""
+    late = coarse_delays(_with_constants(plain), job.model, records, job.choice, job.late)
+    return replace(plain, delays=tuple((channel, delay, 0.0) for channel, delay in late.items()))
