@@ -113,7 +113,9 @@ def fit_with_effects(
         spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))
         moves = np.r_[x - plain.solution.x, steps[: len(late)], steps[len(late) :] - left]
         size = np.r_[np.abs(x), np.full(len(late), SMALLEST_STEP * sample / EFFECT_CHANGE), np.abs(sizes)]
-        relative = moves / np.maximum(EFFECT_MOVE * spread, EFFECT_CHANGE * size)
+        small = np.maximum(EFFECT_MOVE * spread, EFFECT_CHANGE * size)
+        # what has no size and is exactly known does not move
+        relative = moves / np.maximum(small, np.finfo(float).tiny)
         # after many rounds a third of a standard deviation is rest enough
         if np.all(np.abs(relative) < (1.0 if done < PATIENT_ROUNDS else LOOSER)):
             last = larger if finish is None else finish(larger)
