@@ -11,7 +11,8 @@ from modelgen.render.arms.arm_lines import ArmLines, arm_lines, signal_key
 from modelgen.render.arms.kernel_names import legend
 from modelgen.render.arms.straight_line import Operation, StraightLine
 from modelgen.render.printer import literal, weighted_sum
-from modelgen.spec.arms.arm import ArmSensor
+from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSensor
+from modelgen.spec.arms.parameters import COUPLED, ArmParameter, arm_parameters
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel
 
 ARM_CONTRACT_VERSION = 2
@@ -100,6 +101,7 @@ def _source(operation: Operation) -> str:
 def _constants(lines: ArmLines) -> tuple[tuple[str, str], ...]:
     model = lines.model
     rows, spec = model.rows, model.rows.spec
+    parameters = arm_parameters(spec)
     values: dict[str, object] = {
         "CONTRACT_VERSION": ARM_CONTRACT_VERSION,
         "ARM": spec.name,
@@ -115,6 +117,8 @@ def _constants(lines: ArmLines) -> tuple[tuple[str, str], ...]:
         "BASE_PARAMETERS": tuple(b.name for b in model.base),
         "IDENTIFIABLE": model.identifiable,
         "ABSENT": dict(model.absent),
+        "UNITS": {one.name: one.unit for one in parameters},
+        "ROLES": {one.name: {"role": _role(one), "bodies": (_body(one),)} for one in parameters},
         "PARAMETER_SETS": {name: dict(table) for name, table in spec.parameter_sets.items()},
         "SIGNALS": tuple(signal_key(symbol) for symbol in lines.signals),
         "ROW_KIND": rows.kind,
@@ -137,3 +141,17 @@ def _sensor(sensor: ArmSensor) -> dict[str, object]:
         "measures": sensor.measures,
         "channels": sensor.channels,
     }
+
+
+def _role(parameter: ArmParameter) -> str:
+    """Return what a parameter is, in the words of chains: of a link, or of the drive at a joint."""
+    if parameter.role in LINK_PARAMETERS:
+        return "link"
+    return "inertia" if parameter.role == "rotor_inertia" else parameter.role
+
+
+def _body(parameter: ArmParameter) -> str:
+    """Return what a parameter acts on: the coordinate of a drive, or a link, which others move as well."""
+    if parameter.role in LINK_PARAMETERS:
+        return f"link {parameter.joint}"
+    return parameter.joint + COUPLED if parameter.of_motor else parameter.joint

@@ -15,7 +15,8 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.chain_matrices import ChainMatrices, chain_matrices
 from modelgen.runtime.model.link_couplings import couples_as, couplings
-from modelgen.runtime.model.model import Friction, Model
+from modelgen.runtime.model.mechanical_parts import Friction
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.simulation.plant import felt_accelerations
 
 NEGLIGIBLE = 1e-12  # of a lever's largest entry: what rounding leaves of a zero

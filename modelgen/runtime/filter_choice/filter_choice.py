@@ -17,7 +17,7 @@ spectra for 3 and 4, `filter_sentences` says what was seen.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 
@@ -39,6 +39,7 @@ from modelgen.runtime.filter_choice.explain import (
     seen_sentence,
 )
 from modelgen.runtime.filter_choice.thresholds import (
+    ARM_BAND,
     DECIMATION_MARGIN,
     DISTORTION,
     DYNAMICS_SHARE,
@@ -46,6 +47,8 @@ from modelgen.runtime.filter_choice.thresholds import (
     FORCE_SHARE,
     HIGHEST_CUTOFF,
     LOWEST_SAMPLING_RATIO,
+    SIGNAL_BAND,
+    SIGNAL_CUTOFF,
 )
 from modelgen.runtime.filters.power_spectrum import band_limit_hz
 from modelgen.runtime.model.model import Model, Sensor
@@ -70,7 +73,8 @@ class FilterChoice:
     """Filter settings of one estimation, and the sentences that explain them.
 
     `decimation` holds one factor per record; frequencies in Hz. `dynamics_hz` is the highest common dynamics
-    of the records, None where nothing moves; `notes` are warnings.
+    of the records, None where nothing moves; `notes` are warnings. `signal_cutoff_hz` is that of the wide
+    low-pass in front of rows that are nonlinear in their signals (arms), None for others.
     """
 
     filter_order: int
@@ -82,6 +86,7 @@ class FilterChoice:
     bands: tuple[Band, ...]
     sentences: tuple[str, ...]
     notes: tuple[str, ...]
+    signal_cutoff_hz: float | None = None
 
 
 def choose_filter(
@@ -92,6 +97,7 @@ def choose_filter(
     filter_order: int | None = None,
     decimation: int | None = None,
     direction_cutoff_hz: float | None = None,
+    signal_cutoff_hz: float | None = None,
     matched: bool = True,
 ) -> FilterChoice:
     """Choose filter order, cut-offs and decimation; what is given is taken as it is.
@@ -104,7 +110,12 @@ def choose_filter(
     DataError
         When an option is out of its range, or nothing moves and no cut-off is given.
     """
-    _check_options(records, cutoff_hz, filter_order, decimation, direction_cutoff_hz)
+    hertz = {
+        "cutoff_hz": cutoff_hz,
+        "direction_cutoff_hz": direction_cutoff_hz,
+        "signal_cutoff_hz": signal_cutoff_hz,
+    }
+    _check_options(records, hertz, filter_order, decimation)
     highest = highest_derivatives(model, records)
     bands = tuple(
         record_band(model, record, [one.channel for one in highest if not one.spectra[index].lines])
@@ -125,8 +136,10 @@ def choose_filter(
         )
     else:
         order, cutoff, explained, noted = _order_and_cutoff(
-            model, records, bands, highest, dynamics, filter_order
+            model, records, bands, highest, dynamics * (ARM_BAND if model.is_arm else 1.0), filter_order
         )
+        if model.is_arm:
+            sentences.append(_arm_sentence(dynamics))
         sentences += explained
         notes += noted
     for one in highest:
@@ -135,13 +148,16 @@ def choose_filter(
                 sentences.append(seen_sentence(one, cutoff, order))
             else:
                 notes.append(lost_note(one))
-    direction = float(direction_cutoff_hz or min(dynamics or cutoff, cutoff))
+    motion = dynamics if dynamics and not model.is_arm else cutoff
+    direction = float(direction_cutoff_hz or min(motion, cutoff))
     sentences.append(
         f"Directions of motion are the signs of velocities below {direction:.4g} Hz"
         + (" as given." if direction_cutoff_hz else ".")
         if matched
         else "Sensors are low-passed, forces are not; MATLAB's decimate filters all columns."
     )
+    wide, said = _signal_cutoff(model, records, cutoff, dynamics, signal_cutoff_hz)
+    sentences += said
     factors = tuple(decimation or decimation_for(record.fs, cutoff) for record in records)
     for record, factor in zip(records, factors, strict=True):
         why = "as given" if decimation else "a new Nyquist frequency of 1/0.8 times the cut-off"
@@ -150,8 +166,31 @@ def choose_filter(
     sentences += explained
     notes += noted
     return FilterChoice(
-        order, cutoff, direction, factors, dynamics, ratio, bands, tuple(sentences), tuple(notes)
+        order, cutoff, direction, factors, dynamics, ratio, bands, tuple(sentences), tuple(notes), wide
     )
+
+
+def _arm_sentence(dynamics_hz: float) -> str:
+    return (
+        f"Joints move up to {dynamics_hz:.4g} Hz; their torques hold products of motions, and friction: "
+        f"what counts is {ARM_BAND:g} times that."
+    )
+
+
+def _signal_cutoff(
+    model: Model,
+    records: Sequence[Record],
+    cutoff_hz: float,
+    dynamics_hz: float | None,
+    given: float | None,
+) -> tuple[float | None, list[str]]:
+    """Return the cut-off in Hz in front of rows that are nonlinear in their signals, and what says so."""
+    if model.kernel is None:
+        return None, []
+    highest = HIGHEST_CUTOFF * min(record.fs for record in records)
+    wide = float(given or min(max(SIGNAL_BAND * (dynamics_hz or 0.0), SIGNAL_CUTOFF * cutoff_hz), highest))
+    why = "as given" if given else "far beyond the motion, which the rows are nonlinear in"
+    return wide, [f"Positions are low-passed at {wide:.4g} Hz before that ({why})."]
 
 
 def _sampling(
@@ -196,7 +235,8 @@ def record_band(model: Model, record: Record, noise_only: Collection[str] = ()) 
         limit = band_limit_hz(*spectrum, DYNAMICS_SHARE, force_hz)
         if limit:
             found.append((limit, name))
-    dynamics_hz, body = min(found, default=(None, None))
+    # a chain's bodies move together; each joint of an arm moves by itself
+    dynamics_hz, body = (max if model.is_arm else min)(found, default=(None, None))
     return Band(record.name, force_hz, dynamics_hz, body)
 
 
@@ -267,17 +307,16 @@ def _best_sensors(model: Model) -> dict[str, Sensor]:
 
 def _check_options(
     records: Sequence[Record],
-    cutoff_hz: float | None,
+    hertz: Mapping[str, float | None],
     filter_order: int | None,
     decimation: int | None,
-    direction_cutoff_hz: float | None,
 ) -> None:
     for record in records:
         if record.n < FEWEST_SAMPLES:
             remedy = f"give a longer record, at least {FEWEST_SAMPLES} samples"
             raise DataError.at(record.name, f"has {record.n} samples: too few to filter", remedy)
     half = 0.5 * min(record.fs for record in records)
-    for name, value in (("cutoff_hz", cutoff_hz), ("direction_cutoff_hz", direction_cutoff_hz)):
+    for name, value in hertz.items():
         if value is not None and not 0.0 < value < half:
             remedy = f"give a frequency between 0 and half the sampling frequency, {half:g} Hz"
             raise DataError.at(name, f"is {value!r}", remedy)

@@ -17,6 +17,12 @@ FORCE_SHARE = 0.999
 DYNAMICS_SHARE = 0.998
 # What the filter takes off, forward and backward, at the limit of the dynamics.
 DISTORTION = 0.05
+# Torques of an arm hold products of two and three motions, and friction: their band is so many times as wide.
+ARM_BAND = 5.0
+# What is nonlinear in the signals sees them behind a low-pass of so many times the band of their motion (it
+# would err by 0.004 % there, and by 24 % at 3.6 times), and of so many times the rows' own cut-off.
+SIGNAL_BAND = 12.0
+SIGNAL_CUTOFF = 4.0
 HIGHEST_CUTOFF = 0.4  # of the sampling frequency
 # The cut-off, as a share of the new Nyquist frequency.
 DECIMATION_MARGIN = 0.8

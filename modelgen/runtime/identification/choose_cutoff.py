@@ -67,6 +67,7 @@ def usable_cutoff(job: Job, filters: Filters) -> FilterChoice:
                 filter_order=filters.filter_order,
                 decimation=filters.decimation,
                 direction_cutoff_hz=filters.direction_cutoff_hz,
+                signal_cutoff_hz=filters.signal_cutoff_hz,
             )
             tried = _tried(job, records, choice)
         except (DataError, IdentifiabilityError):

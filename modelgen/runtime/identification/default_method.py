@@ -51,6 +51,10 @@ def default_method(task: Task, method: Auto) -> Begun:
     IdentifiabilityError
         When the records answer none of the parameters.
     """
+    if task.model.is_arm:
+        job = replace(task.job, late=())
+        begun = run_method(replace(task, job=job), method.least_squares)
+        return _with_note(begun, "method wls: arms have no instruments; delays are not estimated")
     beyond = beyond_limit(task.job, method.instrumental)
     if beyond is not None:
         why = "instruments take more than memory_limit_mb; delays are not estimated"

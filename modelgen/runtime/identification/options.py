@@ -28,6 +28,8 @@ class Filters:
         Its order; every `decimation`-th sample is kept.
     direction_cutoff_hz : float, optional
         Cut-off in Hz of the velocities whose signs are directions of motion.
+    signal_cutoff_hz : float, optional
+        Cut-off in Hz of the wide low-pass in front of rows that are nonlinear in their signals (arms).
     drop : int, optional
         Samples left out at the beginning of every record; with matched filters at least the filter's reach.
     directions : mapping of str to str
@@ -43,6 +45,7 @@ class Filters:
     filter_order: int | None = None
     decimation: int | None = None
     direction_cutoff_hz: float | None = None
+    signal_cutoff_hz: float | None = None
     drop: int | None = None
     directions: Mapping[str, str] = field(default_factory=dict)
     memory_limit_mb: float | None = None

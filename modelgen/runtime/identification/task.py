@@ -22,6 +22,7 @@ from modelgen.runtime.identification.thresholds import MEGABYTE
 from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.channels import Channels
+from modelgen.runtime.records.derived_channels import with_derived
 from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.same_data import refuse_same_data
@@ -77,7 +78,7 @@ def prepared(
         When an option is out of range, a channel is missing, or a record is too short.
     """
     model = model if isinstance(model, Model) else model_from_module(model)
-    every = as_records(records)
+    every = with_derived(model, as_records(records))
     _check(model, every, option_problems(method, filters, checks), filters.directions)
     period_s = periods_of(model, every, checks.period_s) if checks.tests or checks.period_s else {}
     kept, unseen = held_apart(every, checks.hold_out, period_s)
@@ -91,6 +92,7 @@ def prepared(
             filter_order=filters.filter_order,
             decimation=filters.decimation,
             direction_cutoff_hz=filters.direction_cutoff_hz,
+            signal_cutoff_hz=filters.signal_cutoff_hz,
             matched=method.matched,
         )
 

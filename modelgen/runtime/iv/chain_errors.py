@@ -10,7 +10,8 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import DIRECTION, Changes, Effect, curvature
 from modelgen.runtime.iv.pushed_chain import deflection_of, pushed
-from modelgen.runtime.model.model import Friction, Model
+from modelgen.runtime.model.mechanical_parts import Friction
+from modelgen.runtime.model.model import Model
 
 ROLE_OF = {"constant force": "offset", "Coulomb friction": "coulomb", "viscous friction": "viscous"}
 KIND_OF = {"constant force": "constant", "Coulomb friction": "force", "viscous friction": "force"}

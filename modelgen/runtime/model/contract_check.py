@@ -6,76 +6,38 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 from modelgen.errors import Problem
-from modelgen.magnitudes import LARGEST, SMALLEST
+from modelgen.runtime.model.arm_contract import arm_problems
 from modelgen.runtime.model.column_check import column_problems, is_number, is_terms
+from modelgen.runtime.model.contract_kinds import (
+    COUNT,
+    LEVER,
+    NAMES,
+    NUMBERS,
+    ORDER,
+    PAIR_OR_NONE,
+    TEXT,
+    TEXT_OR_NONE,
+    TEXTS,
+    Kind,
+    is_combination,
+    is_names,
+    is_text,
+    maps_texts,
+    one_of,
+)
 
 VERSION = 1
 # Modules of arms keep a contract of their own.
 ARM_VERSION = 2
 REMEDY = "generate the module again with this version of modelgen"
-NUMBERS = f"numbers that are zero or from {SMALLEST:g} to {LARGEST:g}"
 MEASURES = ("position", "velocity", "acceleration")
 FUNCTIONS = ("sign", "forward", "backward", "cube")
 ROLE_NAMES = ("inertia", "viscous", "coulomb", "offset", "stiffness", "damping", "stiffness3")
 
-
-@dataclass(frozen=True)
-class Kind:
-    """A named test of one value."""
-
-    description: str
-    test: Callable[[Any], bool]
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str) and value != ""
-
-
-def _is_texts(value: Any) -> bool:
-    return isinstance(value, tuple) and all(_is_text(item) for item in value)
-
-
-def _is_names(value: Any) -> bool:
-    return _is_texts(value) and len(dict.fromkeys(value)) == len(value)
-
-
-def _is_count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
-
-
-def _is_combination(value: Any) -> bool:
-    return isinstance(value, tuple) and all(
-        isinstance(pair, tuple) and len(pair) == 2 and _is_count(pair[0]) and is_number(pair[1])
-        for pair in value
-    )
-
-
-def _maps_texts(test: Callable[[Any], bool]) -> Callable[[Any], bool]:
-    return lambda value: isinstance(value, Mapping) and all(_is_text(k) and test(v) for k, v in value.items())
-
-
-def _or_none(test: Callable[[Any], bool]) -> Callable[[Any], bool]:
-    return lambda value: value is None or test(value)
-
-
-def _one_of(choices: tuple[str, ...]) -> Kind:
-    return Kind(f"one of {', '.join(choices)}", lambda value: isinstance(value, str) and value in choices)
-
-
-TEXT = Kind("a non-empty string", _is_text)
-TEXT_OR_NONE = Kind("a non-empty string or None", _or_none(_is_text))
-TEXTS = Kind("a tuple of strings", _is_texts)
-COUNT = Kind("an integer, zero or more", _is_count)
-# elimination and differentiation of the rows that modelgen derives stay below 20
-ORDER = Kind("an integer from 0 to 99", lambda value: _is_count(value) and value < 100)
-PAIR_OR_NONE = Kind("a pair of strings or None", _or_none(lambda value: _is_names(value) and len(value) == 2))
-LEVER = Kind(f"a number from {SMALLEST:g} to {LARGEST:g}", lambda value: is_number(value) and value > 0.0)
-NAMES = Kind("a tuple of different strings", _is_names)
 
 VALUES: dict[str, Kind] = {
     "CHAIN": TEXT,
@@ -84,24 +46,24 @@ VALUES: dict[str, Kind] = {
     "SPEC_SHA256": TEXT,
     "PARAMETERS": NAMES,
     "BASE_PARAMETERS": Kind(
-        "a non-empty tuple of different strings", lambda value: _is_names(value) and value != ()
+        "a non-empty tuple of different strings", lambda value: is_names(value) and value != ()
     ),
     "IDENTIFIABLE": NAMES,
-    "KNOWN": Kind(f"a mapping of names to {NUMBERS}", _maps_texts(is_number)),
-    "ABSENT": Kind("a mapping of names to strings", _maps_texts(_is_text)),
-    "COMPOSITES": Kind("a mapping of names to strings", _maps_texts(_is_text)),
-    "UNITS": Kind("a mapping of names to strings", _maps_texts(_is_text)),
+    "KNOWN": Kind(f"a mapping of names to {NUMBERS}", maps_texts(is_number)),
+    "ABSENT": Kind("a mapping of names to strings", maps_texts(is_text)),
+    "COMPOSITES": Kind("a mapping of names to strings", maps_texts(is_text)),
+    "UNITS": Kind("a mapping of names to strings", maps_texts(is_text)),
     "PARAMETER_SETS": Kind(
-        f"a mapping of names to mappings of names to {NUMBERS}", _maps_texts(_maps_texts(is_number))
+        f"a mapping of names to mappings of names to {NUMBERS}", maps_texts(maps_texts(is_number))
     ),
-    "ROLES": Kind("a mapping of names to dicts", _maps_texts(lambda value: isinstance(value, Mapping))),
+    "ROLES": Kind("a mapping of names to dicts", maps_texts(lambda value: isinstance(value, Mapping))),
 }
 ENTRIES: dict[str, dict[str, Kind]] = {
     "SENSORS": {
         "key": TEXT,
         "body": TEXT_OR_NONE,
         "deflection": PAIR_OR_NONE,
-        "measures": _one_of(MEASURES),
+        "measures": one_of(MEASURES),
         "unit": TEXT,
     },
     "ACTUATORS": {"key": TEXT, "body": TEXT, "unit": TEXT, "lever": LEVER},
@@ -114,9 +76,9 @@ ENTRIES: dict[str, dict[str, Kind]] = {
     },
     "FEATURES": {
         "key": TEXT,
-        "function": _one_of(FUNCTIONS),
+        "function": one_of(FUNCTIONS),
         "of": Kind(
-            "a signal's key or (coefficient, key) pairs", lambda value: _is_text(value) or is_terms(value)
+            "a signal's key or (coefficient, key) pairs", lambda value: is_text(value) or is_terms(value)
         ),
         "times": TEXT_OR_NONE,
     },
@@ -140,12 +102,12 @@ ENTRIES: dict[str, dict[str, Kind]] = {
     },
     "CUBIC_SPRINGS": {
         "parameter": TEXT,
-        "deflection": Kind("(coordinate, coefficient) pairs", _is_combination),
+        "deflection": Kind("(coordinate, coefficient) pairs", is_combination),
     },
 }
 # Only chains with such springs have it.
 OPTIONAL = ("CUBIC_SPRINGS",)
-ROLE = {"role": _one_of(ROLE_NAMES), "bodies": TEXTS}
+ROLE = {"role": one_of(ROLE_NAMES), "bodies": TEXTS}
 FUNCTION_NAMES = (
     "features",
     "measurement",
@@ -159,13 +121,17 @@ FUNCTION_NAMES = (
 )
 
 
+def is_arm(module: Any) -> bool:
+    """Return whether a module keeps the contract of arms."""
+    return getattr(module, "CONTRACT_VERSION", None) == ARM_VERSION and hasattr(module, "ARM")
+
+
 def module_problems(module: Any) -> tuple[Problem, ...]:
     """Return one problem per violation of the contract; none for a module the runtime can use."""
     where = getattr(module, "__file__", None) or getattr(module, "__name__", None) or "model"
     version = getattr(module, "CONTRACT_VERSION", None)
-    if version == ARM_VERSION and hasattr(module, "ARM"):
-        what = "is the module of an arm; records are identified with those of chains"
-        return (Problem(where, what, "compute its regressor and call numpy.linalg.lstsq, or give a chain's"),)
+    if is_arm(module):
+        return tuple(Problem(f"{where}: {place}", what, REMEDY) for place, what in arm_problems(module))
     if version != VERSION:
         what = "is absent" if version is None else f"is {version!r}, this modelgen reads {VERSION}"
         return (Problem(f"{where}: CONTRACT_VERSION", what, REMEDY),)

@@ -7,7 +7,7 @@ become small frozen records. `contract_check` says what a module must offer, `mo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
@@ -17,7 +17,11 @@ import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.model.contract_check import module_problems
+from modelgen.runtime.model.arm_functions import ArmFunctions
+from modelgen.runtime.model.arm_kernel import ArmKernel
+from modelgen.runtime.model.arm_model import arm_fields
+from modelgen.runtime.model.contract_check import is_arm, module_problems
+from modelgen.runtime.model.mechanical_parts import CubicSpring, Friction, Role
 from modelgen.runtime.model.module_file import execute_file, execute_text
 
 # (coefficient, signal or feature key) pairs to be summed; the key "1" is the constant
@@ -92,34 +96,6 @@ class RowInfo:
     lever: float
 
 
-@dataclass(frozen=True)
-class Friction:
-    """Coulomb friction and offset of a body: one column of E in the state space; `state` is its velocity."""
-
-    body: str
-    state: int
-    coulomb_plus: str | None
-    coulomb_minus: str | None
-    offset: str | None
-    asymmetric: bool
-
-
-@dataclass(frozen=True)
-class CubicSpring:
-    """A force of `parameter` times the cube of a deflection: (coordinate, coefficient) pairs."""
-
-    parameter: str
-    deflection: tuple[tuple[int, float], ...]
-
-
-@dataclass(frozen=True)
-class Role:
-    """What a physical parameter is (inertia, viscous, coulomb, ...) and the bodies it acts on."""
-
-    role: str
-    bodies: tuple[str, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Model:
     """A generated module, checked: y = D x with y = measurement, D = regressor, x the base parameters.
@@ -127,6 +103,10 @@ class Model:
     The attributes are those of the module under their lower-case names; see its docstring for the rows.
     `measurement_columns` holds one `Terms` per row, `regressor_columns` per row a mapping of column index to
     `Terms`: what is linear in which signal, so that filters may act on signals instead of columns.
+
+    Of an arm, `kernel` gives the features that are nonlinear in several signals, `derived` the channels that
+    are sums of others (a motor that moves two joints), and `groupings` the formulas of base parameters by
+    their short names.
     """
 
     module: Any
@@ -152,11 +132,20 @@ class Model:
     measurement_columns: tuple[Terms, ...]
     regressor_columns: tuple[Mapping[int, Terms], ...]
     cubic_springs: tuple[CubicSpring, ...] = ()
+    groupings: Mapping[str, str] = field(default_factory=dict)
+    derived: Mapping[str, Terms] = field(default_factory=dict)
+    kernel: ArmKernel | None = None
 
     @property
     def channels(self) -> tuple[str, ...]:
         """Keys a record must bring: every sensor and actuator in use, and signals that have neither."""
-        return tuple(dict.fromkeys(signal.sensor or signal.actuator or signal.key for signal in self.signals))
+        used = dict.fromkeys(signal.sensor or signal.actuator or signal.key for signal in self.signals)
+        return tuple(key for key in used if key not in self.derived)
+
+    @property
+    def is_arm(self) -> bool:
+        """Whether it is that of an arm: its rows are nonlinear in positions, and it has no state space."""
+        return isinstance(self.module, ArmFunctions)
 
     @property
     def direction_keys(self) -> tuple[str, ...]:
@@ -230,34 +219,47 @@ def model_from_module(module: Any) -> Model:
     problems = module_problems(module)
     if problems:
         raise DataError(*problems)
-    columns = module.columns()
+    given = arm_fields(module) if is_arm(module) else _chain_fields(module)
     return Model(
-        module=module,
-        chain=module.CHAIN,
         title=module.TITLE,
-        sensor_set=module.SENSOR_SET,
         spec_sha256=module.SPEC_SHA256,
-        sensors=tuple(Sensor(**entry) for entry in module.SENSORS),
-        actuators=tuple(Actuator(**entry) for entry in module.ACTUATORS),
         parameters=module.PARAMETERS,
         known=MappingProxyType(dict(module.KNOWN)),
-        base_parameters=module.BASE_PARAMETERS,
         identifiable=module.IDENTIFIABLE,
         absent=MappingProxyType(dict(module.ABSENT)),
-        composites=MappingProxyType(dict(module.COMPOSITES)),
-        units=MappingProxyType(dict(module.UNITS)),
         roles=MappingProxyType({name: Role(**entry) for name, entry in module.ROLES.items()}),
         parameter_sets=MappingProxyType(
             {name: MappingProxyType(dict(values)) for name, values in module.PARAMETER_SETS.items()}
         ),
-        signals=tuple(Signal(**entry) for entry in module.SIGNALS),
-        features=tuple(Feature(**entry) for entry in module.FEATURES),
-        rows=tuple(RowInfo(**entry) for entry in module.ROWS),
-        friction=tuple(Friction(**entry) for entry in module.FRICTION),
-        measurement_columns=tuple(columns["measurement"]),
-        regressor_columns=tuple(MappingProxyType(dict(row)) for row in columns["regressor"]),
-        cubic_springs=tuple(CubicSpring(**entry) for entry in getattr(module, "CUBIC_SPRINGS", ())),
+        module=given["module"],
+        chain=given["chain"],
+        sensor_set=given["sensor_set"],
+        sensors=tuple(Sensor(**entry) for entry in given["sensors"]),
+        actuators=tuple(Actuator(**entry) for entry in given["actuators"]),
+        base_parameters=given["base_parameters"],
+        composites=MappingProxyType(dict(given["composites"])),
+        units=MappingProxyType(dict(given["units"])),
+        signals=tuple(Signal(**entry) for entry in given["signals"]),
+        features=tuple(Feature(**entry) for entry in given["features"]),
+        rows=tuple(RowInfo(**entry) for entry in given["rows"]),
+        friction=tuple(Friction(**entry) for entry in given["friction"]),
+        measurement_columns=tuple(given["measurement"]),
+        regressor_columns=tuple(MappingProxyType(dict(row)) for row in given["regressor"]),
+        cubic_springs=tuple(CubicSpring(**entry) for entry in given.get("cubic_springs", ())),
+        groupings=MappingProxyType(dict(given.get("groupings", {}))),
+        derived=MappingProxyType(dict(given.get("derived", {}))),
+        kernel=given.get("kernel"),
     )
+
+
+def _chain_fields(module: Any) -> dict[str, Any]:
+    """Return what a chain's module holds, under the names of `arm_fields`."""
+    names = ("chain", "sensor_set", "sensors", "actuators", "base_parameters", "composites", "units")
+    given = {
+        name: getattr(module, name.upper()) for name in (*names, "signals", "features", "rows", "friction")
+    }
+    springs = getattr(module, "CUBIC_SPRINGS", ())
+    return {**given, **module.columns(), "module": module, "cubic_springs": springs}
 
 
 def model_from_text(text: str, name: str = "model", trust: bool = False) -> Model:

@@ -36,7 +36,7 @@ def chain_of_fit(
     found: FoundParameters,
     fixed: Mapping[str, float],
 ) -> tuple[UncertainChain, Again] | None:
-    """Return the chain and what gives it near other values; None where composites are those of no chain.
+    """Return the chain and what gives it near other values; None for arms, and for composites of no chain.
 
     Parameters
     ----------
@@ -53,6 +53,8 @@ def chain_of_fit(
     fixed : mapping of str to float
         Columns that were not fitted, as they are at a bound.
     """
+    if model.is_arm:
+        return None
     if model.composites:
         if found.solution is None:
             return None
@@ -78,6 +80,8 @@ def chain_of_fit(
 
 def modes_of_fit(model: Model, known: tuple[UncertainChain, Again] | None) -> Modes:
     """Return the modes with their intervals of what `chain_of_fit` gives."""
+    if model.is_arm:  # its frequencies change with its posture
+        return Modes()
     if known is None:
         return Modes(notes=(f"No modes: {NO_CHAIN}.",))
     try:

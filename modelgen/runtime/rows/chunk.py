@@ -18,6 +18,9 @@ from modelgen.runtime.rows.signal_plan import SignalPlan
 # Samples between halos; and at least so many halos, so that these take a small part of the work.
 CHUNK_SAMPLES = 1 << 18
 HALOS = 8
+# The lines of a kernel, some hundreds at the full rate, make a sample as many times as large.
+KERNEL_SAMPLES = 1 << 14
+KERNEL_HALOS = 2
 
 
 class Chunk:
@@ -97,6 +100,8 @@ class KeptSignals(Mapping[str, FloatArray]):
                     power = float(np.sum((lever * self._made[channel][:, place]) ** 2))
                     self.force_power[times] = self.force_power.get(times, 0.0) + power
             return self._made[channel][:, column]
+        if key not in self._made and key in plan.features and plan.features[key].function == "kernel":
+            self._made |= plan.kernel_features(chunk, chunk.first, chunk.count)
         if key not in self._made:
             self._made[key] = plan.feature(chunk, plan.features[key], chunk.first, chunk.count)
         return self._made[key]
@@ -129,7 +134,8 @@ def chunks(
     samples : int, optional
         Samples in a chunk; changes memory and speed, never the result.
     """
-    size = samples or max(CHUNK_SAMPLES, HALOS * (max(plan.margins) + halo))
+    least, halos = (CHUNK_SAMPLES, HALOS) if plan.kernel is None else (KERNEL_SAMPLES, KERNEL_HALOS)
+    size = samples or max(least, halos * (max(plan.margins) + halo))
     # whole blocks: the products are then the same whatever the size of a chunk
     block = plan.feature_operator.block
     count = -(-size // block) * block // plan.filtering.factor

@@ -25,6 +25,8 @@ class Filtering:
         Every factor-th sample is kept.
     low_pass : sections
         What every reading goes through, and sign() and other nonlinear features after they have been formed.
+    signals : sections
+        The wide low-pass in front of what is nonlinear in several signals; empty where nothing is.
     directions : sections
         What a sensor goes through before the sign of its velocity is taken.
     stencil : tuple of float
@@ -36,6 +38,12 @@ class Filtering:
     low_pass: Sections
     directions: Sections
     stencil: tuple[float, ...] = EIGHTH_ORDER
+    signals: Sections = ()
+
+    @property
+    def linear(self) -> Sections:
+        """What goes through filters that commute with it: both low-passes, where there are two."""
+        return self.low_pass + self.signals
 
     @cached_property
     def largest_gain(self) -> float:
@@ -49,5 +57,8 @@ def matched_filtering(choice: FilterChoice, fs: float, factor: int) -> Filtering
     """Return the filtering of "wls": one Butterworth for everything, differences exact below its cut-off."""
     low_pass = butterworth(choice.filter_order, choice.cutoff_hz, fs)
     directions = butterworth(choice.filter_order, choice.direction_cutoff_hz, fs)
-    stencil = stencil_for(choice.cutoff_hz, fs)
-    return Filtering(fs, factor, low_pass, directions, stencil)
+    if choice.signal_cutoff_hz is None:
+        return Filtering(fs, factor, low_pass, directions, stencil_for(choice.cutoff_hz, fs))
+    signals = butterworth(choice.filter_order, choice.signal_cutoff_hz, fs)
+    stencil = stencil_for(choice.signal_cutoff_hz, fs)
+    return Filtering(fs, factor, low_pass, directions, stencil, signals)

@@ -17,9 +17,9 @@ from modelgen.runtime.rows.masks import turn_masks
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.remade_rows import remade_blocks
 from modelgen.runtime.rows.row_block import RowBlock
-from modelgen.runtime.rows.row_terms import row_terms
+from modelgen.runtime.rows.row_terms import holds_force, row_terms
 from modelgen.runtime.rows.standstill_speeds import Survey
-from modelgen.runtime.rows.thresholds import LEAST_FORCE, LEAST_SHARE
+from modelgen.runtime.rows.thresholds import LEAST_SHARE
 
 # From so many columns a row holds those only that it touches: of a long chain that is a handful.
 WIDE = 40
@@ -145,8 +145,9 @@ def _blocks(rows: RecordRows, index: int) -> Iterator[RowBlock]:
     """Yield the blocks of one record, the `index`-th."""
     kept = _Kept(rows)
     kept.all()
+    model = rows.plan.model
     every = np.arange(kept.count)
-    for terms, info in zip(rows.terms, rows.plan.model.rows, strict=True):
+    for terms, info in zip(rows.terms, model.rows, strict=True):
         place, turning = kept.place(terms.row)
         lines = kept.lines[terms.row] if place is None else kept.lines[terms.row][:, place]
         kept.lines[terms.row] = lines[:0].copy()  # one row at a time stands in memory twice
@@ -163,7 +164,7 @@ def _blocks(rows: RecordRows, index: int) -> Iterator[RowBlock]:
             Y=lines[-1],
             W=lines[:-1].T,
             masked=kept.count - n,
-            has_force=bool(np.linalg.norm(lines[-1]) > LEAST_FORCE * force_scale * np.sqrt(n)),
+            has_force=holds_force(model, float(np.linalg.norm(lines[-1])), force_scale * np.sqrt(n)),
             force_scale=force_scale,
             differentiated=info.differentiated,
             start=rows.grid[0],

@@ -99,7 +99,7 @@ class RecordRows:
         """Return filtered derivatives of a force's channel at the samples kept, shape (grid, orders)."""
         filtering = self.plan.filtering
         operator = fused_operator(
-            filtering.low_pass,
+            filtering.linear,
             filtering.fs,
             tuple(orders),
             filtering.factor,

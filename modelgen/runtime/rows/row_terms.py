@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model, Terms
+from modelgen.runtime.rows.thresholds import LEAST_FORCE
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,14 @@ def row_terms(model: Model) -> tuple[RowTerms, ...]:
         RowTerms(row, tuple(touched), (*touched.values(), model.measurement_columns[row]))
         for row, touched in enumerate(model.regressor_columns)
     )
+
+
+def holds_force(model: Model, measured: float, forces: float) -> bool:
+    """Tell whether a row's left side fixes its scale: its norm, and that of all forces at the row's lever.
+
+    Rows of an arm hold a force each, however small that of a wrist is against a shoulder's.
+    """
+    return measured > (0.0 if model.is_arm else LEAST_FORCE * forces)
 
 
 def _sum_into(line: FloatArray, terms: Terms, signals: Mapping[str, FloatArray]) -> None:

@@ -20,8 +20,8 @@ from modelgen.runtime.numerics.qr_triangle import tall_triangle, triangle_of
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
+from modelgen.runtime.rows.row_terms import holds_force
 from modelgen.runtime.rows.standstill_speeds import Survey
-from modelgen.runtime.rows.thresholds import LEAST_FORCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,8 +144,8 @@ def triangles_and_masks(
         triangle = triangle_of(np.concatenate(triangles))
         scale = float(np.sqrt(total.get(info.differentiated, 0.0) / grid)) / info.lever
         measured = float(np.linalg.norm(triangle[:, -1]))
-        has_force = measured > LEAST_FORCE * scale * np.sqrt(count)
+        has_force = holds_force(rows.plan.model, measured, scale * np.sqrt(count))
         touched = np.array(terms.columns, dtype=np.int64)
-        found.append(RowTriangle(index, terms.row, count, grid, bool(has_force), scale, triangle, touched))
+        found.append(RowTriangle(index, terms.row, count, grid, has_force, scale, triangle, touched))
         every.append(used)
     return found, tuple(every)

@@ -22,6 +22,7 @@ from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operato
 from modelgen.runtime.filters.two_sided_kernel import Sections, squared_gain
 from modelgen.runtime.model.model import Feature, Model, Signal
 from modelgen.runtime.rows.filter_sections import Filtering
+from modelgen.runtime.rows.kernel_lines import KernelLines, kernel_lines
 from modelgen.runtime.rows.thresholds import DIFFERENCE_MARGIN, ROUNDING
 
 # A few samples already tell that a derivative is more than rounding error.
@@ -72,6 +73,8 @@ class SignalPlan:
         Samples that are looked at before and behind those kept.
     fast : bool
         Whether compiled code is used.
+    kernel : KernelLines, optional
+        Features that are nonlinear in several signals, of an arm.
     """
 
     model: Model
@@ -88,6 +91,7 @@ class SignalPlan:
     constant: float
     margins: tuple[int, int]
     fast: bool
+    kernel: KernelLines | None = None
 
     def table(self, stretch: Stretch, channel: str, start: int, count: int) -> FloatArray:
         """Return the derivatives of a channel at samples kept from `start` on, shape (count, derivatives)."""
@@ -104,6 +108,15 @@ class SignalPlan:
         else:
             samples = self._feature(feature, stretch, low, high)
         return self.feature_operator.apply(samples, before, count, signs)[:, 0]
+
+    def kernel_features(self, stretch: Stretch, start: int, count: int) -> dict[str, FloatArray]:
+        """Return the features of the kernel at samples kept from `start` on, shape (count,) each."""
+        assert self.kernel is not None  # a feature of it was asked for
+
+        def filtered(channel: str, operator: FusedOperator, first: int, samples: int) -> FloatArray:
+            return self._filtered(stretch, channel, operator, first, samples)
+
+        return self.kernel.at(filtered, start, count)
 
     def direction(self, stretch: Stretch, key: str, start: int, stop: int) -> FloatArray:
         """Return a velocity whose sign is a direction of motion, at the full rate, shape (stop - start,)."""
@@ -174,6 +187,7 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         When a filter is too slow for its sampling frequency.
     """
     used = _used_keys(model)
+    kernel = kernel_lines(model, filtering, fast)
 
     def operator(sections: Sections, orders: tuple[int, ...], factor: int) -> FusedOperator:
         return fused_operator(sections, filtering.fs, orders, factor, filtering.stencil, fast=fast)
@@ -192,9 +206,9 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         own = orders[str(force)]
         own += [times for times in counts if times not in own]
         forces[str(force)] = {times: own.index(times) for times in counts}
-    operators = {c: operator(filtering.low_pass, tuple(orders[c]), filtering.factor) for c in orders}
+    operators = {c: operator(filtering.linear, tuple(orders[c]), filtering.factor) for c in orders}
     features = {feature.key: feature for feature in model.features if feature.key in used}
-    feature_operator = operator(filtering.low_pass, (0,), filtering.factor)
+    feature_operator = operator(filtering.linear, (0,), filtering.factor)
     directions: dict[str, tuple[str, FusedOperator | None]] = {}
     direction_keys = frozenset(model.direction_keys)
     for signal in model.signals:
@@ -203,11 +217,12 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
             smooth = None if brought else operator(filtering.directions, (signal.derivative,), 1)
             directions[signal.key] = (channel_of(signal), smooth)
     deepest = DIFFERENCE_MARGIN * len(filtering.stencil) * max(s.derivative for s in model.signals)
-    margins = [one.margins for _, one in directions.values() if one is not None]
-    full_rate = np.max([(deepest, deepest), *margins], axis=0) + feature_operator.margins
-    margins = np.max([full_rate, *(one.margins for one in operators.values())], axis=0)
+    of_directions = [one.margins for _, one in directions.values() if one is not None]
+    full_rate = np.max([(deepest, deepest), *of_directions], axis=0) + feature_operator.margins
+    inner = [one.margins for one in operators.values()] + ([kernel.margins] if kernel else [])
+    margins = np.max([full_rate, *inner], axis=0)
     # a constant times one pass forward and one backward
-    gain = float(squared_gain(np.asarray(filtering.low_pass, dtype=float), np.zeros(1))[0])
+    gain = float(squared_gain(np.asarray(filtering.linear, dtype=float), np.zeros(1))[0])
     return SignalPlan(
         model,
         filtering,
@@ -223,6 +238,7 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         gain,
         (int(margins[0]), int(margins[1])),
         isinstance(feature_operator.blocks, LoopBlocks),
+        kernel,
     )
 
 
@@ -237,6 +253,7 @@ def _full_rate_channels(
     """Return the channels that directions and features are formed from."""
     channel = {signal.key: channel_of(signal) for signal in model.signals}
     found = [name for name, _ in directions.values()]
+    found += [channel[key] for key in (model.kernel.inputs if model.kernel else ())]
     for feature in model.features:
         keys = [feature.of] if isinstance(feature.of, str) else [key for _, key in feature.of]
         found += [channel[key] for key in (*keys, *([feature.times] if feature.times else []))]

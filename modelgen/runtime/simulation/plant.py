@@ -13,7 +13,8 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import REMEDY, is_usable, shown_number
 from modelgen.runtime.model.chain_matrices import body_inertias
-from modelgen.runtime.model.model import Friction, Model
+from modelgen.runtime.model.mechanical_parts import Friction
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.stick_slip.linear_mode import CoulombBody, CubicForce, Mode
 

@@ -21,7 +21,8 @@ from modelgen.runtime.comparison.era_modes import modes_of_parameters, modes_of_
 from modelgen.runtime.comparison.kalman_filter import filter_parameters
 from modelgen.runtime.comparison.other_estimators import measure
 from modelgen.runtime.iv.output_error import Response, fit_response
-from modelgen.runtime.model.model import CubicSpring, Model, model_from_module
+from modelgen.runtime.model.mechanical_parts import CubicSpring
+from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.simulation.simulate import simulate
 
 QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)

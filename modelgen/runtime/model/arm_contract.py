@@ -1,0 +1,149 @@
+"""What the generated module of an arm must offer (contract 2): names, shapes, what refers to what."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from modelgen.runtime.model.column_check import PROBED, SAMPLES, is_number
+from modelgen.runtime.model.contract_kinds import NAMES, NUMBERS, TEXT, Kind, is_text, is_texts, maps_texts
+
+SIGNAL = re.compile(r"(?:(?P<order>q|d1_q|d2_q)_(?P<joint>.+)|tau_(?P<force>.+)|base_[fn][xyz])\Z")
+KINDS = ("revolute", "prismatic", "fixed")
+
+
+def _is_joint(value: Any) -> bool:
+    return (
+        isinstance(value, Mapping)
+        and sorted(value) == ["kind", "name", "parent"]
+        and is_text(value["name"])
+        and value["kind"] in KINDS
+        and (value["parent"] is None or is_text(value["parent"]))
+    )
+
+
+def _is_role(value: Any) -> bool:
+    return isinstance(value, Mapping) and is_text(value.get("role")) and is_texts(value.get("bodies"))
+
+
+def _is_matrix(value: Any) -> bool:
+    return isinstance(value, tuple) and all(
+        isinstance(row, tuple) and len(row) == len(value) and all(map(is_number, row)) for row in value
+    )
+
+
+def _is_places(value: Any) -> bool:
+    return isinstance(value, tuple) and all(
+        isinstance(pair, tuple) and len(pair) == 2 and all(type(n) is int and n >= 0 for n in pair)
+        for pair in value
+    )
+
+
+JOINTS = Kind(
+    "a non-empty tuple of dicts of name, kind and parent",
+    lambda value: isinstance(value, tuple) and value != () and all(map(_is_joint, value)),
+)
+VALUES: dict[str, Kind] = {
+    "ARM": TEXT,
+    "TITLE": Kind("a string", lambda value: isinstance(value, str)),
+    "SPEC_SHA256": TEXT,
+    "JOINTS": JOINTS,
+    "TRANSMISSION": Kind("a square matrix of numbers", _is_matrix),
+    "PARAMETERS": NAMES,
+    "KNOWN": Kind(f"a mapping of names to {NUMBERS}", maps_texts(is_number)),
+    "BASE_PARAMETERS": Kind(
+        "a non-empty tuple of different strings", lambda value: NAMES.test(value) and value != ()
+    ),
+    "IDENTIFIABLE": NAMES,
+    "ABSENT": Kind("a mapping of names to strings", maps_texts(is_text)),
+    "UNITS": Kind("a mapping of names to strings", maps_texts(is_text)),
+    "ROLES": Kind("a mapping of names to dicts of role and bodies", maps_texts(_is_role)),
+    "PARAMETER_SETS": Kind(
+        f"a mapping of names to mappings of names to {NUMBERS}", maps_texts(maps_texts(is_number))
+    ),
+    "SIGNALS": Kind("a non-empty tuple of different strings", lambda v: NAMES.test(v) and v != ()),
+    "ROW_KIND": Kind("joint or motor", lambda value: value in ("joint", "motor")),
+    "ROWS": Kind("a non-empty tuple of different strings", lambda v: NAMES.test(v) and v != ()),
+    "ENTRIES": Kind("a tuple of pairs of row and column", _is_places),
+}
+FUNCTION_NAMES = ("entries", "measurement", "regressor", "base_from_physical")
+
+
+def arm_problems(module: Any) -> list[tuple[str, str]]:
+    """Return (place, what is wrong) for every violation of the contract."""
+    found = []
+    for name, kind in VALUES.items():
+        value = getattr(module, name, None)
+        if value is None:
+            found.append((name, "is absent"))
+        elif not kind.test(value):
+            found.append((name, f"is not {kind.description}"))
+    absent = [name for name in FUNCTION_NAMES if not callable(getattr(module, name, None))]
+    found += [(f"{name}()", "is absent") for name in absent]
+    found = found or _references(module)
+    if found:
+        return found
+    with np.errstate(all="ignore"):  # an overflow counts as a difference
+        return _functions(module)
+
+
+def _references(module: Any) -> list[tuple[str, str]]:
+    """Return what names or places that do not exist."""
+    moving = [joint["name"] for joint in module.JOINTS if joint["kind"] != "fixed"]
+    names = frozenset((*module.PARAMETERS, *module.KNOWN))
+    found = []
+    if len(module.TRANSMISSION) != len(moving):
+        found.append(("TRANSMISSION", f"is not of the {len(moving)} joints that move"))
+    for key in module.SIGNALS:
+        match = SIGNAL.match(key)
+        joint = match and (match["joint"] or match["force"])
+        if match is None or (joint and joint not in moving):
+            found.append(("SIGNALS", f"hold {key!r}, which is of no joint"))
+    found += [
+        ("ENTRIES", f"hold {pair!r}, which is no row and column")
+        for pair in module.ENTRIES
+        if pair[0] >= len(module.ROWS) or pair[1] >= len(module.BASE_PARAMETERS)
+    ]
+    for place in ("UNITS", "ROLES"):
+        missing = sorted(names - frozenset(getattr(module, place)))
+        found += [(place, f"lacks {name!r}") for name in missing]
+    leading = [name.partition(" ")[0] for name in module.BASE_PARAMETERS]
+    found += [("BASE_PARAMETERS", f"begin with {n!r}, no parameter") for n in leading if n not in names]
+    alone = frozenset(module.BASE_PARAMETERS)
+    found += [
+        ("IDENTIFIABLE", f"hold {n!r}, no base parameter") for n in module.IDENTIFIABLE if n not in alone
+    ]
+    return found
+
+
+def _functions(module: Any) -> list[tuple[str, str]]:
+    """Return what is wrong with the shapes that the functions return, and where two of them disagree."""
+    rows, width = len(module.ROWS), len(module.BASE_PARAMETERS)
+    rng = np.random.default_rng(0)
+    signals = {key: rng.uniform(-1.0, 1.0, SAMPLES) for key in module.SIGNALS}
+    try:
+        entries, measured = module.entries(signals), module.measurement(signals)
+        dense = module.regressor(signals)
+        base = module.base_from_physical(dict.fromkeys(module.PARAMETERS, 1.0))
+    except Exception as error:  # a broken module can raise any exception
+        return [("functions", f"raise {type(error).__name__} ({error}) at {PROBED}")]
+    shapes = {
+        "entries()": (entries, (len(module.ENTRIES), SAMPLES)),
+        "measurement()": (measured, (SAMPLES, rows)),
+        "regressor()": (dense, (SAMPLES, rows, width)),
+        "base_from_physical()": (base, (width,)),
+    }
+    found = [
+        (place, f"does not return float64 of shape {shape}, for {SAMPLES} samples")
+        for place, (value, shape) in shapes.items()
+        if not (isinstance(value, np.ndarray) and value.dtype == np.float64 and value.shape == shape)
+    ]
+    if found:
+        return found
+    expected = np.zeros_like(dense)
+    for (row, column), line in zip(module.ENTRIES, entries, strict=True):
+        expected[:, row, column] = line
+    return [] if np.array_equal(dense, expected) else [("regressor()", f"differs from entries() at {PROBED}")]

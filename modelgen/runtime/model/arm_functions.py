@@ -1,0 +1,47 @@
+"""ArmFunctions: the functions that a chain's module has, for the module of an arm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import DataError
+
+
+class ArmFunctions:
+    """A module of contract 2 with what modules of chains offer besides; all else is the module's own."""
+
+    def __init__(self, module: Any) -> None:
+        self._module = module
+        alone = frozenset(module.IDENTIFIABLE)
+        self._columns = {name: column for column, name in enumerate(module.BASE_PARAMETERS) if name in alone}
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._module, name)
+
+    @cached_property
+    def _jacobian(self) -> FloatArray:
+        """Factors of the parameters in the base parameters, shape (columns, parameters)."""
+        names = self._module.PARAMETERS
+        nothing = dict.fromkeys((*names, *self._module.KNOWN), 0.0)
+        found = [self._module.base_from_physical({**nothing, name: 1.0}) for name in names]
+        return np.array(found).T
+
+    def base_jacobian(self, parameters: Mapping[str, float]) -> FloatArray:
+        """Return d base / d parameters, shape (columns, parameters): base parameters are sums."""
+        del parameters
+        return self._jacobian.copy()
+
+    def physical_from_base(self, base: FloatArray) -> dict[str, float]:
+        """Return the parameters that are base parameters by themselves, from those, shape (columns,)."""
+        return {name: float(base[self._columns[name]]) for name in self._module.IDENTIFIABLE}
+
+    def state_space(
+        self, parameters: Mapping[str, float], directions: Mapping[str, int] | None = None
+    ) -> Any:
+        """Raise DataError: an arm is not linear."""
+        raise DataError.at(self._module.ARM, "is an arm, which has no linear state space", "simulate it")

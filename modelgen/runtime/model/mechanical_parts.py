@@ -1,0 +1,33 @@
+"""Friction, cubic springs and roles of parameters: entries of a chain's module as records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Coulomb friction and offset of a body: one column of E in the state space; `state` is its velocity."""
+
+    body: str
+    state: int
+    coulomb_plus: str | None
+    coulomb_minus: str | None
+    offset: str | None
+    asymmetric: bool
+
+
+@dataclass(frozen=True)
+class CubicSpring:
+    """A force of `parameter` times the cube of a deflection: (coordinate, coefficient) pairs."""
+
+    parameter: str
+    deflection: tuple[tuple[int, float], ...]
+
+
+@dataclass(frozen=True)
+class Role:
+    """What a physical parameter is (inertia, viscous, coulomb, ...) and the bodies it acts on."""
+
+    role: str
+    bodies: tuple[str, ...]

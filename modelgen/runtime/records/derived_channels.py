@@ -1,0 +1,66 @@
+"""Channels that a model makes of those of a record: sums, such as the position of a motor of two joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.model.model import Model, Terms
+from modelgen.runtime.records.channels import Channels, ChannelSignals
+from modelgen.runtime.records.record import Record
+
+
+@dataclass(frozen=True, eq=False)
+class SummedChannels:
+    """A record in stretches, some of whose channels are sums of others."""
+
+    source: Channels
+    sums: Mapping[str, Terms]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(dict.fromkeys((*self.source.keys, *self.sums)))
+
+    @property
+    def name(self) -> str:
+        """Names the record in messages."""
+        return self.source.name
+
+    @property
+    def fs(self) -> float:
+        """Sampling frequency in Hz."""
+        return self.source.fs
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return self.source.n
+
+    def read(self, channel: str, start: int, stop: int) -> FloatArray:
+        """Return samples start to stop of a channel, shape (stop - start,)."""
+        if channel not in self.sums:
+            return self.source.read(channel, start, stop)
+        return sum(
+            (weight * self.source.read(key, start, stop) for weight, key in self.sums[channel]),
+            np.zeros(stop - start),
+        )
+
+
+def with_derived(model: Model, records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the records with the channels that a model makes of theirs, where they have all of these."""
+    return tuple(_extended(model, record) for record in records)
+
+
+def _extended(model: Model, record: Record) -> Record:
+    keys = frozenset(record.keys)
+    sums = {name: terms for name, terms in model.derived.items() if all(key in keys for _, key in terms)}
+    if not sums:
+        return record
+    summed = SummedChannels(record.source, sums)
+    if isinstance(record.signals, ChannelSignals):
+        return Record.over(summed, record.tag)
+    return record.edited({key: summed.read(key, 0, record.n) for key in sums})

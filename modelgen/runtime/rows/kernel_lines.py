@@ -1,0 +1,83 @@
+"""KernelLines: what an arm's rows hold that is nonlinear in several signals, formed at the full rate.
+
+Filters do not commute with such lines. Their signals go through one wide low-pass, which differentiates them
+and leaves the motion as it is; the lines themselves then go through the low-pass of the rows, as forces do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
+from modelgen.runtime.model.arm_kernel import ArmKernel
+from modelgen.runtime.model.model import Model, Signal
+from modelgen.runtime.rows.filter_sections import Filtering
+
+Filtered = Callable[[str, FusedOperator, int, int], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class KernelLines:
+    """The lines of a kernel behind a filtering.
+
+    Attributes
+    ----------
+    kernel : ArmKernel
+    operators : dict
+        Channel to the operator that gives its derivatives at the full rate.
+    inputs : dict
+        Signal key to (channel, column of its operator's output).
+    low_pass : FusedOperator
+        Filters and decimates a line.
+    """
+
+    kernel: ArmKernel
+    operators: Mapping[str, FusedOperator]
+    inputs: Mapping[str, tuple[str, int]]
+    low_pass: FusedOperator
+
+    @property
+    def margins(self) -> tuple[int, int]:
+        """Samples before the first and behind the last one kept that are looked at."""
+        inner = np.max([one.margins for one in self.operators.values()], axis=0)
+        before, behind = np.add(inner, self.low_pass.margins).tolist()
+        return before, behind
+
+    def at(self, filtered: Filtered, start: int, count: int) -> dict[str, FloatArray]:
+        """Return every line at the samples kept from `start` on, shape (count,) each.
+
+        `filtered` takes a channel, an operator, the first sample and how many to what the operator makes.
+        """
+        before, behind = self.low_pass.margins
+        low = start - before
+        inside = before + (count - 1) * self.low_pass.factor + 1 + behind
+        made = {channel: filtered(channel, one, low, inside) for channel, one in self.operators.items()}
+        signals = {key: made[channel][:, column] for key, (channel, column) in self.inputs.items()}
+        lines = self.kernel.lines(signals)
+        return {key: self.low_pass.apply(line, before, count)[:, 0] for key, line in lines.items()}
+
+
+def kernel_lines(model: Model, filtering: Filtering, fast: bool | None) -> KernelLines | None:
+    """Return the kernel of a model behind a filtering; None where there is none."""
+    kernel = model.kernel
+    if kernel is None:
+        return None
+    signals: dict[str, Signal] = {signal.key: signal for signal in model.signals}
+    orders: dict[str, list[int]] = {}
+    inputs = {}
+    for key in kernel.inputs:
+        channel = str(signals[key].sensor)
+        inputs[key] = (channel, len(orders.setdefault(channel, [])))
+        orders[channel].append(signals[key].derivative)
+    operators = {
+        channel: fused_operator(filtering.signals, filtering.fs, tuple(of), 1, filtering.stencil, fast=fast)
+        for channel, of in orders.items()
+    }
+    low_pass = fused_operator(
+        filtering.low_pass, filtering.fs, (0,), filtering.factor, filtering.stencil, fast=fast
+    )
+    return KernelLines(kernel, operators, inputs, low_pass)
