@@ -28,6 +28,8 @@ REMEDIES = {
     "viscous": "add stretches of different constant speeds",
     "coulomb": "add slow motion in both directions",
     "offset": "add slow motion in both directions",
+    "link": "move this link and those before it faster, and through more postures",
+    "gain": "add a record with a payload of known mass",
 }
 
 

@@ -74,7 +74,8 @@ class FilterChoice:
 
     `decimation` holds one factor per record; frequencies in Hz. `dynamics_hz` is the highest common dynamics
     of the records, None where nothing moves; `notes` are warnings. `signal_cutoff_hz` is that of the wide
-    low-pass in front of rows that are nonlinear in their signals (arms), None for others.
+    low-pass in front of rows that are nonlinear in their signals (arms), None for others; `slow_speeds` are
+    speeds in SI by their sensor, below which rows of the sensor's body leave samples out.
     """
 
     filter_order: int
@@ -87,6 +88,7 @@ class FilterChoice:
     sentences: tuple[str, ...]
     notes: tuple[str, ...]
     signal_cutoff_hz: float | None = None
+    slow_speeds: tuple[tuple[str, float], ...] = ()
 
 
 def choose_filter(
@@ -122,7 +124,7 @@ def choose_filter(
         for index, record in enumerate(records)
     )
     dynamics = max((band.dynamics_hz for band in bands if band.dynamics_hz is not None), default=None)
-    sentences = [_band_sentence(band) for band in bands]
+    sentences = [_band_sentence(band, "speed" if model.is_arm else "acceleration") for band in bands]
     order = filter_order if filter_order is not None else least_order(model)
     notes: list[str] = []
     if cutoff_hz is not None:
@@ -231,7 +233,8 @@ def record_band(model: Model, record: Record, noise_only: Collection[str] = ()) 
     shown = {name: sensor for name, sensor in best.items() if sensor.key not in noise_only}
     found: list[tuple[float, str]] = []
     for name, sensor in (shown or best).items():
-        spectrum = record.facts.power(sensor.key, 2 - sensor.order)
+        # lines of an encoder are most of an acceleration at high frequencies, but little of a speed
+        spectrum = record.facts.power(sensor.key, (1 if model.is_arm else 2) - sensor.order)
         limit = band_limit_hz(*spectrum, DYNAMICS_SHARE, force_hz)
         if limit:
             found.append((limit, name))
@@ -328,8 +331,8 @@ def _check_options(
             raise DataError.at(name, f"is {count!r}", remedy)
 
 
-def _band_sentence(band: Band) -> str:
+def _band_sentence(band: Band, motion: str) -> str:
     start = f"{band.record}: 99.9 % of the force's power lies below {band.force_hz:.4g} Hz"
     if band.dynamics_hz is None:
         return f"{start}; no body moves."
-    return f"{start}, and 99.8 % of {band.body}'s acceleration in it below {band.dynamics_hz:.4g} Hz."
+    return f"{start}, and 99.8 % of {band.body}'s {motion} in it below {band.dynamics_hz:.4g} Hz."

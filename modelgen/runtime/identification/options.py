@@ -30,6 +30,8 @@ class Filters:
         Cut-off in Hz of the velocities whose signs are directions of motion.
     signal_cutoff_hz : float, optional
         Cut-off in Hz of the wide low-pass in front of rows that are nonlinear in their signals (arms).
+    slow_speeds : mapping of str to float
+        Sensor of a position or velocity -> speed in SI; rows of its body leave slower samples out.
     drop : int, optional
         Samples left out at the beginning of every record; with matched filters at least the filter's reach.
     directions : mapping of str to str
@@ -46,6 +48,7 @@ class Filters:
     decimation: int | None = None
     direction_cutoff_hz: float | None = None
     signal_cutoff_hz: float | None = None
+    slow_speeds: Mapping[str, float] = field(default_factory=dict)
     drop: int | None = None
     directions: Mapping[str, str] = field(default_factory=dict)
     memory_limit_mb: float | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
@@ -26,6 +26,7 @@ from modelgen.runtime.records.derived_channels import with_derived
 from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.same_data import refuse_same_data
+from modelgen.runtime.rows.masks import slow_speeds
 from modelgen.runtime.rows.rows_by_tag import rows_for_tags
 
 
@@ -95,6 +96,7 @@ def prepared(
             signal_cutoff_hz=filters.signal_cutoff_hz,
             matched=method.matched,
         )
+    choice = replace(choice, slow_speeds=slow_speeds(model, filters.slow_speeds))
 
     def ready(given: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
         extended = with_directions(model, given, filters.directions, choice.direction_cutoff_hz)

@@ -8,17 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray
+from modelgen.errors import DataError, Problem
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.reversals import reversals, standstills, turns, widen
+from modelgen.runtime.filters.thresholds import STANDSTILL_SHARE
 from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import missing_name
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.thresholds import (
     DIRECTION_TOLERANCE,
+    SLOW_SHARE,
     STANDSTILL_PERIODS,
     SUPPORT_TOLERANCE,
     TURN_TOLERANCE,
@@ -30,13 +35,16 @@ class RowMask:
     """The rule of one row: velocities to look at, what of them counts, and how far around it is felt.
 
     `events` are "reversals", "turns" (reversals with the standstill around them), or "standstills" of at
-    least `longest` samples. Longer ones are masked already where "turns" are asked for.
+    least `longest` samples. Longer ones are masked already where "turns" are asked for. Samples that are
+    slower than `least`, a speed a key, are masked whatever happens around them; None is a share of the
+    fastest motion (`SLOW_SHARE`).
     """
 
     keys: tuple[str, ...]
     reach: int
     events: str
     longest: int
+    least: tuple[float | None, ...] = ()
 
     @property
     def halo(self) -> int:
@@ -46,7 +54,7 @@ class RowMask:
     def of(self, chunk: Chunk, thresholds: Mapping[str, float]) -> BoolArray:
         """Return which of the chunk's samples kept are masked, shape (count,)."""
         masked = np.zeros(chunk.count, dtype=bool)
-        for key in self.keys:
+        for place, key in enumerate(self.keys):
             low, high = chunk.start - self.halo, chunk.stop + self.halo
             velocity = chunk.direction(key, low, high)
             # beyond the record there is its mirror image: no rest goes on there
@@ -56,6 +64,11 @@ class RowMask:
             if marked.any():
                 wide = widen(marked, self.reach)[self.halo : -self.halo]
                 masked |= wide[:: chunk.plan.filtering.factor]
+            if self.least:
+                inside = slice(self.halo, len(velocity) - self.halo, chunk.plan.filtering.factor)
+                least = self.least[place]
+                slow = SLOW_SHARE / STANDSTILL_SHARE * thresholds[key] if least is None else least
+                masked |= np.abs(velocity[inside]) < slow
         return masked
 
     def _events(self, velocity: FloatArray, threshold: float) -> BoolArray:
@@ -75,7 +88,7 @@ def row_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, .
     def reach(derivative: int) -> int:
         return support_samples(order, choice.cutoff_hz, fs, derivative, SUPPORT_TOLERANCE)
 
-    found = []
+    found, slow = [], dict(choice.slow_speeds)
     for row, info in enumerate(model.rows):
         if info.reversals:
             # the row differentiates the friction as often as its order exceeds that of a motion: a jump
@@ -83,8 +96,32 @@ def row_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, .
             far = max(reach(k) for k in range(max(1, info.order - 2))) + late
             found.append(RowMask(tuple(info.reversals), far, "reversals", 1))
         else:
-            found.append(RowMask(direction_keys(model, row), reach(0) + late, "standstills", shortest))
+            keys = direction_keys(model, row)
+            otherwise = None if model.is_arm else 0.0
+            least = tuple(slow.get(key, otherwise) for key in keys) if slow or model.is_arm else ()
+            found.append(RowMask(keys, reach(0) + late, "standstills", shortest, least))
     return tuple(found)
+
+
+def slow_speeds(model: Model, given: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+    """Return the speeds below which samples are left out by the key of the velocity, from those by sensor.
+
+    Raises
+    ------
+    DataError
+        For a sensor whose velocity is in no row's friction, and for a speed that is none.
+    """
+    places = {signal.key: signal.sensor for signal in model.signals}
+    moving = {str(places[key]): key for key in model.direction_keys if places[key] is not None}
+    problems = [missing_name("slow_speeds", "sensor", key, moving) for key in given if key not in moving]
+    problems += [
+        Problem(f"slow_speeds: {key}", f"is {value!r}", "give a speed above 0, in SI")
+        for key, value in given.items()
+        if not (isinstance(value, Real) and 0.0 < value < np.inf)
+    ]
+    if problems:
+        raise DataError(*problems)
+    return tuple((moving[key], float(value)) for key, value in given.items())
 
 
 def turn_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, ...]:

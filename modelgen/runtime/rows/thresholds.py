@@ -21,6 +21,10 @@ LEAST_SHARE = 0.3
 # A speed is large against this percentile of its sizes, which single samples do not move.
 PERCENTILE = 0.99
 
+# Friction at low speed is no sign() and a viscous part (Stribeck): rows of an arm leave out what is slower than
+# this share of the percentile.
+SLOW_SHARE = 0.02
+
 # Rounding error of a filtered channel, relative to its largest reading.
 ROUNDING = 64.0 * float(np.finfo(float).eps)
 # An unfiltered derivative is off this near to the ends of what it is made from, in widths of the difference
