@@ -1,4 +1,4 @@
-"""The TX40 identified: against the published values, on halves of the record, and against plain SciPy in time.
+"""The TX40 identified: against published values, on halves of the record, against plain SciPy in time.
 
     .venv/bin/python benchmarks/tx40.py
 
@@ -84,7 +84,7 @@ def deviations(estimate: Any) -> dict[str, float]:
 
 
 def as_published(ours: Mapping[str, float]) -> dict[str, float]:
-    """Return values where the motor of axis 6 acts on the other axis only: 5 and 6 have its share in theirs."""
+    """Return values where the motor of axis 6 acts on the other axis only: theirs have its share in both."""
     found = dict(ours)
     for kind in ("Ia", "Fv"):
         for axis in ("5", "6"):

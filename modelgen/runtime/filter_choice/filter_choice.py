@@ -17,7 +17,7 @@ spectra for 3 and 4, `filter_sentences` says what was seen.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 
@@ -38,34 +38,19 @@ from modelgen.runtime.filter_choice.explain import (
     quiet_sentence,
     seen_sentence,
 )
+from modelgen.runtime.filter_choice.motion_band import Band, band_sentence, record_band
 from modelgen.runtime.filter_choice.thresholds import (
     ARM_BAND,
     DECIMATION_MARGIN,
     DISTORTION,
-    DYNAMICS_SHARE,
     FEWEST_SAMPLES,
-    FORCE_SHARE,
     HIGHEST_CUTOFF,
     LOWEST_SAMPLING_RATIO,
     SIGNAL_BAND,
     SIGNAL_CUTOFF,
 )
-from modelgen.runtime.filters.power_spectrum import band_limit_hz
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-
-
-@dataclass(frozen=True)
-class Band:
-    """What one record excites: `force_hz` of the forces, `dynamics_hz` common to its bodies, set by `body`.
-
-    `dynamics_hz` and `body` are None where no sensor moves.
-    """
-
-    record: str
-    force_hz: float
-    dynamics_hz: float | None
-    body: str | None
 
 
 @dataclass(frozen=True)
@@ -124,7 +109,7 @@ def choose_filter(
         for index, record in enumerate(records)
     )
     dynamics = max((band.dynamics_hz for band in bands if band.dynamics_hz is not None), default=None)
-    sentences = [_band_sentence(band, "speed" if model.is_arm else "acceleration") for band in bands]
+    sentences = [band_sentence(band, "speed" if model.is_arm else "acceleration") for band in bands]
     order = filter_order if filter_order is not None else least_order(model)
     notes: list[str] = []
     if cutoff_hz is not None:
@@ -137,39 +122,56 @@ def choose_filter(
             "check the channels, or give cutoff_hz",
         )
     else:
+        reach = dynamics * (ARM_BAND if model.is_arm else 1.0)
+        sentences += [_arm_sentence(dynamics)] if model.is_arm else []
         order, cutoff, explained, noted = _order_and_cutoff(
-            model, records, bands, highest, dynamics * (ARM_BAND if model.is_arm else 1.0), filter_order
+            model, records, bands, highest, reach, filter_order
         )
-        if model.is_arm:
-            sentences.append(_arm_sentence(dynamics))
         sentences += explained
         notes += noted
-    for one in highest:
-        if one.order and not one.still:
-            if one.snr_db(cutoff, order)[0] > 0.0:
-                sentences.append(seen_sentence(one, cutoff, order))
-            else:
-                notes.append(lost_note(one))
+    said, lost = _seen(highest, cutoff, order)
+    sentences += said
+    notes += lost
     motion = dynamics if dynamics and not model.is_arm else cutoff
     direction = float(direction_cutoff_hz or min(motion, cutoff))
-    sentences.append(
-        f"Directions of motion are the signs of velocities below {direction:.4g} Hz"
-        + (" as given." if direction_cutoff_hz else ".")
-        if matched
-        else "Sensors are low-passed, forces are not; MATLAB's decimate filters all columns."
-    )
+    sentences.append(_direction_sentence(direction, direction_cutoff_hz is not None, matched))
     wide, said = _signal_cutoff(model, records, cutoff, dynamics, signal_cutoff_hz)
     sentences += said
-    factors = tuple(decimation or decimation_for(record.fs, cutoff) for record in records)
-    for record, factor in zip(records, factors, strict=True):
-        why = "as given" if decimation else "a new Nyquist frequency of 1/0.8 times the cut-off"
-        sentences.append(f"{record.name}: every {ordinal(factor)} sample of {record.fs:.6g} Hz ({why}).")
+    factors, said = _decimations(records, decimation, cutoff)
+    sentences += said
     ratio, explained, noted = _sampling(records, dynamics)
     sentences += explained
     notes += noted
     return FilterChoice(
         order, cutoff, direction, factors, dynamics, ratio, bands, tuple(sentences), tuple(notes), wide
     )
+
+
+def _seen(highest: Sequence[HighestDerivative], cutoff_hz: float, order: int) -> tuple[list[str], list[str]]:
+    """Return which highest derivatives stand out of their noise, and warnings of the others."""
+    moving = [one for one in highest if one.order and not one.still]
+    seen = [one for one in moving if one.snr_db(cutoff_hz, order)[0] > 0.0]
+    lost = [lost_note(one) for one in moving if one not in seen]
+    return [seen_sentence(one, cutoff_hz, order) for one in seen], lost
+
+
+def _decimations(
+    records: Sequence[Record], given: int | None, cutoff_hz: float
+) -> tuple[tuple[int, ...], list[str]]:
+    """Return the factor of each record, and the sentences that say so."""
+    factors = tuple(given or decimation_for(record.fs, cutoff_hz) for record in records)
+    why = "as given" if given else "a new Nyquist frequency of 1/0.8 times the cut-off"
+    return factors, [
+        f"{record.name}: every {ordinal(factor)} sample of {record.fs:.6g} Hz ({why})."
+        for record, factor in zip(records, factors, strict=True)
+    ]
+
+
+def _direction_sentence(direction_hz: float, given: bool, matched: bool) -> str:
+    if not matched:
+        return "Sensors are low-passed, forces are not; MATLAB's decimate filters all columns."
+    end = " as given." if given else "."
+    return f"Directions of motion are the signs of velocities below {direction_hz:.4g} Hz{end}"
 
 
 def _arm_sentence(dynamics_hz: float) -> str:
@@ -217,30 +219,6 @@ def _sampling(
 def least_order(model: Model) -> int:
     """Return the order that makes up for the highest derivative, and leaves two orders of roll-off."""
     return max(row.order for row in model.rows) + 2
-
-
-def record_band(model: Model, record: Record, noise_only: Collection[str] = ()) -> Band:
-    """Return what one record excites: steps 1 and 2 of the rule.
-
-    A body of which nothing but noise is read (`noise_only` names such channels) sets no dynamics, unless
-    there is nothing else.
-    """
-    half = 0.5 * record.fs
-    used = [actuator.key for actuator in model.actuators if actuator.key in record.signals]
-    limits = [band_limit_hz(*record.facts.power(key), FORCE_SHARE, half) for key in used]
-    force_hz = max((limit for limit in limits if limit is not None), default=half)
-    best = _best_sensors(model)
-    shown = {name: sensor for name, sensor in best.items() if sensor.key not in noise_only}
-    found: list[tuple[float, str]] = []
-    for name, sensor in (shown or best).items():
-        # lines of an encoder are most of an acceleration at high frequencies, but little of a speed
-        spectrum = record.facts.power(sensor.key, (1 if model.is_arm else 2) - sensor.order)
-        limit = band_limit_hz(*spectrum, DYNAMICS_SHARE, force_hz)
-        if limit:
-            found.append((limit, name))
-    # a chain's bodies move together; each joint of an arm moves by itself
-    dynamics_hz, body = (max if model.is_arm else min)(found, default=(None, None))
-    return Band(record.name, force_hz, dynamics_hz, body)
 
 
 def distortion_bound_hz(dynamics_hz: float, order: int) -> float:
@@ -297,17 +275,6 @@ def _cutoff_from(dynamics_hz: float, order: int, fs: float) -> tuple[float, str,
     return highest, sentence, [note]
 
 
-def _best_sensors(model: Model) -> dict[str, Sensor]:
-    """Return for every sensed body its sensor of the highest order; deflections only if there is no other."""
-    best: dict[str, Sensor] = {}
-    used = [sensor for sensor in model.sensors if sensor.key in model.channels]
-    for sensor in [sensor for sensor in used if sensor.body is not None] or used:
-        name = sensor.body or "-".join(sensor.deflection or ())
-        if name not in best or sensor.order > best[name].order:
-            best[name] = sensor
-    return best
-
-
 def _check_options(
     records: Sequence[Record],
     hertz: Mapping[str, float | None],
@@ -329,10 +296,3 @@ def _check_options(
         if isinstance(count, bool) or not isinstance(count, Integral) or not 1 <= count <= (most or count):
             remedy = "give an integer from 1 to 20" if most else "give an integer, 1 or more"
             raise DataError.at(name, f"is {count!r}", remedy)
-
-
-def _band_sentence(band: Band, motion: str) -> str:
-    start = f"{band.record}: 99.9 % of the force's power lies below {band.force_hz:.4g} Hz"
-    if band.dynamics_hz is None:
-        return f"{start}; no body moves."
-    return f"{start}, and 99.8 % of {band.body}'s {motion} in it below {band.dynamics_hz:.4g} Hz."

@@ -141,7 +141,16 @@ def _described(model: Model) -> EstimatedModel:
     symbols = {name: formula for name, formula in model.composites.items() if name != formula}
     roles = {name: entry.role for name, entry in model.roles.items()}
     unseen, known = tuple(model.absent), dict(model.known)
-    return EstimatedModel(model.chain, model.sensor_set, model.title, symbols, roles, unseen, known)
+    return EstimatedModel(
+        model.chain,
+        model.sensor_set,
+        model.title,
+        symbols,
+        roles,
+        unseen,
+        known,
+        groupings=dict(model.groupings),
+    )
 
 
 def _physical(solved: Solved, base: FloatArray, covariances: Covariances) -> FoundParameters:

@@ -22,10 +22,10 @@ from modelgen.runtime.identification.thresholds import MEGABYTE
 from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.channels import Channels
-from modelgen.runtime.records.derived_channels import with_derived
 from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.same_data import refuse_same_data
+from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.rows.masks import slow_speeds
 from modelgen.runtime.rows.rows_by_tag import rows_for_tags
 

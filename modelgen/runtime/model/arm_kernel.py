@@ -79,6 +79,10 @@ class Candidates:
     summed: Mapping[str, FloatArray]
     alone: Mapping[str, FloatArray]
 
+    def also(self, further: Mapping[str, FloatArray]) -> Candidates:
+        """Return the same with further ones to be summed."""
+        return Candidates({**self.summed, **further}, self.alone)
+
     def sums(self, lines: FloatArray) -> list[Sum | None]:
         """Return each line, shape (lines, N), as terms of candidates, None where it is none."""
         keys, values = tuple(self.summed), np.column_stack(list(self.summed.values()))

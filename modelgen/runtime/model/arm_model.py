@@ -100,12 +100,13 @@ def _lines(
     """Return terms of every entry and left side, the kernel for those that are no sums, and the features."""
     rng = np.random.default_rng(0)
     candidates, signals, features = _candidates(module, coordinates, rng)
-    found = candidates.sums(np.asarray(module.entries(signals)))
     forces = tuple(key for key in module.SIGNALS if key.startswith(("tau_", "base_")))
+    pushing = {key: signals[key] for key in forces}  # columns of gains hold what drives report
+    found = candidates.also(pushing).sums(np.asarray(module.entries(signals)))
     still = {**signals, **dict.fromkeys(forces, np.zeros(len(signals[module.SIGNALS[0]])))}
     known = np.asarray(module.measurement(still)).T
     pushed = np.asarray(module.measurement(signals)).T - known
-    of_forces = Candidates({key: signals[key] for key in forces}, {}).sums(pushed)
+    of_forces = Candidates(pushing, {}).sums(pushed)
     of_known = candidates.sums(known)
     entries = {f"entry {line}": line for line, terms in enumerate(found) if terms is None}
     left = {f"known {row}": row for row, terms in enumerate(of_known) if terms is None}

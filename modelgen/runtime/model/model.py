@@ -20,6 +20,7 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.model.arm_functions import ArmFunctions
 from modelgen.runtime.model.arm_kernel import ArmKernel
 from modelgen.runtime.model.arm_model import arm_fields
+from modelgen.runtime.model.chain_fields import chain_fields
 from modelgen.runtime.model.contract_check import is_arm, module_problems
 from modelgen.runtime.model.mechanical_parts import CubicSpring, Friction, Role
 from modelgen.runtime.model.module_file import execute_file, execute_text
@@ -219,7 +220,7 @@ def model_from_module(module: Any) -> Model:
     problems = module_problems(module)
     if problems:
         raise DataError(*problems)
-    given = arm_fields(module) if is_arm(module) else _chain_fields(module)
+    given = arm_fields(module) if is_arm(module) else chain_fields(module)
     return Model(
         title=module.TITLE,
         spec_sha256=module.SPEC_SHA256,
@@ -250,16 +251,6 @@ def model_from_module(module: Any) -> Model:
         derived=MappingProxyType(dict(given.get("derived", {}))),
         kernel=given.get("kernel"),
     )
-
-
-def _chain_fields(module: Any) -> dict[str, Any]:
-    """Return what a chain's module holds, under the names of `arm_fields`."""
-    names = ("chain", "sensor_set", "sensors", "actuators", "base_parameters", "composites", "units")
-    given = {
-        name: getattr(module, name.upper()) for name in (*names, "signals", "features", "rows", "friction")
-    }
-    springs = getattr(module, "CUBIC_SPRINGS", ())
-    return {**given, **module.columns(), "module": module, "cubic_springs": springs}
 
 
 def model_from_text(text: str, name: str = "model", trust: bool = False) -> Model:

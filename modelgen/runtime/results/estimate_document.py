@@ -44,6 +44,7 @@ def estimate_document(estimate: Estimate) -> dict[str, Any]:
         "unseen": estimate.model.unseen,
         "known": estimate.model.known,
         "joined": estimate.model.joined,
+        "groupings": estimate.model.groupings,
         "base": estimate.base.tolist(),
         "noise_std": {entry.name: entry.noise_std for entry in identified},
         "drift_std": {entry.name: entry.drift_std for entry in identified},

@@ -79,7 +79,8 @@ KEYS: Mapping[str, tuple[Holds, str]] = {
     **dict.fromkeys(("params", "physical", "nuisance", "delays", "known"), VALUES),
     **dict.fromkeys((*DEVIATIONS, *OF_PHYSICAL, "delay_std"), NUMBERS),
     **dict.fromkeys(
-        ("units", "not_identifiable", "composites", "roles"), (_table_of(_is_text), "a table of texts")
+        ("units", "not_identifiable", "composites", "roles", "groupings"),
+        (_table_of(_is_text), "a table of texts"),
     ),
     "conf_int_95": (_table_of(_is_interval), "a table of pairs of numbers"),
     "other_solutions": (_list_of(_table_of(_is_real)), "a list of tables of numbers"),

@@ -21,6 +21,7 @@ class EstimatedModel:
     `composites` maps base parameters that go by a short symbol to their formula in the physical ones, `roles`
     physical parameters to what they are (inertia, stiffness, ...). `unseen` are those that these sensors
     cannot tell, whatever the records hold; `known` holds values (SI) of those that were not estimated.
+    `groupings` maps the short names of sums to these, of arms.
     `joined` are the sensor sets whose estimates were joined to this one; none for a single one.
     """
 
@@ -32,6 +33,7 @@ class EstimatedModel:
     unseen: tuple[str, ...] = ()
     known: Mapping[str, float] = field(default_factory=dict)
     joined: tuple[str, ...] = ()
+    groupings: Mapping[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return f"{self.chain}, sensors {self.sensor_set}"

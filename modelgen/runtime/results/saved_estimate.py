@@ -68,6 +68,7 @@ def estimate_parts(document: Mapping[str, Any], where: str) -> dict[str, Any]:
             tuple(saved.get("unseen", ())),
             _reals(saved.get("known", {})),
             tuple(saved.get("joined", ())),
+            saved.get("groupings", {}),
         ),
         "records": tuple(saved["records"]),
         "fit": _fit(saved, parts),

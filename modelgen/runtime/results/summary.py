@@ -32,6 +32,7 @@ def summary_text(estimate: Estimate) -> str:
     parts = [
         _heading(estimate),
         _table(_parameter_rows(estimate)),
+        _sentences("Sums of parameters", _groupings(estimate)),
         textwrap.wrap(INTERVAL_KINDS[estimate.fit.covariance_kind], WIDTH, break_on_hyphens=False),
         _composites(estimate),
         _physical(estimate),
@@ -82,6 +83,13 @@ def _told_otherwise(estimate: Estimate) -> tuple[str, ...]:
     return tuple(symbols) if estimate.parameters.physical else ()
 
 
+def _groupings(estimate: Estimate) -> list[str]:
+    """Return what the short names of sums stand for."""
+    return [
+        f"{name} = {sum_of}" for name, sum_of in estimate.model.groupings.items() if name in estimate.params
+    ]
+
+
 def _composites(estimate: Estimate) -> list[str]:
     """Return what became of composites whose formulas are too long for a name."""
     symbols = [name for name in estimate.model.composites if name in estimate.params]
@@ -125,7 +133,15 @@ def _delay(name: str, delay: float, std: float | None) -> str:
 
 
 def _refused(estimate: Estimate) -> list[str]:
-    lines = [f"{name}: {reason}" for name, reason in estimate.not_identifiable.items()]
+    reasons = dict(estimate.not_identifiable)
+    lines = []
+    if estimate.model.groupings:  # of most parameters of an arm their sums say the same
+        grouped = [
+            name for name, reason in reasons.items() if reason.startswith(("no motion", "only in comb"))
+        ]
+        reasons = {name: reason for name, reason in reasons.items() if name not in grouped}
+        lines = [f"by themselves: {', '.join(grouped)}"] if grouped else []
+    lines += [f"{name}: {reason}" for name, reason in reasons.items()]
     return _sentences("Not identifiable", lines)
 
 

@@ -21,8 +21,8 @@ LEAST_SHARE = 0.3
 # A speed is large against this percentile of its sizes, which single samples do not move.
 PERCENTILE = 0.99
 
-# Friction at low speed is no sign() and a viscous part (Stribeck): rows of an arm leave out what is slower than
-# this share of the percentile.
+# Friction at low speed is no sign() and a viscous part (Stribeck): rows of an arm leave out what is slower
+# than this share of the percentile.
 SLOW_SHARE = 0.02
 
 # Rounding error of a filtered channel, relative to its largest reading.

@@ -110,5 +110,5 @@ def _units(joint: Joint) -> dict[DriveRole, str]:
         "stiffness": f"{force}/{way}",
         "damping": f"{force} s/{way}",
         "stiffness3": f"{force}/{way}^3",
-        "gain": f"{force} per unit of the drive's signal",
+        "gain": f"{force} per unit of its signal",
     }

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from modelgen.errors import DataError, RenderError
+from modelgen.errors import RenderError
 from modelgen.generated_module.module_check import has_header, seal
 from modelgen.render.arms.arm_view import BLOCK
 from modelgen.render.arms.arm_writer import arm_module
@@ -163,8 +163,8 @@ def test_mistakes_of_a_caller_are_told() -> None:
         module["regressor"]({**signals, "q_2": np.zeros(4)})
 
 
-def test_commands_for_chains_say_that_it_is_an_arm(tmp_path: Path) -> None:
+def test_a_module_of_an_arm_is_loaded(tmp_path: Path) -> None:
     path = tmp_path / "arm.py"
     path.write_text(arm_module(arm_base_model(arm_rows(tx40()))))
-    with pytest.raises(DataError, match=r"arm.py: is the module of an arm; records are .* those of chains"):
-        load_model(path)
+    model = load_model(path)
+    assert model.is_arm and len(model.base_parameters) == 61

@@ -11,8 +11,8 @@ from modelgen.runtime.filter_choice.filter_choice import (
     choose_filter,
     decimation_for,
     distortion_bound_hz,
-    record_band,
 )
+from modelgen.runtime.filter_choice.motion_band import record_band
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record

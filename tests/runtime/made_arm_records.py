@@ -1,0 +1,78 @@
+"""Records of arms with known parameters: Fourier series at the joints, torques from the module itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+import modelgen
+from modelgen.render.arms.arm_writer import arm_module
+from modelgen.runtime.model.model import Model, model_from_text
+from modelgen.runtime.records.record import Record
+from modelgen.spec.arms.arm import ArmSpec
+from modelgen.spec.arms.load import load_arm, parse_arm
+from modelgen.symbolic.arms.arm_rows import RowKind, arm_rows
+from modelgen.symbolic.arms.base_parameters import arm_base_model
+
+CATALOG = Path(modelgen.__file__).parent / "catalog" / "arms"
+FS = 1000.0
+HARMONICS = 5
+
+
+def catalogued(name: str) -> ArmSpec:
+    return load_arm(CATALOG / f"{name}.toml")
+
+
+def written(text: str) -> ArmSpec:
+    return parse_arm(text, "arm.toml")
+
+
+def model_of(spec: ArmSpec, kind: RowKind = "joint", base_rows: bool = False) -> Model:
+    return model_from_text(arm_module(arm_base_model(arm_rows(spec, kind, base_rows))), spec.name)
+
+
+def values_of(model: Model, seed: int = 0) -> dict[str, float]:
+    """Return random values of all parameters."""
+    rng = np.random.default_rng(seed)
+    return {name: float(rng.uniform(0.5, 1.5)) for name in model.parameters}
+
+
+def motion(model: Model, seconds: float, seed: int, fs: float = FS, hz: float = 0.1) -> dict[str, np.ndarray]:
+    """Return every signal of the joints: the sum of harmonics of `hz`, the highest five times as fast."""
+    rng, t = np.random.default_rng(seed), np.arange(0.0, seconds, 1.0 / fs)
+    found = {}
+    for sensor in (one for one in model.sensors if one.key not in model.derived):
+        sums = np.zeros((3, len(t)))
+        for k in range(1, HARMONICS + 1):
+            w, (a, b) = 2.0 * np.pi * hz * k, 0.4 * rng.standard_normal(2)
+            wave = a * np.sin(w * t) + b * np.cos(w * t)
+            sums += [wave, w * (a * np.cos(w * t) - b * np.sin(w * t)), -(w**2) * wave]
+        found |= {f"{order}{sensor.key}": line for order, line in zip(("", "d1_", "d2_"), sums, strict=True)}
+    return found
+
+
+def record_of(
+    model: Model,
+    values: Mapping[str, float],
+    seconds: float = 20.0,
+    seed: int = 1,
+    noise: tuple[float, float] = (0.0, 0.0),
+) -> Record:
+    """Return positions and torques of motors along `motion`; `noise` is that of each (rms, SI)."""
+    signals, rng = motion(model, seconds, seed), np.random.default_rng(seed + 1000)
+    forces = [one.key for one in model.actuators]
+    still = {**signals, **dict.fromkeys(forces, np.zeros(len(next(iter(signals.values())))))}
+    wanted = model.regressor(still) @ model.base_from_physical(values) - model.measurement(still)
+    ratios = np.zeros((len(model.rows), len(forces)))
+    for row, terms in enumerate(model.measurement_columns):
+        for ratio, key in terms:
+            if key in forces:
+                ratios[row, forces.index(key)] = ratio
+    torques = np.linalg.solve(ratios, wanted.T)
+    exact = {key: signals[key] for key in model.channels if key in signals}
+    read = {key: line + noise[0] * rng.standard_normal(len(line)) for key, line in exact.items()}
+    pushed = zip(forces, torques, strict=True)
+    read |= {key: line + noise[1] * rng.standard_normal(len(line)) for key, line in pushed}
+    return Record(read, FS, "arm")
