@@ -65,9 +65,14 @@ def read_files(
     problems: list[Problem] = []
     for path in counted(paths, "reading"):
         try:
-            readings.append(read(path, **how))
+            reading = read(path, **how)
         except DataError as error:
             problems += error.problems
+            continue
+        if any(model.is_arm for model in models):  # joints have nothing to do with each other's zeros
+            kept = [one for one in reading.findings if not one.kind.startswith("offset=q_")]
+            reading = replace(reading, findings=tuple(kept))
+        readings.append(reading)
     if problems:
         raise DataError(*problems)
     return readings

@@ -69,6 +69,7 @@ def report_page(
     unmade : mapping of str to str, optional
         Ids of sections that could not be made, with a sentence to stand in their place.
     """
+    model.refuse_arm("a report")
     left = Unmade(unmade or {})
     records = [item.record if isinstance(item, Reading) else item for item in readings]
     rows, singular = rebuild(model, records, estimate)

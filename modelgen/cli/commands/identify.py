@@ -111,6 +111,8 @@ def identify(
     wanted, of_records = sensors_from(sensors or ())
     models = models_of(module or (), spec, wanted, amounts("--set", value or ()), trust)
     outputs = OutputFiles(output, report_file, figure, overwrite, project_file)
+    for model in models.values() if report_file or figure or controller else ():
+        model.refuse_arm("--report, --figure or --controller")
     outputs.check(spec, controller)  # before the work, not after it
     inputs = (REFERENCE, FURTHER_INPUTS) if controller and report_file else ()
     read = read_for(data, models, given, tag or (), of_records, inputs)

@@ -140,6 +140,7 @@ def export(
         remedy = f"did you mean {close}?" if close else f"choose one of {', '.join(TARGETS)}"
         raise DataError.at(f"to {to!r}", "is no format", remedy)
     target = TARGETS[to]
+    model.refuse_arm("export")
     _refuse_names(model)
     if isinstance(source, str):
         if source not in model.parameter_sets:

@@ -16,7 +16,7 @@ from modelgen.runtime.diagnostics.periods import periods_of
 from modelgen.runtime.diagnostics.suspicious_samples import suspicions, told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import IV, Auto, Method
+from modelgen.runtime.identification.methods import IV, WLS, Auto, Method, Pham2002
 from modelgen.runtime.identification.options import CheckOptions, Filters, option_problems
 from modelgen.runtime.identification.thresholds import MEGABYTE
 from modelgen.runtime.least_squares.known_delays import aligned
@@ -80,7 +80,8 @@ def prepared(
     """
     model = model if isinstance(model, Model) else model_from_module(model)
     every = with_derived(model, as_records(records))
-    _check(model, every, option_problems(method, filters, checks), filters.directions)
+    problems = [*option_problems(method, filters, checks), *_method_problems(model, method)]
+    _check(model, every, problems, filters.directions)
     period_s = periods_of(model, every, checks.period_s) if checks.tests or checks.period_s else {}
     kept, unseen = held_apart(every, checks.hold_out, period_s)
     step("choosing filters")
@@ -118,6 +119,13 @@ def prepared(
         begin=_begin(model, method),
     )
     return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job, filters)
+
+
+def _method_problems(model: Model, method: Method) -> list[Problem]:
+    """Return what is wrong with a method for an arm: others than least squares need a chain."""
+    if not model.is_arm or isinstance(method, (Auto, WLS, Pham2002)):
+        return []
+    return [Problem("method", f"is {method.name}, which takes chains", "use wls, or leave it out")]
 
 
 def _begin(model: Model, method: Method) -> Mapping[str, float] | None:

@@ -44,4 +44,5 @@ class ArmFunctions:
         self, parameters: Mapping[str, float], directions: Mapping[str, int] | None = None
     ) -> Any:
         """Raise DataError: an arm is not linear."""
-        raise DataError.at(self._module.ARM, "is an arm, which has no linear state space", "simulate it")
+        remedy = "identify it with method wls; simulation, validation and export take chains"
+        raise DataError.at(self._module.ARM, "is an arm, which has no linear state space", remedy)

@@ -57,6 +57,9 @@ def with_known(model: Model, values: Mapping[str, float], where: str = "known") 
         what = f"is known in the module already, as {model.known[renewed[0]]:g}"
         raise DataError.at(f"{where}: {renewed[0]}", what, remedy)
     held = {name: float(value) for name, value in values.items() if name in model.parameters}
+    if held and model.is_arm:
+        remedy = "take them into [known] of the arm's file, and generate the module again"
+        raise DataError.at(where, "gives values for an arm, whose module is regrouped by then", remedy)
     if not held:
         return model
     reduced = _reduced(model, held) if model.composites else _regrouped(model, held)

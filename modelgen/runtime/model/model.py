@@ -155,6 +155,12 @@ class Model:
         used |= {key for row in self.rows for key in row.reversals}
         return tuple(signal.key for signal in self.signals if signal.key in used)
 
+    def refuse_arm(self, what: str) -> None:
+        """Raise DataError for an arm, where `what` takes chains alone."""
+        if self.is_arm:
+            remedy = "identify takes arms; give a chain's module here"
+            raise DataError.at(self.chain, f"is an arm; {what} takes chains", remedy)
+
     def column_terms(self, row: int, column: int) -> Terms:
         """Return the terms of one entry of the regressor; empty where it is zero."""
         return self.regressor_columns[row].get(column, ())

@@ -67,7 +67,7 @@ def asked_for(estimate: Estimate) -> tuple[Parameter, ...]:
     """Return the physical parameters, and base parameters that hold more than these say."""
     found = estimate.parameters
     named = {entry.name for entry in found.physical}
-    formulas = estimate.model.composites
+    formulas = {**estimate.model.composites, **estimate.model.groupings}
     combined = [
         entry
         for entry in found.identified

@@ -140,6 +140,7 @@ def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | No
     DataError
         With one problem per parameter that is missing or impossible; for a chain without an actuator.
     """
+    model.refuse_arm("a simulation")
     column = _actuator_column(model, actuator)
     values = {**model.known, **parameters}
     problems = [_value_problem(model, name, values.get(name)) for name in _needed(model)]
