@@ -29,7 +29,9 @@ SamplingFrequency = Annotated[
         help="Sampling frequency in Hz; 5000, or the file's.",
     ),
 ]
-Duration = Annotated[float | None, typer.Option(help="Duration in s of chirp or trapezoid; 2 s.")]
+Duration = Annotated[
+    float | None, typer.Option(metavar="SECONDS", help="Duration in s of chirp or trapezoid; 2 s.")
+]
 Bias = Annotated[
     list[str] | None, typer.Option(metavar="KEY=ERROR", help="Constant error of a channel, SI; repeatable.")
 ]
