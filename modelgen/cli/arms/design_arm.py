@@ -84,7 +84,8 @@ def design_arm(
     from modelgen.symbolic.arms.base_parameters import arm_base_model
 
     fs, path = given["fs"] or FS_HZ, given["optimise"]
-    samples = _samples(fs, given["duration_s"] or DURATION_S, trajectory.harmonics)
+    duration_s = DURATION_S if given["duration_s"] is None else given["duration_s"]
+    samples = _samples(fs, duration_s, trajectory.harmonics)
     if path is not None:
         check_output(path, (".csv", ".npz"), result.overwrite)
     boxes = (*_boxes("--inside", trajectory.inside), *_boxes("--outside", trajectory.outside))
@@ -115,8 +116,11 @@ def _samples(fs: float, duration_s: float, harmonics: int) -> int:
     Raises
     ------
     DataError
-        If they are too few for the highest frequency, or more than a file should hold.
+        If the duration is no positive number, or the samples are too few for the highest frequency, or more
+        than a file should hold.
     """
+    if not duration_s > 0.0:
+        raise DataError.at("--duration-s", f"is {duration_s:g} s", "give a positive number")
     samples = round(min(fs * duration_s, 1e12))
     if not 10 * harmonics <= samples <= MOST_SAMPLES:
         what = f"gives {samples:,} samples of {harmonics} harmonics in {duration_s:g} s"

@@ -115,7 +115,8 @@ def design(
         chain, candidates, most_sensors, sensors, noise or (), resolution or (), price or ()
     )
     kinds = _excitations(excitation or ())
-    options: dict[str, Any] = {"fs": fs or 5000.0, "duration_s": duration_s or 2.0, "method": method}
+    lasting = 2.0 if duration_s is None else duration_s
+    options: dict[str, Any] = {"fs": fs or 5000.0, "duration_s": lasting, "method": method}
     ranked = rank(_predictions(models, values, instruments, kinds, options))
     described = _predicted(ranked, options, refused, wanted_percent)
     described["cures"] = _cures(chain, models, values, instruments, ranked, kinds, options)

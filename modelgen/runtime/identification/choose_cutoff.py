@@ -69,6 +69,7 @@ def usable_cutoff(job: Job, filters: Filters) -> FilterChoice:
                 direction_cutoff_hz=filters.direction_cutoff_hz,
                 signal_cutoff_hz=filters.signal_cutoff_hz,
             )
+            choice = replace(choice, slow_speeds=job.choice.slow_speeds)
             tried = _tried(job, records, choice)
         except (DataError, IdentifiabilityError):
             break
