@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 
 from modelgen.runtime.model.column_check import PROBED, SAMPLES, is_number
-from modelgen.runtime.model.contract_kinds import NAMES, NUMBERS, TEXT, Kind, is_text, is_texts, maps_texts
+from modelgen.runtime.model.contract_kinds import (
+    NAMES,
+    NUMBERS,
+    TEXT,
+    Kind,
+    is_text,
+    is_texts,
+    maps_texts,
+    value_problems,
+)
 
 SIGNAL = re.compile(r"(?:(?P<order>q|d1_q|d2_q)_(?P<joint>.+)|tau_(?P<force>.+)|base_[fn][xyz])\Z")
 KINDS = ("revolute", "prismatic", "fixed")
@@ -74,13 +83,7 @@ FUNCTION_NAMES = ("entries", "measurement", "regressor", "base_from_physical")
 
 def arm_problems(module: Any) -> list[tuple[str, str]]:
     """Return (place, what is wrong) for every violation of the contract."""
-    found = []
-    for name, kind in VALUES.items():
-        value = getattr(module, name, None)
-        if value is None:
-            found.append((name, "is absent"))
-        elif not kind.test(value):
-            found.append((name, f"is not {kind.description}"))
+    found = value_problems(module, VALUES)
     absent = [name for name in FUNCTION_NAMES if not callable(getattr(module, name, None))]
     found += [(f"{name}()", "is absent") for name in absent]
     found = found or _references(module)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -10,6 +10,19 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
+
+
+def base_factors(
+    base_from_physical: Callable[[Mapping[str, float]], FloatArray], parameters: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the matrix, shape (columns, parameters), and the vector that base parameters are made with.
+
+    They are sums: the matrix times the parameters, and the vector, shape (columns,), of what is known.
+    """
+    nothing = dict.fromkeys(parameters, 0.0)
+    offset = base_from_physical(nothing)
+    unit = [base_from_physical({**nothing, name: 1.0}) - offset for name in parameters]
+    return np.column_stack(unit), offset
 
 
 class ArmFunctions:
@@ -26,10 +39,7 @@ class ArmFunctions:
     @cached_property
     def _jacobian(self) -> FloatArray:
         """Factors of the parameters in the base parameters, shape (columns, parameters)."""
-        names = self._module.PARAMETERS
-        nothing = dict.fromkeys((*names, *self._module.KNOWN), 0.0)
-        found = [self._module.base_from_physical({**nothing, name: 1.0}) for name in names]
-        return np.array(found).T
+        return base_factors(self._module.base_from_physical, self._module.PARAMETERS)[0]
 
     def base_jacobian(self, parameters: Mapping[str, float]) -> FloatArray:
         """Return d base / d parameters, shape (columns, parameters): base parameters are sums."""

@@ -28,6 +28,7 @@ from modelgen.runtime.model.contract_kinds import (
     is_text,
     maps_texts,
     one_of,
+    value_problems,
 )
 
 VERSION = 1
@@ -149,13 +150,7 @@ def module_problems(module: Any) -> tuple[Problem, ...]:
 
 def _shape_problems(module: Any) -> list[tuple[str, str]]:
     """Return (place, what is wrong) for names that are absent or of the wrong shape."""
-    found: list[tuple[str, str]] = []
-    for name, kind in VALUES.items():
-        value = getattr(module, name, None)
-        if value is None:
-            found.append((name, "is absent"))
-        elif not kind.test(value):
-            found.append((name, f"is not {kind.description}"))
+    found = value_problems(module, VALUES)
     for name, kinds in ENTRIES.items():
         entries = getattr(module, name, () if name in OPTIONAL else None)
         if not isinstance(entries, tuple):

@@ -72,3 +72,15 @@ ORDER = Kind("an integer from 0 to 99", lambda value: is_count(value) and value 
 PAIR_OR_NONE = Kind("a pair of strings or None", or_none(lambda value: is_names(value) and len(value) == 2))
 LEVER = Kind(f"a number from {SMALLEST:g} to {LARGEST:g}", lambda value: is_number(value) and value > 0.0)
 NAMES = Kind("a tuple of different strings", is_names)
+
+
+def value_problems(module: Any, values: Mapping[str, Kind]) -> list[tuple[str, str]]:
+    """Return (name, what is wrong) for values of a module that are absent or not of their kind."""
+    found = []
+    for name, kind in values.items():
+        value = getattr(module, name, None)
+        if value is None:
+            found.append((name, "is absent"))
+        elif not kind.test(value):
+            found.append((name, f"is not {kind.description}"))
+    return found

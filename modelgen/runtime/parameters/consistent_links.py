@@ -16,6 +16,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.optional_library import optional_library
+from modelgen.runtime.model.arm_functions import base_factors
 from modelgen.runtime.parameters.thresholds import SMALLEST_CURVATURE
 
 #: The ten parameters of a link, in the order in which `consistent_links` takes their names.
@@ -91,9 +92,7 @@ def consistent_links(
         remedy = "take out parameters that the record does not show"
         raise DataError.at(where, "is not positive definite", remedy) from error
     place = {name: k for k, name in enumerate(parameters)}
-    offset = base_from_physical(dict.fromkeys(parameters, 0.0))
-    unit = [base_from_physical({**dict.fromkeys(parameters, 0.0), name: 1.0}) - offset for name in parameters]
-    factors = np.column_stack(unit)
+    factors, offset = base_factors(base_from_physical, parameters)
     white = whitening @ factors
     residual = whitening @ (estimate - offset)
     curvature = white.T @ white

@@ -103,19 +103,21 @@ def drive_columns(graph: Graph, drive: Drive) -> Iterator[tuple[str, Ref]]:
 
 def spring_columns(graph: Graph, joint: Joint) -> Iterator[tuple[str, Ref]]:
     """Yield (parameter, what it is multiplied by) of the torque that a spring hands to the link."""
-    deflection, rate = (
-        graph.subtract(
-            graph.symbol(Symbol("position", motor_coordinate(joint), order)),
-            graph.symbol(Symbol("position", joint.name, order)),
-        )
-        for order in (0, 1)
-    )
+    deflection, rate = (deflected(graph, joint, order) for order in (0, 1))
     if joint.stiffness:
         yield joint.stiffness, deflection
     if joint.damping:
         yield joint.damping, rate
     if joint.stiffness3:
         yield joint.stiffness3, graph.multiply(deflection, graph.multiply(deflection, deflection))
+
+
+def deflected(graph: Graph, joint: Joint, order: int) -> Ref:
+    """Return the deflection of a spring, motor less link, differentiated so many times."""
+    return graph.subtract(
+        graph.symbol(Symbol("position", motor_coordinate(joint), order)),
+        graph.symbol(Symbol("position", joint.name, order)),
+    )
 
 
 def moved_by(graph: Graph, drive: Drive, order: int) -> Ref:

@@ -55,7 +55,7 @@ def coarse_starts(job: Job) -> Iterator[Start]:
     """
     zeros = zero_effects(job.model, len(job.records))
     if zeros:
-        yield Start(zeros, (), _with_delays(job, _fit(job, job.records), job.records))
+        yield Start(zeros, (), _about_zeros(job))
     # clocks drift apart from the first sample on
     short = replace(
         job, records=tuple(one.part(0, min(LOOKED_AT, one.n), one.name) for one in job.records), surveys=()
@@ -123,12 +123,11 @@ def _corrected(job: Job, effects: Sequence[Effect], sizes: Sequence[float]) -> t
 def _fit(job: Job, records: tuple[Record, ...]) -> Fit:
     """Return least squares of the rows, with a constant in each block where zeros may differ."""
     plain = fit_matched(job.calm(records))
-    return _about_means(plain) if zero_effects(job.model, len(records)) else plain
+    return _about_means(plain, _with_constants(plain)) if zero_effects(job.model, len(records)) else plain
 
 
-def _about_means(plain: Fit) -> Fit:
+def _about_means(plain: Fit, larger: Fit) -> Fit:
     """Return a fit with the solution, and what is left, of its rows with a constant in each block."""
-    larger = _with_constants(plain)
     values = dict(zip(larger.columns, larger.solution.x.tolist(), strict=True))
     x = np.array([values[name] for name in plain.columns])
     return replace(plain, solution=replace(plain.solution, x=x), residuals=larger.residuals)
@@ -146,7 +145,10 @@ def _with_constants(plain: Fit) -> Fit:
     return fit_matched(Observation(plain.columns + names, blocks))
 
 
-def _with_delays(job: Job, plain: Fit, records: tuple[Record, ...]) -> Fit:
-    """Return a fit with the delays of forces that leave clearly less."""
-    late = coarse_delays(_with_constants(plain), job.model, records, job.choice, job.late)
-    return replace(plain, delays=tuple((channel, delay, 0.0) for channel, delay in late.items()))
+def _about_zeros(job: Job) -> Fit:
+    """Return least squares about constants of the blocks, with delays of forces that leave clearly less."""
+    plain = fit_matched(job.calm(job.records))
+    larger = _with_constants(plain)
+    late = coarse_delays(larger, job.model, job.records, job.choice, job.late)
+    delays = tuple((channel, delay, 0.0) for channel, delay in late.items())
+    return replace(_about_means(plain, larger), delays=delays)

@@ -16,10 +16,10 @@ from modelgen.spec.arms.arm import ArmSpec, Joint
 from modelgen.symbolic.arms.drives import (
     Drive,
     coordinates,
+    deflected,
     direction_of,
     directions,
     drives,
-    motor_coordinate,
     moved_by,
 )
 from modelgen.symbolic.arms.dynamics.geometry import in_base, link_poses
@@ -124,13 +124,7 @@ def normal_forms(graph: Graph, refs: Sequence[Ref]) -> list[Any]:
 
 def _spring(graph: Graph, joint: Joint) -> tuple[Ref, Ref]:
     """Return the energy that a spring stores, and Rayleigh's function of its damping."""
-    moved, rate = (
-        graph.subtract(
-            graph.symbol(Symbol("position", motor_coordinate(joint), order)),
-            graph.symbol(Symbol("position", joint.name, order)),
-        )
-        for order in (0, 1)
-    )
+    moved, rate = (deflected(graph, joint, order) for order in (0, 1))
     square = graph.multiply(moved, moved)
     energies = []
     for name, share, shape in (
