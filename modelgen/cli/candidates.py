@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
     from modelgen.runtime.planning.sensor_set_ranking import Prediction
     from modelgen.runtime.simulation.instrument import Instrument
+    from modelgen.spec.arms.arm import ArmSpec
     from modelgen.spec.chain import ChainSpec, Sensor
     from modelgen.spec.units import Measures
 
@@ -110,11 +111,17 @@ def candidate_models(
     return models, refused
 
 
-def spec_model(chain: ChainSpec, sensors: str) -> Model:
-    """Return the model of a sensor set without writing a file."""
+def spec_model(chain: ChainSpec | ArmSpec, sensors: str) -> Model:
+    """Return the model of a sensor set, "" that of an arm which has none, without writing a file."""
     from modelgen.render.writer import generate, module_name
     from modelgen.runtime.model.model import model_from_text
+    from modelgen.spec.chain import ChainSpec
 
+    if not isinstance(chain, ChainSpec):
+        from modelgen.render.arms.arm_writer import arm_files
+
+        ((name, text),) = arm_files(chain, sensors).items()
+        return model_from_text(text, name.removesuffix(".py"))
     return model_from_text(generate(chain, sensors), module_name(chain, sensors))
 
 

@@ -70,7 +70,7 @@ def read_files(
             problems += error.problems
             continue
         if any(model.is_arm for model in models):  # joints have nothing to do with each other's zeros
-            kept = [one for one in reading.findings if not one.kind.startswith("offset=q_")]
+            kept = [one for one in reading.findings if not one.kind.startswith("offset=")]
             reading = replace(reading, findings=tuple(kept))
         readings.append(reading)
     if problems:

@@ -66,6 +66,8 @@ HEAD = '''\
 ? SENSOR_SET = <SENSOR_SET>
 ? SENSORS = <SENSORS>
 ? DIFFERENTIATED = <DIFFERENTIATED>
+? REVERSALS = <REVERSALS>
+? SPEEDS = <SPEEDS>
   #: samples that are computed at once: their intermediate values stay in the processor's cache
   BLOCK = <block>
 

@@ -59,7 +59,7 @@ def models_of(
     ------
     ModelgenError
     """
-    from modelgen.cli.arguments import load_chain, sensor_sets
+    from modelgen.cli.arguments import load_chain_or_arm, modules_of
     from modelgen.cli.candidates import spec_model
     from modelgen.runtime.model.known_parameters import with_known
     from modelgen.runtime.model.model import load_model
@@ -67,8 +67,9 @@ def models_of(
     if modules:
         models = [load_model(module, trust) for module in modules]
     elif spec is not None:
-        chain = load_chain(spec)
-        models = [spec_model(chain, name) for name in (sensors or sensor_sets(chain, None))]
+        described = load_chain_or_arm(spec)
+        names = [name for one in sensors or (None,) for name in modules_of(described, one)]
+        models = [spec_model(described, name) for name in names]
     else:
         raise DataError.at("--model", "is missing", "give a generated module, or the chain with --spec")
     titles = [model.sensor_set for model in models]

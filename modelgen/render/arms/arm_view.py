@@ -9,6 +9,7 @@ from fractions import Fraction
 
 from modelgen.render.arms.arm_lines import ArmLines, arm_lines, signal_key
 from modelgen.render.arms.kernel_names import legend
+from modelgen.render.arms.sensor_readings import drive_speeds
 from modelgen.render.arms.straight_line import Operation, StraightLine
 from modelgen.render.printer import literal, weighted_sum
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSensor
@@ -129,6 +130,8 @@ def _constants(lines: ArmLines) -> tuple[tuple[str, str], ...]:
         values["SENSOR_SET"] = rows.sensor_set
         values["SENSORS"] = tuple(_sensor(sensor) for sensor in rows.sensors)
         values["DIFFERENTIATED"] = rows.differentiated
+        values["REVERSALS"] = rows.reversals
+        values["SPEEDS"] = drive_speeds(rows)
     return tuple((name, literal(value)) for name, value in values.items())
 
 

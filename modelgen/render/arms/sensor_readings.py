@@ -9,6 +9,7 @@ from fractions import Fraction
 from modelgen.render.arms.kernel_names import kernel_names
 from modelgen.spec.arms.arm import ArmSensor
 from modelgen.symbolic.arms.arm_rows import ArmRows
+from modelgen.symbolic.arms.drives import drives
 from modelgen.symbolic.arms.expressions.derivative import substituted
 from modelgen.symbolic.arms.expressions.graph import Direction, Graph, Ref, Symbol
 
@@ -113,3 +114,17 @@ def _first_encoder(rows: ArmRows, sensor: ArmSensor) -> bool:
         s for s in rows.sensors if (s.joint, s.side, s.measures) == (sensor.joint, sensor.side, "position")
     )
     return next(alike).key == sensor.key
+
+
+def drive_speeds(rows: ArmRows) -> dict[str, tuple[tuple[Fraction, str, int], ...]]:
+    """Return the speed of every drive that the rows can read as (factor, channel, times differentiated)."""
+    found = {}
+    for drive in drives(rows.spec):
+        total: dict[tuple[str, int], Fraction] = {}
+        read = [(ratio, rows.channels.get(Symbol("position", name, 1))) for name, ratio in drive.lever]
+        for ratio, channels in read:
+            for key, times, factor in channels or ():
+                total[key, times] = total.get((key, times), Fraction(0)) + ratio * factor
+        if all(channels is not None for _, channels in read):
+            found[drive.speed_name] = tuple((f, *place) for place, f in total.items() if f)
+    return found

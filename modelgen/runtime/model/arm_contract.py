@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,12 @@ from modelgen.runtime.model.contract_kinds import (
     value_problems,
 )
 
-SIGNAL = re.compile(r"(?:(?P<order>q|d1_q|d2_q)_(?P<joint>.+)|tau_(?P<force>.+)|base_[fn][xyz])\Z")
+SIGNAL = re.compile(r"(?:(?:q|d1_q|d2_q)_(?P<joint>.+)|tau_(?P<force>.+)|base_[fn][xyz])\Z")
+# Where sensors are said, the channel of each may be differentiated, and forces with the rows.
+ORDERED = re.compile(r"(?:d[1-3]_)?(?P<channel>.+)\Z")
 KINDS = ("revolute", "prismatic", "fixed")
+SIDES = ("motor", "link", "deflection", "between")
+MEASURES = ("position", "velocity", "torque", "gyro", "accelerometer")
 
 
 def _is_joint(value: Any) -> bool:
@@ -41,6 +45,34 @@ def _is_role(value: Any) -> bool:
 def _is_matrix(value: Any) -> bool:
     return isinstance(value, tuple) and all(
         isinstance(row, tuple) and len(row) == len(value) and all(map(is_number, row)) for row in value
+    )
+
+
+def _is_sensor(value: Any) -> bool:
+    return (
+        isinstance(value, Mapping)
+        and sorted(value) == ["channels", "joint", "key", "measures", "side"]
+        and all(is_text(value[name]) for name in ("key", "joint"))
+        and value["side"] in SIDES
+        and value["measures"] in MEASURES
+        and is_texts(value["channels"])
+        and value["channels"] != ()
+    )
+
+
+def _is_speed(value: Any) -> bool:
+    return (
+        isinstance(value, tuple)
+        and value != ()
+        and all(
+            isinstance(term, tuple)
+            and len(term) == 3
+            and is_number(term[0])
+            and is_text(term[1])
+            and type(term[2]) is int
+            and term[2] in (0, 1)
+            for term in value
+        )
     )
 
 
@@ -78,12 +110,27 @@ VALUES: dict[str, Kind] = {
     "ROWS": Kind("a non-empty tuple of different strings", lambda v: NAMES.test(v) and v != ()),
     "ENTRIES": Kind("a tuple of pairs of row and column", _is_places),
 }
+#: Of a module whose sensors are said: it has all of them, or none.
+OF_SENSORS: dict[str, Kind] = {
+    "SENSOR_SET": TEXT,
+    "SENSORS": Kind(
+        "a tuple of dicts of key, joint, side, measures and channels",
+        lambda value: isinstance(value, tuple) and all(map(_is_sensor, value)),
+    ),
+    "DIFFERENTIATED": Kind(
+        "a tuple of 0 and 1",
+        lambda v: isinstance(v, tuple) and all(type(n) is int and n in (0, 1) for n in v),
+    ),
+    "REVERSALS": Kind("a tuple of tuples of names", lambda v: isinstance(v, tuple) and all(map(is_texts, v))),
+    "SPEEDS": Kind("a mapping of names to sums of channels", maps_texts(_is_speed)),
+}
 FUNCTION_NAMES = ("entries", "measurement", "regressor", "base_from_physical")
 
 
 def arm_problems(module: Any) -> list[tuple[str, str]]:
     """Return (place, what is wrong) for every violation of the contract."""
-    found = value_problems(module, VALUES)
+    sensed = any(hasattr(module, name) for name in OF_SENSORS)
+    found = value_problems(module, {**VALUES, **(OF_SENSORS if sensed else {})})
     absent = [name for name in FUNCTION_NAMES if not callable(getattr(module, name, None))]
     found += [(f"{name}()", "is absent") for name in absent]
     found = found or _references(module)
@@ -100,11 +147,7 @@ def _references(module: Any) -> list[tuple[str, str]]:
     found = []
     if len(module.TRANSMISSION) != len(moving):
         found.append(("TRANSMISSION", f"is not of the {len(moving)} joints that move"))
-    for key in module.SIGNALS:
-        match = SIGNAL.match(key)
-        joint = match and (match["joint"] or match["force"])
-        if match is None or (joint and joint not in moving):
-            found.append(("SIGNALS", f"hold {key!r}, which is of no joint"))
+    found += _sensor_references(module, moving) if hasattr(module, "SENSORS") else _signals(module, moving)
     found += [
         ("ENTRIES", f"hold {pair!r}, which is no row and column")
         for pair in module.ENTRIES
@@ -119,6 +162,46 @@ def _references(module: Any) -> list[tuple[str, str]]:
     found += [
         ("IDENTIFIABLE", f"hold {n!r}, no base parameter") for n in module.IDENTIFIABLE if n not in alone
     ]
+    return found
+
+
+def _signals(module: Any, moving: Sequence[str]) -> list[tuple[str, str]]:
+    """Return which signals are of no joint."""
+    found = []
+    for key in module.SIGNALS:
+        match = SIGNAL.match(key)
+        joint = match and (match["joint"] or match["force"])
+        if match is None or (joint and joint not in moving):
+            found.append(("SIGNALS", f"hold {key!r}, which is of no joint"))
+    return found
+
+
+def _sensor_references(module: Any, moving: Sequence[str]) -> list[tuple[str, str]]:
+    """Return what is of no sensor or joint, in a module whose sensors are said."""
+    joints = [joint["name"] for joint in module.JOINTS]
+    found = [
+        ("SENSORS", f"hold {sensor['key']!r}, which is of no joint")
+        for sensor in module.SENSORS
+        if sensor["joint"] not in joints
+    ]
+    channels = [channel for sensor in module.SENSORS for channel in sensor["channels"]]
+    forces = [f"tau_{name}" for name in moving]
+    for key in module.SIGNALS:
+        match = ORDERED.match(key)
+        channel = match["channel"] if match else key
+        if channel not in (*channels, *forces) and not SIGNAL.match(channel):
+            found.append(("SIGNALS", f"hold {key!r}, which is of no sensor"))
+    found += [
+        ("SPEEDS", f"hold {channel!r}, which is no channel")
+        for terms in module.SPEEDS.values()
+        for _, channel, _ in terms
+        if channel not in channels
+    ]
+    for name in ("DIFFERENTIATED", "REVERSALS"):
+        if len(getattr(module, name)) != len(module.ROWS):
+            found.append((name, "is not of the rows"))
+    strange = {name for row in module.REVERSALS for name in row if name not in module.SPEEDS}
+    found += [("REVERSALS", f"hold {name!r}, which is no speed") for name in sorted(strange)]
     return found
 
 

@@ -1,36 +1,19 @@
 """The view of an arm's module that the road knows: signals, features and sums, as of a chain's.
 
-Coordinates are the positions of joints. A motor that moves more than one has a coordinate of its own, a sum
-of theirs (`COUPLED` behind the name of its joint), so that its direction is one as any other.
+What the record must bring, and whose directions the rows hold, is in `arm_channels`; here every entry becomes
+a sum of signals and features, or a line of the kernel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.model.arm_channels import ArmChannels, arm_channels
 from modelgen.runtime.model.arm_functions import ArmFunctions
 from modelgen.runtime.model.arm_kernel import SAMPLES_A_CANDIDATE, ArmKernel, Candidates, Sum
-
-COUPLED = "_motor"
-ORDERS = ("q", "d1_q", "d2_q")
-
-
-class Coordinate(NamedTuple):
-    """A joint's position, or that of a motor of several: `sum` says which joints' positions it is made of."""
-
-    name: str
-    revolute: bool
-    sum: Sum
-
-    @property
-    def keys(self) -> tuple[str, str, str]:
-        """Keys of its position, speed and acceleration; the first is that of its sensor."""
-        position, speed, acceleration = (f"{order}_{self.name}" for order in ORDERS)
-        return position, speed, acceleration
 
 
 def arm_fields(module: Any) -> dict[str, Any]:
@@ -38,46 +21,33 @@ def arm_fields(module: Any) -> dict[str, Any]:
 
     The keys are names of `modelgen.runtime.model.model.Model`, less those that both contracts share.
     """
-    coordinates = _coordinates(module)
-    entries, left, kernel, features = _lines(module, coordinates)
-    derived = {one.keys[0]: one.sum for one in coordinates if one.name.endswith(COUPLED) and one.sum}
+    channels = arm_channels(module)
+    entries, left, kernel, features = _lines(module, channels)
     names, groupings = _short_names(module.BASE_PARAMETERS, {*module.PARAMETERS, *module.KNOWN})
     leading = [name.partition(" ")[0] for name in module.BASE_PARAMETERS]
     regressor: list[dict[int, Sum]] = [{} for _ in module.ROWS]
     for (row, column), terms in zip(module.ENTRIES, entries, strict=True):
         regressor[row][column] = terms
+    joints = "joints" if module.ROW_KIND == "joint" else "motors"
     return {
         "module": ArmFunctions(module),
         "chain": module.ARM,
-        "sensor_set": "joints" if module.ROW_KIND == "joint" else "motors",
-        "sensors": _sensors(coordinates),
-        "actuators": _actuators(module, coordinates),
+        "sensor_set": getattr(module, "SENSOR_SET", joints),
+        "sensors": channels.sensors,
+        "actuators": channels.actuators,
         "base_parameters": names,
         "composites": {},
         "groupings": groupings,
         "units": {**module.UNITS, **{n: module.UNITS[of] for n, of in zip(names, leading, strict=True)}},
-        "signals": _signals(module, coordinates),
+        "signals": channels.signals,
         "features": features,
-        "rows": _rows(module),
+        "rows": _rows(module, channels),
         "friction": (),
         "measurement": tuple(left),
         "regressor": tuple(regressor),
-        "derived": derived,
+        "derived": channels.derived,
         "kernel": kernel if kernel.keys else None,
     }
-
-
-def _coordinates(module: Any) -> tuple[Coordinate, ...]:
-    """Return the coordinates of the joints that move, and behind them those of motors that move several."""
-    moving = [joint for joint in module.JOINTS if joint["kind"] != "fixed"]
-    found = [Coordinate(joint["name"], joint["kind"] == "revolute", ()) for joint in moving]
-    for index, row in enumerate(module.TRANSMISSION):
-        moved = [(ratio, place) for place, ratio in enumerate(row) if ratio]
-        if len(moved) > 1:
-            own = row[index] or moved[0][0]
-            lever = tuple((ratio / own, f"q_{moving[place]['name']}") for ratio, place in moved)
-            found.append(Coordinate(f"{moving[index]['name']}{COUPLED}", found[index].revolute, lever))
-    return tuple(found)
 
 
 def _short_names(formulas: tuple[str, ...], taken: set[str]) -> tuple[tuple[str, ...], dict[str, str]]:
@@ -95,12 +65,12 @@ def _short_names(formulas: tuple[str, ...], taken: set[str]) -> tuple[tuple[str,
 
 
 def _lines(
-    module: Any, coordinates: tuple[Coordinate, ...]
+    module: Any, channels: ArmChannels
 ) -> tuple[list[Sum], list[Sum], ArmKernel, tuple[dict[str, Any], ...]]:
     """Return terms of every entry and left side, the kernel for those that are no sums, and the features."""
     rng = np.random.default_rng(0)
-    candidates, signals, features = _candidates(module, coordinates, rng)
-    forces = tuple(key for key in module.SIGNALS if key.startswith(("tau_", "base_")))
+    candidates, signals, features = _candidates(module, channels, rng)
+    forces = channels.forces
     pushing = {key: signals[key] for key in forces}  # columns of gains hold what drives report
     found = candidates.also(pushing).sums(np.asarray(module.entries(signals)))
     still = {**signals, **dict.fromkeys(forces, np.zeros(len(signals[module.SIGNALS[0]])))}
@@ -123,28 +93,27 @@ def _lines(
 
 
 def _candidates(
-    module: Any, coordinates: tuple[Coordinate, ...], rng: np.random.Generator
+    module: Any, channels: ArmChannels, rng: np.random.Generator
 ) -> tuple[Candidates, dict[str, FloatArray], tuple[dict[str, Any], ...]]:
     """Return what entries may be sums of at random samples, the module's signals there, and all features."""
-    count = SAMPLES_A_CANDIDATE * (8 * len(coordinates) + 1)
+    count = SAMPLES_A_CANDIDATE * (len(module.SIGNALS) + 8 * len(channels.speeds) + 1)
     signals = {key: rng.uniform(-1.0, 1.0, count) for key in module.SIGNALS}
-    summed: dict[str, FloatArray] = {"1": np.ones(count)}
+    read = {key: value for key, value in signals.items() if key not in channels.forces}
+    summed: dict[str, FloatArray] = {"1": np.ones(count), **read}
     alone: dict[str, FloatArray] = {}
     features: list[dict[str, Any]] = []
-    for one in coordinates:
-        speed, rising = (_derivative(one, order, signals, count) for order in (1, 2))
-        if not one.sum:  # speeds and accelerations of coupled motors are sums of these
-            summed |= {one.keys[1]: speed, one.keys[2]: rising}
+    for one in channels.speeds:
+        # zero where the module does not read it: all others' speeds are nowhere the first joint's
+        speed = sum((w * signals[key] for w, key in one.terms if key in signals), np.zeros(count))
         summed[f"sign {one.name}"] = np.sign(speed)
-        features.append(_feature(f"sign {one.name}", "sign", one.keys[1], None))
+        features.append(_feature(f"sign {one.name}", "sign", one.key, None))
         for way, moves in (("forward", speed > 0.0), ("backward", speed < 0.0)):
             alone |= {
                 f"{way} {one.name}": np.asarray(moves, dtype=float),
-                f"{way} {one.keys[1]}": moves * speed,
+                f"{way} {one.key}": moves * speed,
             }
-            features.append(_feature(f"{way} {one.name}", way, one.keys[1], None))
-            features.append(_feature(f"{way} {one.keys[1]}", way, one.keys[1], one.keys[1]))
-    # the first joint's position acts on nothing, nor do all others' speeds everywhere
+            features.append(_feature(f"{way} {one.name}", way, one.key, None))
+            features.append(_feature(f"{way} {one.key}", way, one.key, one.key))
     moving = {key: value for key, value in summed.items() if value.any()}
     still = {key: value for key, value in alone.items() if value.any()}
     return Candidates(moving, still), signals, tuple(features)
@@ -154,59 +123,39 @@ def _feature(key: str, function: str, of: str, times: str | None) -> dict[str, A
     return {"key": key, "function": function, "of": of, "times": times}
 
 
-def _derivative(one: Coordinate, order: int, signals: Mapping[str, FloatArray], count: int) -> FloatArray:
-    """Return a speed or an acceleration at random samples; zero where the module does not read it."""
-    terms = one.sum or ((1.0, f"q_{one.name}"),)
-    parts = [(weight, f"{ORDERS[order]}_{key.removeprefix('q_')}") for weight, key in terms]
-    return sum((weight * signals[key] for weight, key in parts if key in signals), np.zeros(count))
+#: What a row's name ends with, and what it balances: of the motor, in front of a link or a spring.
+_KINDS = {
+    " spring": "torque of motor {0}, with its spring",
+    " link": "measured torque of joint {0}, with the links",
+    " deflection": "measured torque of joint {0}, with its spring",
+}
 
 
-def _sensors(coordinates: tuple[Coordinate, ...]) -> tuple[dict[str, Any], ...]:
-    return tuple(
-        {
-            "key": one.keys[0],
-            "body": one.name,
-            "deflection": None,
-            "measures": "position",
-            "unit": "rad" if one.revolute else "m",
-        }
-        for one in coordinates
-    )
-
-
-def _actuators(module: Any, coordinates: tuple[Coordinate, ...]) -> tuple[dict[str, Any], ...]:
-    turns = {f"tau_{one.name}": one.revolute for one in coordinates}
-    found = []
-    for key in (key for key in module.SIGNALS if key.startswith(("tau_", "base_"))):
-        base = key.startswith("base_")
-        unit = "N m" if (key[5] == "n" if base else turns[key]) else "N"
-        found.append({"key": key, "body": key if base else key[4:], "unit": unit, "lever": 1.0})
-    return tuple(found)
-
-
-def _signals(module: Any, coordinates: tuple[Coordinate, ...]) -> tuple[dict[str, Any], ...]:
-    """Return position, speed and acceleration of every coordinate, and the forces."""
-    found = []
-    for one in coordinates:
-        units = ("rad", "rad/s", "rad/s^2") if one.revolute else ("m", "m/s", "m/s^2")
-        for order, (key, unit) in enumerate(zip(one.keys, units, strict=True)):
-            entry = {"sensor": one.keys[0], "actuator": None, "derivative": order, "unit": unit}
-            found.append({"key": key, **entry})
-    for force in _actuators(module, coordinates):
-        entry = {"sensor": None, "actuator": force["key"], "derivative": 0, "unit": force["unit"]}
-        found.append({"key": force["key"], **entry})
-    return tuple(found)
-
-
-def _rows(module: Any) -> tuple[dict[str, Any], ...]:
-    """Return the rows: force or torque of a joint, of a motor, or of the base."""
+def _rows(module: Any, channels: ArmChannels) -> tuple[dict[str, Any], ...]:
+    """Return the rows: force or torque of a joint, of a motor, of a spring, or of the base."""
     kinds = {joint["name"]: joint["kind"] for joint in module.JOINTS}
+    speeds = {one.name: one.key for one in channels.speeds}
+    often = getattr(module, "DIFFERENTIATED", (0,) * len(module.ROWS))
+    reversals = getattr(module, "REVERSALS", ((),) * len(module.ROWS))
     found = []
-    for name in module.ROWS:
-        base = name not in kinds
-        turns = name.startswith("base_n") if base else kinds[name] == "revolute"
-        word = "torque" if turns else "force"
-        origin = f"{word} on the base" if base else f"{word} of {module.ROW_KIND} {name}"
-        entry = {"bodies": (name,), "differentiated": 0, "order": 2, "reversals": (), "lever": 1.0}
-        found.append({"name": name, "origin": origin, **entry, "unit": "N m" if turns else "N"})
+    for name, times, reversed_by in zip(module.ROWS, often, reversals, strict=True):
+        ending = next((end for end in _KINDS if name not in kinds and name.endswith(end)), "")
+        joint = name.removesuffix(ending)
+        base = joint not in kinds
+        turns = name.startswith("base_n") if base else kinds[joint] == "revolute"
+        origin = _KINDS.get(ending, f"torque of {module.ROW_KIND} {{0}}").format(joint)
+        origin = "torque on the base" if base else origin
+        unit = ("N m" if turns else "N") + ("/s" if times else "")
+        found.append(
+            {
+                "name": name,
+                "origin": origin if turns else origin.replace("torque", "force"),
+                "bodies": (joint,),
+                "differentiated": times,
+                "order": 2 + times,
+                "reversals": tuple(speeds[one] for one in reversed_by),
+                "lever": 1.0,
+                "unit": unit,
+            }
+        )
     return tuple(found)

@@ -131,11 +131,6 @@ def module_problems(module: Any) -> tuple[Problem, ...]:
     """Return one problem per violation of the contract; none for a module the runtime can use."""
     where = getattr(module, "__file__", None) or getattr(module, "__name__", None) or "model"
     version = getattr(module, "CONTRACT_VERSION", None)
-    if is_arm(module) and hasattr(module, "SENSORS"):
-        what = "is the module of an arm with elastic joints; records are identified with rigid ones"
-        return (
-            Problem(where, what, "compute its regressor and call numpy.linalg.lstsq, or give a rigid arm's"),
-        )
     if is_arm(module):
         return tuple(Problem(f"{where}: {place}", what, REMEDY) for place, what in arm_problems(module))
     if version != VERSION:

@@ -71,8 +71,9 @@ def offsets_of_encoder_zeros(model: Model, records: Sequence[Record], fit: Fit) 
         if block.differentiated or not block.has_force:
             continue
         record = records[block.record]
-        forces = [actuator.key for actuator in model.actuators if actuator.key in record.signals]
-        largest = max((record.facts.extent(key).peak for key in forces), default=0.0)
+        forces = [actuator for actuator in model.actuators if actuator.key in record.signals]
+        felt = (record.facts.extent(force.key).peak * force.lever for force in forces)
+        largest = max(felt, default=0.0) / model.rows[block.row].lever
         touched = range(len(fit.columns)) if block.touched is None else block.touched.tolist()
         for index in touched:
             role = model.roles.get(fit.columns[index])

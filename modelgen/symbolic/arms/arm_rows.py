@@ -47,6 +47,8 @@ class ArmRows:
         The name of the set and its sensors; "" and none where the coordinates themselves are measured.
     differentiated
         How often each row is.
+    reversals
+        Speeds, as in `speeds`, at whose reversals a row that is differentiated does not hold: friction jumps.
     channels
         The sum of the sensors' channels that every coordinate or torque in the rows is, by the symbol.
     lost
@@ -67,6 +69,7 @@ class ArmRows:
     sensor_set: str = ""
     sensors: tuple[ArmSensor, ...] = ()
     differentiated: tuple[int, ...] = ()
+    reversals: tuple[tuple[str, ...], ...] = ()
     channels: Mapping[Channel, Channels] = field(default_factory=dict)
     lost: Mapping[str, str] = field(default_factory=dict)
     lacking: str = ""
@@ -149,6 +152,7 @@ def arm_rows(
         sensor_set,
         sensors,
         found.differentiated,
+        found.reversals,
         found.channels,
         found.lost,
         found.lacking,

@@ -26,10 +26,11 @@ CONSTANT = "constant between reversals, and its rows are differentiated: measure
 
 @dataclass(frozen=True)
 class ReadRows:
-    """Rows, how often each is differentiated, what they read; `lost` and `lacking` as `ArmRows` has them."""
+    """Rows, how often each is differentiated, what they read; the others as `ArmRows` has them."""
 
     rows: tuple[Balance, ...]
     differentiated: tuple[int, ...]
+    reversals: tuple[tuple[str, ...], ...]
     channels: Mapping[Channel, Channels] = field(default_factory=dict)
     lost: Mapping[str, str] = field(default_factory=dict)
     lacking: str = ""
@@ -37,7 +38,7 @@ class ReadRows:
 
 def as_they_are(rows: Sequence[Balance]) -> ReadRows:
     """Return rows of which everything is measured."""
-    return ReadRows(tuple(rows), (0,) * len(rows))
+    return ReadRows(tuple(rows), (0,) * len(rows), ((),) * len(rows))
 
 
 def readable_rows(
@@ -51,16 +52,20 @@ def readable_rows(
         If there is none; with the sensors that would give one.
     """
     chosen: list[tuple[Balance, int]] = []
+    jumping: list[tuple[str, ...]] = []
     channels: dict[Channel, Channels] = {}
     missing: dict[str, list[Channel]] = {}
     for row in rows:
         tried = row
         for times in range(MOST_DIFFERENTIATIONS + 1):
-            needed = _needed(graph, tried, parts)
+            # what jumps where a motor reverses is lost by differentiation, and must be seen
+            turned = _directions(graph, row) if times else ()
+            needed = _needed(graph, tried, parts, turned)
             read = {symbol: _read(sensing, symbol) for symbol in needed}
             lacking = [symbol for symbol, found in read.items() if found is None]
             if not lacking and tried.entries:
                 chosen.append((tried, times))
+                jumping.append(turned)
                 channels |= {symbol: found for symbol, found in read.items() if found is not None}
                 break
             if not times:
@@ -75,7 +80,8 @@ def readable_rows(
     said = [f"needs {_what(spec, together)}"] if together else []
     said += [CONSTANT] if CONSTANT in lost.values() else []
     often = tuple(times for _, times in chosen)
-    return ReadRows(tuple(row for row, _ in chosen), often, channels, lost, "; ".join(said))
+    kept_rows = tuple(row for row, _ in chosen)
+    return ReadRows(kept_rows, often, tuple(jumping), channels, lost, "; ".join(said))
 
 
 def _lost(
@@ -89,13 +95,22 @@ def _lost(
     }
 
 
-def _needed(graph: Graph, row: Balance, parts: RowParts) -> list[Channel]:
-    """Return what a row is made of that sensors must give, angles as positions; forces always are."""
+def _directions(graph: Graph, row: Balance) -> tuple[str, ...]:
+    """Return the names of the speeds whose directions a row holds."""
+    nodes = (graph.nodes[index].symbol for index in graph.needed([*row.entries.values()]))
+    return tuple(dict.fromkeys(s.name for s in nodes if s is not None and s.kind == "direction"))
+
+
+def _needed(graph: Graph, row: Balance, parts: RowParts, turned: Sequence[str]) -> list[Channel]:
+    """Return what a row is made of that sensors must give, angles as positions; forces always are.
+
+    `turned` are speeds that must be read besides those whose directions the row holds.
+    """
     refs = [*row.entries.values(), row.measured]
     found: dict[Channel, None] = {}
     nodes = [graph.nodes[index].symbol for index in graph.needed(refs)]
-    turned = [parts.speeds[s.name] for s in nodes if s is not None and s.kind == "direction"]
-    nodes += [graph.nodes[index].symbol for index in graph.needed(turned)]
+    speeds = [parts.speeds[name] for name in dict.fromkeys((*_directions(graph, row), *turned))]
+    nodes += [graph.nodes[index].symbol for index in graph.needed(speeds)]
     for symbol in nodes:
         if symbol is None:
             continue

@@ -1,0 +1,204 @@
+"""What a record of an arm must bring, and the speeds whose directions its rows hold.
+
+Of a rigid arm the positions of joints; of an arm with sensors what these read. A drive whose speed is no
+single reading (a motor that moves two joints, an encoder in front of a gear) has a channel of its own, a sum
+of those, so that its direction is one as any other.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from modelgen.errors import DataError
+from modelgen.runtime.model.arm_kernel import Sum
+
+COUPLED = "_motor"
+Entry = dict[str, Any]
+_ORDERED = re.compile(r"d([1-3])_")
+# Units of positions and of what is differentiated from them, by whether a joint turns.
+_UNITS = {
+    True: ("rad", "rad/s", "rad/s^2", "rad/s^3"),
+    False: ("m", "m/s", "m/s^2", "m/s^3"),
+}
+
+
+class Speed(NamedTuple):
+    """A speed whose direction rows hold: its signal, and the module's signals that it is the sum of."""
+
+    name: str
+    key: str
+    terms: Sum
+
+
+@dataclass(frozen=True)
+class ArmChannels:
+    """The tables of a model that say what is read: entries as a chain's module has them.
+
+    `forces` are the keys of signals that stand on the left: forces of motors, the base's, measured torques.
+    """
+
+    sensors: tuple[Entry, ...]
+    actuators: tuple[Entry, ...]
+    signals: tuple[Entry, ...]
+    derived: Mapping[str, Sum]
+    speeds: tuple[Speed, ...]
+    forces: tuple[str, ...]
+
+
+def arm_channels(module: Any) -> ArmChannels:
+    """Return the channels of an arm's module.
+
+    Raises
+    ------
+    DataError
+        If the speed of a drive is a sum of positions and speeds.
+    """
+    return _of_sensors(module) if hasattr(module, "SENSORS") else _of_joints(module)
+
+
+def _of_joints(module: Any) -> ArmChannels:
+    moving = [joint for joint in module.JOINTS if joint["kind"] != "fixed"]
+    sensors = [_sensor(f"q_{j['name']}", j["name"], "position", j["kind"] == "revolute") for j in moving]
+    speeds = [Speed(j["name"], f"d1_q_{j['name']}", ((1.0, f"d1_q_{j['name']}"),)) for j in moving]
+    derived: dict[str, Sum] = {}
+    for index, row in enumerate(module.TRANSMISSION):
+        moved = [(ratio, place) for place, ratio in enumerate(row) if ratio]
+        if len(moved) > 1:
+            own, name = row[index] or moved[0][0], moving[index]["name"] + COUPLED
+            lever = tuple((ratio / own, f"q_{moving[place]['name']}") for ratio, place in moved)
+            derived[f"q_{name}"] = lever
+            speeds.append(Speed(name, f"d1_q_{name}", tuple((r, f"d1_{key}") for r, key in lever)))
+            sensors.append(_sensor(f"q_{name}", name, "position", moving[index]["kind"] == "revolute"))
+    signals = [_read(sensor, order) for sensor in sensors for order in (0, 1, 2)]
+    forces = _actuators(module)
+    signals += [_pushed(force, 0) for force in forces]
+    keys = tuple(key for key in module.SIGNALS if key.startswith(("tau_", "base_")))
+    return ArmChannels(tuple(sensors), tuple(forces), tuple(signals), derived, tuple(speeds), keys)
+
+
+def _of_sensors(module: Any) -> ArmChannels:
+    sensors = [one for sensor in module.SENSORS for one in _sensors(module, sensor)]
+    forces = _actuators(module)
+    by_key = {one["key"]: one for one in sensors}
+    pushing = {one["key"]: one for one in forces}
+    signals: dict[str, Entry] = {}
+    for key in module.SIGNALS:
+        channel, order = _split(key)
+        made = _pushed(pushing[channel], order) if channel in pushing else _read(by_key[channel], order)
+        signals[key] = made
+    speeds, derived = [], {}
+    for name, terms in module.SPEEDS.items():
+        key = _speed_key(terms, [*by_key, *pushing], name)
+        sums = tuple((factor, _differentiated(channel, times)) for factor, channel, times in terms)
+        if key not in by_key:
+            times = _times(module, name, terms)
+            derived[key] = tuple((factor, channel) for factor, channel, _ in terms)
+            turns = _turns(module, name) or _turns(module, name.removesuffix(COUPLED))
+            by_key[key] = _sensor(key, f"{name} motor", ("velocity", "position")[times], turns)
+            sensors.append(by_key[key])
+        speed = _differentiated(key, 1 if by_key[key]["measures"] == "position" else 0)
+        signals.setdefault(speed, _read(by_key[key], _split(speed)[1]))
+        speeds.append(Speed(name, speed, sums))
+    left = tuple(key for key, one in signals.items() if one["actuator"] is not None)
+    return ArmChannels(tuple(sensors), tuple(forces), tuple(signals.values()), derived, tuple(speeds), left)
+
+
+def _speed_key(terms: tuple[tuple[float, str, int], ...], taken: list[str], name: str) -> str:
+    """Return the channel of a drive's speed: the one that reads it, or a name for the sum."""
+    if len(terms) == 1 and terms[0][0] == 1.0:
+        return terms[0][1]
+    key = f"motor_{name}"
+    while key in taken:
+        key += "_"
+    return key
+
+
+def _times(module: Any, name: str, terms: tuple[tuple[float, str, int], ...]) -> int:
+    """Return how often the channels of a drive's speed are differentiated, all of them alike."""
+    often = {times for *_, times in terms}
+    if len(often) > 1:
+        raise DataError.at(
+            f"{module.ARM}: sensors of {module.SENSOR_SET}",
+            f"give the speed of motor {name} as a sum of positions and speeds",
+            "give all motors that move its joints the same kind of sensor",
+        )
+    return often.pop()
+
+
+def _sensors(module: Any, sensor: Mapping[str, Any]) -> Iterator[Entry]:
+    """Yield what a sensor reads; measured torques are no motion."""
+    name, side, measures = sensor["joint"], sensor["side"], sensor["measures"]
+    if measures == "torque":
+        return
+    turns = measures == "gyro" or _turns(module, name)
+    kind = "position" if measures == "position" else "velocity"
+    for channel in sensor["channels"]:
+        if side == "deflection":
+            yield _sensor(channel, None, kind, turns) | {"deflection": (f"{name} motor", name)}
+        elif measures in ("gyro", "accelerometer"):
+            yield _sensor(channel, f"link {name} {channel[-1]}", kind, turns)
+        else:
+            yield _sensor(channel, f"{name} motor" if side == "motor" else name, kind, turns)
+
+
+def _sensor(key: str, body: str | None, measures: str, turns: bool) -> Entry:
+    unit = _UNITS[turns][0 if measures == "position" else 1]
+    return {"key": key, "body": body, "deflection": None, "measures": measures, "unit": unit}
+
+
+def _actuators(module: Any) -> list[Entry]:
+    """Return the forces of motors and of the base that are read, and the torques of joints."""
+    read = dict.fromkeys(_split(key)[0] for key in module.SIGNALS)
+    torques = {s["key"]: s["joint"] for s in getattr(module, "SENSORS", ()) if s["measures"] == "torque"}
+    found = []
+    for key in read:
+        if key in torques:
+            found.append(_force(key, torques[key], _turns(module, torques[key])))
+        elif key.startswith("base_"):
+            found.append(_force(key, key, key[5] == "n"))
+        elif key.startswith("tau_"):
+            found.append(_force(key, key[4:], _turns(module, key[4:]), _gear(module, key[4:])))
+    return found
+
+
+def _force(key: str, body: str, turns: bool, lever: float = 1.0) -> Entry:
+    return {"key": key, "body": body, "unit": "N m" if turns else "N", "lever": lever}
+
+
+def _gear(module: Any, joint: str) -> float:
+    """Return what a motor's force is multiplied by at the joints that it moves, at most."""
+    moving = [one["name"] for one in module.JOINTS if one["kind"] != "fixed"]
+    return float(max(map(abs, module.TRANSMISSION[moving.index(joint)])))
+
+
+def _turns(module: Any, joint: str) -> bool:
+    return any(one["name"] == joint and one["kind"] != "prismatic" for one in module.JOINTS)
+
+
+def _read(sensor: Entry, order: int) -> Entry:
+    """Return the signal of a sensor's channel, differentiated so many times."""
+    first = 0 if sensor["measures"] == "position" else 1
+    unit = _UNITS[sensor["unit"].startswith("rad")][min(first + order, 3)]
+    return _signal(_differentiated(sensor["key"], order), sensor["key"], None, order, unit)
+
+
+def _pushed(force: Entry, order: int) -> Entry:
+    unit = force["unit"] + ("/s" if order else "")
+    return _signal(_differentiated(force["key"], order), None, force["key"], order, unit)
+
+
+def _signal(key: str, sensor: str | None, actuator: str | None, derivative: int, unit: str) -> Entry:
+    return {"key": key, "sensor": sensor, "actuator": actuator, "derivative": derivative, "unit": unit}
+
+
+def _differentiated(channel: str, times: int) -> str:
+    return f"d{times}_{channel}" if times else channel
+
+
+def _split(key: str) -> tuple[str, int]:
+    """Return the channel of a signal, and how often it is differentiated."""
+    match = _ORDERED.match(key)
+    return (key[match.end() :], int(match[1])) if match else (key, 0)
