@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from modelgen.runtime.records.read_record import read_record
     from modelgen.runtime.records.record import Record
     from modelgen.runtime.results.estimate import Estimate
+    from modelgen.runtime.simulation.arms.joint_controller import JointController
+    from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm
     from modelgen.runtime.simulation.simulate import simulate
     from modelgen.spec.arms.load import load_arm
     from modelgen.spec.load import load_spec
@@ -58,6 +60,7 @@ __all__ = [
     "Estimate",
     "Filters",
     "IdentifiabilityError",
+    "JointController",
     "ModelError",
     "ModelgenError",
     "Pham2002",
@@ -79,6 +82,7 @@ __all__ = [
     "read_record",
     "record_from_frame",
     "simulate",
+    "simulate_arm",
     "with_known",
 ]
 
@@ -115,6 +119,8 @@ _HOMES = {
     "read_record": "modelgen.runtime.records.read_record",
     "record_from_frame": "modelgen.runtime.records.dataframe",
     "simulate": "modelgen.runtime.simulation.simulate",
+    "JointController": "modelgen.runtime.simulation.arms.joint_controller",
+    "simulate_arm": "modelgen.runtime.simulation.arms.simulate_arm",
 }
 
 

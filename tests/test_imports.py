@@ -16,6 +16,8 @@ import modelgen
 from modelgen.errors import ModelgenError
 
 PUBLIC = {
+    "JointController",
+    "simulate_arm",
     "draw_arm",
     "draw_chain",
     "Auto",

@@ -99,7 +99,7 @@ def proof_of(motion: MotionEquations) -> bool:
     return not any(newton_minus_lagrange(motion))
 
 
-def parameter_values(chain: ChainSpec, chosen: str | None) -> Mapping[str, float]:
+def parameter_values(chain: ChainSpec | ArmSpec, chosen: str | None) -> Mapping[str, float]:
     """Return the values of the chosen parameter set, or of the only one."""
     names = list(chain.parameter_sets)
     chosen = names[0] if chosen is None and len(names) == 1 else chosen

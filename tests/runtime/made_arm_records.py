@@ -76,3 +76,25 @@ def record_of(
     pushed = zip(forces, torques, strict=True)
     read |= {key: line + noise[1] * rng.standard_normal(len(line)) for key, line in pushed}
     return Record(read, FS, "arm")
+
+
+def of_bodies(model: Model, seed: int = 0) -> dict[str, float]:
+    """Return values that links can have: point masses about the frames, drives with inertia and friction."""
+    rng = np.random.default_rng(seed)
+    values = {name: 0.0 for name in model.parameters}
+    joints = dict.fromkeys(name.rpartition("_")[2] for name in model.parameters if name.startswith("m_"))
+    for k, joint in enumerate(joints):
+        masses = rng.uniform(0.2, 1.5, 6) * 4.0 / (1 + k)
+        x, y, z = rng.uniform(-0.25, 0.25, (3, 6)) / (1.0 + 0.3 * k)
+        moments = {"m": masses, "mx": masses * x, "my": masses * y, "mz": masses * z}
+        moments |= {"Ixx": masses * (y * y + z * z), "Iyy": masses * (x * x + z * z)}
+        moments |= {"Izz": masses * (x * x + y * y), "Ixy": -masses * x * y}
+        moments |= {"Ixz": -masses * x * z, "Iyz": -masses * y * z}
+        values |= {
+            f"{name}_{joint}": float(m.sum()) for name, m in moments.items() if f"{name}_{joint}" in values
+        }
+    scale = {"inertia": 0.3, "viscous": 2.0, "coulomb": 1.5, "offset": 0.2, "gain": 1.0}
+    for name, role in model.roles.items():
+        if name in values and role.role in scale:
+            values[name] = scale[role.role] * float(rng.uniform(0.5, 1.5))
+    return values

@@ -1,22 +1,30 @@
-"""`modelgen simulate`: records of a chain in closed loop."""
+"""`modelgen simulate`: records of a chain or an arm in closed loop."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modelgen.cli.arguments import amounts, excitation_from, load_chain, parameter_values
-from modelgen.cli.options import Json, Noise, Overwrite, ParameterSet, Resolution, Spec
+from modelgen.cli.arguments import amounts, excitation_from, load_chain_or_arm, parameter_values
+from modelgen.cli.arms.simulate_arm import simulated_arm
+from modelgen.cli.options import Json, Noise, Overwrite, ParameterSet, Resolution, SpecOfAny
 from modelgen.cli.output import report
+from modelgen.cli.output_files import check_output
+from modelgen.errors import DataError
+
+if TYPE_CHECKING:
+    from modelgen.runtime.records.record import Record
+    from modelgen.spec.chain import ChainSpec
 
 Excitation = Annotated[
     str,
     typer.Option(
         metavar="KIND",
         help="chirp, trapezoid, or a data file with columns reference, reference_rate or feedforward, "
-        "and the forces of actuators behind the first.",
+        "and the forces of actuators behind the first. Of an arm: fourier, or a file with columns q_NAME.",
     ),
 ]
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="DATA", help="A .csv or .npz file to write.")]
@@ -26,28 +34,36 @@ SamplingFrequency = Annotated[
         "--fs",
         "--fs-hz",
         metavar="HZ",
-        help="Sampling frequency in Hz; 5000, or the file's.",
+        help="Sampling frequency in Hz; 5000 (of an arm 1000), or the file's.",
     ),
 ]
 Duration = Annotated[
-    float | None, typer.Option(metavar="SECONDS", help="Duration in s of chirp or trapezoid; 2 s.")
+    float | None,
+    typer.Option(metavar="SECONDS", help="Duration in s of chirp, trapezoid (2) or fourier (10)."),
 ]
 Bias = Annotated[
     list[str] | None, typer.Option(metavar="KEY=ERROR", help="Constant error of a channel, SI; repeatable.")
 ]
 Controller = Annotated[
-    Path | None, typer.Option(metavar="FILE.toml", help="The loop; one slow against the lowest mode.")
+    Path | None,
+    typer.Option(metavar="FILE.toml", help="The loop; slow against the lowest mode, of an arm PD."),
 ]
 WithReference = Annotated[
     bool, typer.Option("--with-reference", help="Also write the inputs of the loop, for validate.")
 ]
 
 
+Recorded = Annotated[
+    str | None, typer.Option("--sensors", metavar="S", help="The sensor set that records; of a chain.")
+]
+
+
 def simulate(
-    spec: Spec,
-    sensors: Annotated[str, typer.Option("--sensors", metavar="S", help="The sensor set that records.")],
+    context: typer.Context,
+    spec: SpecOfAny,
     excitation: Excitation,
     data: Output,
+    sensors: Recorded = None,
     parameters: ParameterSet = None,
     fs_hz: SamplingFrequency = None,
     duration_s: Duration = None,
@@ -60,37 +76,20 @@ def simulate(
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
-    """Simulate a chain in closed loop and write what its sensors read.
+    """Simulate a chain or an arm in closed loop and write what its sensors read.
 
     Friction is true stick and slip; the levels of chirp and trapezoid follow from the parameters. The loop
-    drives the first actuator; others follow the excitation's file, or rest.
+    drives the first actuator; others follow the excitation's file, or rest. Of an arm it drives all joints.
     """
-    from modelgen.render.writer import generate as module_text
-    from modelgen.render.writer import module_name
-    from modelgen.runtime.model.model import model_from_text
     from modelgen.runtime.records.write_record import write_record
-    from modelgen.runtime.simulation.controller_file import load_controller
-    from modelgen.runtime.simulation.simulate import record_with_reference
-    from modelgen.runtime.simulation.simulate import simulate as run
+    from modelgen.spec.arms.arm import ArmSpec
 
-    chain = load_chain(spec)
-    model = model_from_text(module_text(chain, sensors), module_name(chain, sensors))
-    signal, file_fs = excitation_from(excitation, [actuator.key for actuator in model.actuators[1:]])
-    loop, drive = load_controller(controller) if controller else (None, None)
-    result = run(
-        model,
-        parameter_values(chain, parameters),
-        signal,
-        fs=fs_hz or file_fs or 5000.0,
-        duration_s=duration_s,
-        noise=amounts("--noise", noise or ()),
-        resolution=amounts("--resolution", resolution or ()),
-        bias=amounts("--bias", bias or ()),
-        seed=seed,
-        controller=loop,
-        drive=drive,
-    )
-    record = record_with_reference(result) if with_reference else result.record
+    check_output(data, (".csv", ".npz"), overwrite)
+    chain = load_chain_or_arm(spec)
+    if isinstance(chain, ArmSpec):
+        record = simulated_arm(chain, context.params)
+    else:
+        record = _simulated_chain(chain, context.params)
     write_record(data, record, overwrite=overwrite)
     facts = {
         "written": [str(data)],
@@ -100,3 +99,35 @@ def simulate(
     }
     line = f"wrote {data}: {', '.join(record.signals)}; {record.n} samples at {record.fs:g} Hz"
     report(facts, [line], as_json)
+
+
+def _simulated_chain(chain: ChainSpec, given: Mapping[str, Any]) -> Record:
+    """Return the record of a simulation with the options of the command."""
+    from modelgen.render.writer import generate as module_text
+    from modelgen.render.writer import module_name
+    from modelgen.runtime.model.model import model_from_text
+    from modelgen.runtime.simulation.controller_file import load_controller
+    from modelgen.runtime.simulation.simulate import record_with_reference
+    from modelgen.runtime.simulation.simulate import simulate as run
+
+    sensors = given["sensors"]
+    if sensors is None:
+        remedy = f"choose one of {', '.join(chain.sensor_sets)}"
+        raise DataError.at("--sensors", "is missing", remedy if chain.sensor_sets else "write [sensors.NAME]")
+    model = model_from_text(module_text(chain, sensors), module_name(chain, sensors))
+    signal, file_fs = excitation_from(given["excitation"], [one.key for one in model.actuators[1:]])
+    loop, drive = load_controller(given["controller"]) if given["controller"] else (None, None)
+    result = run(
+        model,
+        parameter_values(chain, given["parameters"]),
+        signal,
+        fs=given["fs_hz"] or file_fs or 5000.0,
+        duration_s=given["duration_s"],
+        noise=amounts("--noise", given["noise"] or ()),
+        resolution=amounts("--resolution", given["resolution"] or ()),
+        bias=amounts("--bias", given["bias"] or ()),
+        seed=given["seed"],
+        controller=loop,
+        drive=drive,
+    )
+    return record_with_reference(result) if given["with_reference"] else result.record

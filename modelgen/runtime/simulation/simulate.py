@@ -160,6 +160,8 @@ def simulate(
         actuator, and for a closed loop that is unstable.
     """
     given = with_defaults("simulate", options, DEFAULTS)
+    if model.is_arm:
+        raise DataError.at(model.chain, "is an arm", "use modelgen.simulate_arm")
     plant = make_plant(model, parameters, given["actuator"])
     settings = _settings(plant, given)
     if isinstance(excitation, str):

@@ -18,7 +18,6 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, ModelgenError, Problem
 from modelgen.keyword_options import with_defaults
 from modelgen.progress import counted
-from modelgen.runtime.planning.arms.fourier_trajectory import Bounds, FourierTrajectory, at_rest
 from modelgen.runtime.planning.arms.workspace import (
     Box,
     PlannedJoint,
@@ -31,6 +30,7 @@ from modelgen.runtime.planning.arms.workspace import (
 )
 from modelgen.runtime.planning.random_search import best_of_trials
 from modelgen.runtime.planning.thresholds import BLIND, FAILED, POSTURES, SAFETY, SHARE_OF_LIMITS, SHRINKS
+from modelgen.runtime.simulation.arms.fourier_trajectory import Bounds, FourierTrajectory, at_rest
 
 CRITERIA = ("condition", "d-optimal")
 #: Samples of a period for every harmonic, at which the regressor is judged.

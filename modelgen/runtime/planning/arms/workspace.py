@@ -13,7 +13,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem, listed
-from modelgen.runtime.planning.arms.fourier_trajectory import Bounds, FourierTrajectory
+from modelgen.runtime.simulation.arms.fourier_trajectory import Bounds, FourierTrajectory
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from modelgen.runtime.planning.arms.workspace import (
 from modelgen.symbolic.arms.dynamics.geometry import link_poses
 from modelgen.symbolic.arms.expressions.evaluation import sampled
 from modelgen.symbolic.arms.expressions.graph import Graph
-from tests.runtime.planning.arms.test_fourier_trajectory import random_trajectory
+from tests.runtime.simulation.arms.test_fourier_trajectory import random_trajectory
 from tests.symbolic.arms.made_arms import random_arm, tx40
 
 ARMS = [tx40(), *(random_arm(random.Random(seed)) for seed in range(6))]

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modelgen.runtime.planning.arms.fourier_trajectory import FourierTrajectory, at_rest
+from modelgen.runtime.simulation.arms.fourier_trajectory import FourierTrajectory, at_rest
 
 
 def random_trajectory(seed: int, joints: int = 3) -> FourierTrajectory:

@@ -1,0 +1,98 @@
+"""`modelgen simulate` of an arm: a record of its joints in closed loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from modelgen.cli.arguments import amounts, parameter_values
+from modelgen.cli.output import note
+from modelgen.errors import DataError
+from modelgen.spec.arms.arm import ArmSpec
+
+if TYPE_CHECKING:
+    from modelgen.runtime.model.model import Model
+    from modelgen.runtime.records.record import Record
+    from modelgen.runtime.simulation.arms.joint_reference import JointReference
+
+# what an arm can be without: its file says nothing of them
+NOTHING = ("inertia", "viscous", "coulomb", "offset")
+
+
+def simulated_arm(arm: ArmSpec, given: Mapping[str, Any]) -> Record:
+    """Return the record of a simulation with the options of the command.
+
+    Raises
+    ------
+    DataError
+        For options that do not fit the arm.
+    """
+    from modelgen.runtime.simulation.arms.joint_controller import load_joint_controller
+    from modelgen.runtime.simulation.arms.simulate_arm import record_with_joint_references, simulate_arm
+
+    if arm.elastic:
+        what = f"{arm.source} has elastic joints, which simulate does not take"
+        raise DataError.at("SPEC", what, "leave out stiffness for the arm with rigid joints")
+    if given["sensors"] is not None:
+        what = f"{arm.source} describes an arm, whose joints and drives are recorded"
+        raise DataError.at("--sensors", what, "leave it out")
+    model = arm_model(arm)
+    values, zero = with_zeros(model, parameter_values(arm, given["parameters"]))
+    if zero:
+        note([f"taken as zero: {', '.join(zero)}"])
+    result = simulate_arm(
+        model,
+        values,
+        _reference(model, given["excitation"], given["fs_hz"]),
+        fs=given["fs_hz"] or 1000.0,
+        duration_s=given["duration_s"],
+        noise=amounts("--noise", given["noise"] or ()),
+        resolution=amounts("--resolution", given["resolution"] or ()),
+        bias=amounts("--bias", given["bias"] or ()),
+        seed=given["seed"],
+        controller=load_joint_controller(given["controller"]) if given["controller"] else None,
+        limits=_limits(arm),
+    )
+    return record_with_joint_references(result) if given["with_reference"] else result.record
+
+
+def arm_model(arm: ArmSpec) -> Model:
+    """Return the model of an arm with rigid joints."""
+    from modelgen.render.arms.arm_writer import arm_module
+    from modelgen.runtime.model.model import model_from_text
+    from modelgen.symbolic.arms.arm_rows import arm_rows
+    from modelgen.symbolic.arms.base_parameters import arm_base_model
+
+    return model_from_text(arm_module(arm_base_model(arm_rows(arm))), arm.name)
+
+
+def with_zeros(model: Model, given: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:
+    """Return parameters with zeros for drives that nothing is said of, and the names of these."""
+    zero = [name for name in model.parameters if name not in given and model.roles[name].role in NOTHING]
+    return {**given, **dict.fromkeys(zero, 0.0)}, zero
+
+
+def _reference(model: Model, text: str, fs_hz: float | None) -> str | JointReference:
+    if text == "fourier":
+        return text
+    if not Path(text).suffix:
+        remedy = "give fourier, or a data file with columns q_NAME of the joints"
+        raise DataError.at("--excitation", f"{text!r} is none of an arm", remedy)
+    from modelgen.runtime.records.read_record import read_record
+    from modelgen.runtime.simulation.arms.joint_reference import reference_from_record
+
+    record = read_record(text)
+    if fs_hz is not None and fs_hz != record.fs:
+        what = f"is {fs_hz:g} Hz, and {text} has {record.fs:g} Hz"
+        raise DataError.at("--fs", what, "leave it out")
+    return reference_from_record(model, record)
+
+
+def _limits(arm: ArmSpec) -> dict[str, Any]:
+    from modelgen.runtime.simulation.arms.joint_reference import JointLimits
+
+    return {
+        joint.name: JointLimits(joint.position_limits, joint.speed_limit, joint.acceleration_limit)
+        for joint in arm.moving
+    }

@@ -1,0 +1,1 @@
+"""Arms with rigid joints in closed loop: dynamics from the module, references, laws, motion, records."""

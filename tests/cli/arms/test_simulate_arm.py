@@ -1,0 +1,77 @@
+"""`modelgen simulate` of arms: a record that identify reads, references from files, and every mistake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from modelgen.cli.main import app
+from modelgen.runtime.records.read_record import read_record
+
+RUN = CliRunner()
+
+
+def simulate(*arguments: str | Path) -> tuple[int, str]:
+    result = RUN.invoke(app, ["simulate", *map(str, arguments)])
+    return result.exit_code, " ".join(result.output.split())
+
+
+def test_a_record_is_written_and_its_reference_is_followed_again(tmp_path: Path) -> None:
+    first, second = tmp_path / "first.csv", tmp_path / "second.csv"
+    loop = tmp_path / "loop.toml"
+    loop.write_text('[controller]\nlaw = "computed_torque"\nbandwidth_hz = 4\n')
+    common = ("--controller", loop, "--with-reference")
+    code, output = simulate(
+        "two_link", "--excitation", "fourier", "--duration-s", 1, "--fs", 500, "-o", first, *common
+    )
+    assert code == 0 and "501 samples at 500 Hz" in output, output
+    read = read_record(first)
+    assert {"q_1", "q_2", "tau_1", "tau_2", "reference_1", "reference_rate_2"} <= set(read.signals)
+    assert np.abs(read.signals["reference_1"] - read.signals["q_1"]).max() < 0.05
+    code, output = simulate("two_link", "--excitation", first, "-o", second)
+    assert code == 0, output
+    apart = read_record(second).signals["q_2"] - read.signals["q_2"]
+    assert 0.0 < np.abs(apart).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (("two_link", "--excitation", "chirp"), "fourier"),
+        (("two_link", "--excitation", "fourier", "--sensors", "s"), "leave it out"),
+        (("two_link", "--excitation", "fourier", "--noise", "q_7=1"), "q_7"),
+        (("puma560", "--excitation", "fourier"), "--parameters"),
+        (("elastic_two_link", "--excitation", "fourier"), "elastic"),
+        (("two_link", "--excitation", "fourier", "--duration-s", "0"), "samples"),
+        (("emps300", "--excitation", "chirp"), "--sensors"),
+    ],
+)
+def test_mistakes_are_told(tmp_path: Path, arguments: tuple[str, ...], what: str) -> None:
+    code, output = simulate(*arguments, "-o", tmp_path / "run.csv")
+    assert code == 2 and what in output, output
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ('[controller]\nlaw = "pid"\n', "pd"),
+        ("[controller]\nkp = [1, 2, 3]\n", "3 numbers for 2 joints"),
+        ("[controller]\nkp = [1, true]\n", "kp"),
+        ("[controller]\nbandwidth_hz = -1\n", "positive"),
+        ("[controler]\nkp = 1\n", "controller"),
+        ("[controller]\nkq = 1\n", "kp"),
+        ("controller = 1\n", "no table"),
+        ("[controller]\nkp = 1e300\n", "1e+300"),
+    ],
+)
+def test_mistakes_of_a_controller_are_told(tmp_path: Path, text: str, what: str) -> None:
+    loop = tmp_path / "loop.toml"
+    loop.write_text(text)
+    code, output = simulate(
+        "two_link", "--excitation", "fourier", "--controller", loop, "-o", tmp_path / "run.csv"
+    )
+    assert code == 2 and what in output, output
