@@ -13,13 +13,10 @@ from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import usable_cutoff
 from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts
-from modelgen.runtime.identification.explanation.explain_residual import (
-    explained,
-    found_by,
-    other_weights,
-)
+from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import explained_by_stretches
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, run_method
+from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals

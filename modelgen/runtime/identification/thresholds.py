@@ -36,6 +36,8 @@ INEXACT = {"lag": 0.002, "average": 0.002, "force": 0.02, "form": 0.05, "mass": 
 LITTLE_LEFT = 0.05
 # What is found after one of these kinds may be what its form leaves: all that it moves is left open.
 ROUGH = {"form", "mass"}
+# A clock that drifts by fewer samples than this over the longest record is none: rows are no more exact.
+LEAST_CLOCK_DRIFT = 0.02
 # A row is left unexplained from this share of its largest term on, and this multiple of the sensors' noise.
 LEFT_SHARE = 0.3
 OVER_NOISE = 3.0

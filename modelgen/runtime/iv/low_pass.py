@@ -9,6 +9,7 @@ that of a damping. Small sizes do not tell the two apart: both are tried, and th
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import erfc
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from modelgen.runtime.filters.one_pass import one_pass
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect, curvature
-from modelgen.runtime.iv.thresholds import KEPT, LAGS, LEAST_PASSED, RESOLVED, SHORTEST_REACH
+from modelgen.runtime.iv.thresholds import EDGE_WIDTHS, KEPT, LAGS, LEAST_PASSED, RESOLVED, SHORTEST_REACH
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
@@ -89,13 +90,21 @@ def _behind(key: str, response: Callable[[FloatArray], ComplexArray], undone: bo
     reach = int(np.ceil(memory)) + SHORTEST_REACH
     # sampled so finely that the response does not wrap around
     count = quick_length(RESOLVED * reach)
-    frequency = np.fft.rfftfreq(count)
-    passed = response(np.asarray(frequency))
-    # no step at half the sampling frequency, or the weights would hardly die away
-    kept = np.cos(0.5 * np.pi * np.clip((frequency - KEPT) / (0.5 - KEPT), 0.0, 1.0)) ** 2
-    weights = np.fft.irfft(1.0 + kept * ((1.0 / passed if undone else passed) - 1.0), count)
+    frequency = np.asarray(np.fft.rfftfreq(count), dtype=float)
+    passed = response(frequency)
+    weights = np.fft.irfft(1.0 + _kept(frequency) * ((1.0 / passed if undone else passed) - 1.0), count)
     weights = np.r_[weights[-reach:], weights[: reach + 1]]
     return Edit(key, lambda samples, _: np.convolve(samples, weights / weights.sum(), "valid"), reach)
+
+
+def _kept(frequency: FloatArray) -> FloatArray:
+    """Return the share of a response that is kept, shape (n,): one up to `KEPT`, then falling.
+
+    No step at half the sampling frequency, nor in any derivative: behind a Gaussian edge the weights die away
+    within the reach, where what is cut off would be an error of the gain.
+    """
+    middle, width = 0.5 * (KEPT + 0.5), (0.5 - KEPT) / (2.0 * EDGE_WIDTHS)
+    return np.array([0.5 * erfc((one - middle) / width) for one in frequency.tolist()])
 
 
 def _bent(key: str) -> Callable[[Simulated], Changes]:

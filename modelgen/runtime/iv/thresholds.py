@@ -76,6 +76,8 @@ EDGE = 10
 LAGS, SHORTEST_REACH = 14.0, 48
 # its frequency response is exact up to this share of the sampling frequency,
 KEPT = 0.3
+# from where it falls along a Gaussian edge, cut off so many of its widths from the middle,
+EDGE_WIDTHS = 4.0
 # and sampled so many times finer than the time it is followed for.
 RESOLVED = 8
 # What an average lets through is undone down to this share.

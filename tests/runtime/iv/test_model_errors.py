@@ -114,10 +114,10 @@ def test_a_low_pass_is_undone_below_a_tenth_of_the_sampling_frequency(
     behind = true * np.exp(s) / (1.0 + s)
     size = 0.5 * (tau / fs) ** 2
     undone = without_lag("q", size, fs).whole(behind.real)
-    np.testing.assert_allclose(undone[middle], true.real[middle], atol=1e-4)
+    np.testing.assert_allclose(undone[middle], true.real[middle], atol=3e-6)
     # a force that acts behind a lag is its command through it
     lagged = without_lag("q", -size, fs).whole(true.real)
-    np.testing.assert_allclose(lagged[middle], behind.real[middle], atol=1e-4)
+    np.testing.assert_allclose(lagged[middle], behind.real[middle], atol=3e-6)
 
 
 @settings(deadline=None)
@@ -163,9 +163,9 @@ def test_an_average_is_made_and_undone_below_a_tenth_of_the_sampling_frequency(
     mean = true * np.sinc(frequency * length)
     size = (length / fs) ** 2 / 24.0
     undone = without_average("q", size, fs).whole(mean)
-    np.testing.assert_allclose(undone[middle], true[middle], atol=1e-3)
+    np.testing.assert_allclose(undone[middle], true[middle], atol=1e-4)
     held = without_average("q", -size, fs).whole(true)
-    np.testing.assert_allclose(held[middle], mean[middle], atol=1e-3)
+    np.testing.assert_allclose(held[middle], mean[middle], atol=1e-4)
 
 
 def test_forms_of_one_thing_are_looked_for_only_beside_it() -> None:

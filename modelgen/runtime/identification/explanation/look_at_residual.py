@@ -1,0 +1,56 @@
+"""What the residual of a fit with instruments shows of effects that are not estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.iv.effect import DIRECTION, Effect, unlike
+from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
+from modelgen.runtime.iv.freed_effects import Freed
+from modelgen.runtime.iv.model_errors import effects_of
+from modelgen.runtime.iv.score_tests import Score, scores, without_noise
+from modelgen.runtime.iv.thresholds import LITTLE_OWN
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a residual says: scores, effects that are nearly columns, and rows that grow with those tested."""
+
+    found: tuple[Score, ...] = ()
+    hidden: tuple[Effect, ...] = ()
+    tested: tuple[Effect, ...] = ()
+    rows: tuple[tuple[FloatArray, ...], ...] = ()
+
+
+def look(
+    job: Job,
+    now: Freed,
+    known: Sequence[Effect],
+    slope: FloatArray | None,
+    kinds: Sequence[str] = (),
+) -> Seen:
+    """Return what the residual says of effects that are not estimated, of `kinds` if any."""
+    try:
+        simulated = simulated_records(now.fit, now.setting)
+    except IdentifiabilityError:
+        return Seen()
+    every = effects_of(job.model, simulated[0].plant.bodies, len(job.records))
+    if not any(block.turning for block in now.fit.blocks):
+        every = tuple(one for one in every if one.kind != DIRECTION)
+    tested = [one for one in unlike(every, known) if not kinds or one.kind in kinds]
+    others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
+                                 for channel, _, _ in now.fit.delays)  # fmt: skip
+    rows = effect_rows(now.fit, now.setting, simulated, tested)
+    found = scores(now.fit, tested, rows, others, slope)
+    doubtful = [tested.index(one.effect) for one in found if one.matters]
+    if doubtful:
+        seen = [tested[index] for index in doubtful]
+        noise = noise_rows(now.fit, now.setting, seen, [rows[index] for index in doubtful])
+        found = without_noise(found, now.fit, seen, noise, others, slope)
+    told = {one.effect.name for one in found if one.own > LITTLE_OWN}
+    hidden = tuple(effect for effect in tested if effect.name not in told)
+    return Seen(found, hidden, tuple(tested), rows)

@@ -1,0 +1,174 @@
+"""The search for what a model lacks: one effect after the other is estimated, what explains most first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.identification.explanation.look_at_residual import Seen, look
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.thresholds import (
+    INEXACT,
+    LEAST_CLOCK_DRIFT,
+    LITTLE_LEFT,
+    MOST_EFFECTS,
+    MOST_TRIED,
+    ROUGH,
+    TRIED_TOO,
+)
+from modelgen.runtime.iv.effect import DIRECTION, Effect
+from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
+from modelgen.runtime.iv.score_tests import Score
+from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS
+from modelgen.runtime.iv.told_effects import left
+
+
+@dataclass(frozen=True, eq=False)
+class Equal:
+    """An effect that leaves as little as the one that is taken, with its size, and X with it estimated."""
+
+    effect: Effect
+    size: float
+    x: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Where a search stands.
+
+    Attributes
+    ----------
+    job : Job
+    slope : array, shape (c, p), optional
+        How X grows with the parameters that were fitted in its place.
+    now : Freed
+        The fit with `effects` estimated.
+    given : int
+        So many effects more than `MOST_EFFECTS` may be estimated: those that it began with.
+    ties : mapping of str to tuple of Equal
+        What stood equal to an effect when it was taken, by the effect's name.
+    drift : array, shape (c, c)
+        Mean square of what is not estimated, or not exactly.
+    advice : tuple of Advice
+    ended : bool
+        Whether nothing more is to be estimated.
+    """
+
+    job: Job
+    slope: FloatArray | None
+    now: Freed
+    effects: tuple[Effect, ...]
+    given: int
+    ties: dict[str, tuple[Equal, ...]]
+    drift: FloatArray
+    advice: tuple[Advice, ...] = ()
+    ended: bool = False
+
+    def look(self) -> Seen:
+        """Return what the residual shows of effects that are not estimated."""
+        return look(self.job, self.now, self.effects, self.slope)
+
+    def step(self, seen: Seen) -> Search:
+        """Return the search with the effect estimated that leaves least, or at its end."""
+        shown = [one for one in seen.found if one.matters and one.effect.possible(one.size)]
+        if not shown:
+            return replace(self, ended=True)
+        if _of_the_same(shown[0], self.effects):
+            return self._holding(shown[0])
+        tried = list(self._tried(shown)) if len(self.effects) < self.given + MOST_EFFECTS else []
+        if not tried:
+            return self._holding(shown[0], left_of(shown[0], shown))
+        return self._with(tried)
+
+    def _holding(self, score: Score, *advice: Advice) -> Search:
+        """Return the search at its end, with what a score moves in the intervals."""
+        drift = self.drift + np.outer(score.move, score.move)
+        return replace(self, drift=drift, advice=(*self.advice, *advice), ended=True)
+
+    def _tried(self, shown: Sequence[Score]) -> Iterator[tuple[Effect, tuple[Effect, ...], Freed]]:
+        """Yield effects that explain much, all that is estimated with each, and the fit.
+
+        Far from the truth the shares that effects explain are shares along a tangent only.
+        """
+        likely = [one for one in shown if one.explained >= TRIED_TOO * shown[0].explained][:MOST_TRIED]
+        known = {effect.name for effect in self.effects}
+        for effect in dict.fromkeys(one for score in likely for one in (score.effect, *score.effect.forms)):
+            if effect.name not in known:
+                found = self._freed(effect)
+                if found is not None:
+                    yield effect, *found
+
+    def _freed(self, effect: Effect) -> tuple[tuple[Effect, ...], Freed] | None:
+        """Return the fit with one more effect; those left out that are none any more beside it.
+
+        What stood in for it (a clock for a delay, friction of one body for that of another) goes.
+        """
+        effects, sizes = (*self.effects, effect), (*self.now.sizes, 0.0)
+        while True:
+            found = self._solved(effects, sizes)
+            if found is None:
+                return None
+            real = [self._is_real(*one) for one in zip(effects, found.sizes, strict=True)]
+            if all(real):
+                return effects, found
+            if not real[-1]:
+                return None
+            effects = tuple(one for one, kept in zip(effects, real, strict=True) if kept)
+            sizes = tuple(one for one, kept in zip(found.sizes, real, strict=True) if kept)
+
+    def _solved(self, effects: tuple[Effect, ...], sizes: tuple[float, ...]) -> Freed | None:
+        job = self.job
+        try:
+            return fit_with_effects(
+                job.setting(), job.calm, self.now.fit, effects, sizes, job.sharpened, EFFECT_ROUNDS
+            )
+        except (IdentifiabilityError, DataError):
+            return None
+
+    def _is_real(self, effect: Effect, size: float) -> bool:
+        """Tell whether physics allows a size, and it is not next to nothing."""
+        drift = abs(size) * max(record.n for record in self.job.records)
+        return effect.possible(size) and not (effect.kind == "clock" and drift < LEAST_CLOCK_DRIFT)
+
+    def _with(self, tried: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Search:
+        """Return the search with the effect that leaves least; of equals the one that explained most."""
+        # the misfit is half a chi square
+        most = min(freed.fit.misfit for _, _, freed in tried) + 0.5 * AS_GOOD
+        (effect, effects, freed), *others = [entry for entry in tried if entry[2].fit.misfit < most]
+        equal = tuple(Equal(one, found.sizes[-1], found.fit.solution.x) for one, _, found in others)
+        kinds = {one.kind for one in self.effects}
+        share = 1.0 if ROUGH & kinds else INEXACT.get(effect.kind, 0.0)
+        change = share * (freed.fit.solution.x - self.now.fit.solution.x)
+        return replace(
+            self,
+            now=freed,
+            effects=effects,
+            given=min(self.given, len(effects)),
+            ties={**self.ties, effect.name: equal},
+            drift=self.drift + np.outer(change, change),
+        )
+
+
+def left_of(best: Score, shown: Sequence[Score]) -> Advice:
+    """Return what is said of an effect that the intervals hold, and of others that explain nearly as much."""
+    per_share = (best.size / best.std) ** 2 / best.explained
+    others = [
+        (one.effect, one.size)
+        for one in shown
+        if one is not best and per_share * (best.explained - one.explained) < AS_GOOD
+    ]
+    return left(best.effect, best.size, others)
+
+
+def _of_the_same(score: Score, effects: Sequence[Effect]) -> bool:
+    """Tell whether an effect is what is left of one that is estimated, whatever it looks like.
+
+    What a reversal does has no form that is known, and other effects are simulated in first order.
+    """
+    kinds = {effect.kind for effect in effects}
+    return DIRECTION in kinds or (bool(kinds & INEXACT.keys()) and score.explained < LITTLE_LEFT)
