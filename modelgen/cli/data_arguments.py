@@ -93,9 +93,10 @@ def reading_options(
     units = {key: unit for model in models for key, unit in channel_units(model).items()}
     sources = directions_from(options.direction or ())
     measured = [key for model in models for key in model.channels if key not in sources]
-    mapped = [key for key in optional if key in columns]
+    loads = [key for model in models for key in model.loads]
+    mapped = [key for key in (*optional, *loads) if key in columns]
     wanted = tuple(dict.fromkeys((*measured, *sources.values(), *extra, *mapped)))
-    channels = dict.fromkeys((*units, *wanted, *REFERENCE, *FURTHER_INPUTS))
+    channels = dict.fromkeys((*units, *loads, *wanted, *REFERENCE, *FURTHER_INPUTS))
     where = str(options.map_file) if options.map_file else "--map"
     problems = [missing_name(where, "channel", key, channels) for key in columns if key not in channels]
     if problems:
@@ -126,6 +127,30 @@ def tagged(readings: Sequence[Reading], given: Sequence[str]) -> list[Reading]:
         replace(
             reading, record=replace(reading.record, tag=tags.get(reading.record.name, reading.record.tag))
         )
+        for reading in readings
+    ]
+
+
+def carrying(readings: Sequence[Reading], given: Sequence[str], models: Sequence[Model]) -> list[Reading]:
+    """Return the readings whose records carry what --payload says, RECORD=NAME or NAME of all of them."""
+    from modelgen.runtime.records.record import missing_name
+
+    names = [reading.record.name for reading in readings]
+    payloads = [key.removeprefix("load_") for model in models for key in model.loads]
+    carried: dict[str, list[str]] = {name: [] for name in names}
+    problems = []
+    for item in given:
+        record, _, payload = item.rpartition("=")
+        if record and record not in names:
+            problems.append(missing_name("--payload", "record", record, names))
+        elif payload not in payloads:
+            problems.append(missing_name("--payload", "payload", payload, payloads))
+        for name in [record] if record in names else names:
+            carried[name].append(payload)
+    if problems:
+        raise DataError(*problems)
+    return [
+        replace(reading, record=reading.record.carrying(*carried[reading.record.name]))
         for reading in readings
     ]
 

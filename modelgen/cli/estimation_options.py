@@ -27,6 +27,14 @@ Method = Annotated[
 Tags = Annotated[
     list[str] | None, typer.Option(metavar="RECORD=TAG", help="Tag of a record, for --pairing; repeatable.")
 ]
+Payloads = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--payload",
+        metavar="RECORD=NAME|NAME",
+        help="What an arm carries in a record, or all; repeatable.",
+    ),
+]
 Pairing = Annotated[
     Literal["all", "pham2002"],
     typer.Option(

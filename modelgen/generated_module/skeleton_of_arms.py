@@ -8,7 +8,7 @@ from __future__ import annotations
 
 _LINK = "[1-9][0-9]{0,3}"
 _BASE = "base_[fn][xyz]"
-_INPUT = rf"(?:(?:d[123]_)?[qpy]{_LINK}|(?:d1_)?(?:tau{_LINK}|{_BASE}))"
+_INPUT = rf"(?:(?:d[123]_)?[qpy]{_LINK}|(?:d1_)?(?:tau{_LINK}|{_BASE})|load{_LINK})"
 _MOTION = rf"[cs]{_LINK}|(?:d?w|a){_LINK}[xyz]|u{_LINK}[xyz]{{2}}|[zl]{_LINK}_(?:{_LINK}|{_BASE})[xyz]"
 _VALUE = rf"(?:[ve][0-9]{{1,6}}|{_MOTION})"
 

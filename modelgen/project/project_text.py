@@ -32,7 +32,7 @@ def project_text(table: ProjectTable) -> str:
 
 
 def _records(group: RecordsTable) -> list[str]:
-    shown = {"date": group.date, "files": group.files, "tags": group.tags, "sensors": group.sensors}
+    shown = {name: getattr(group, name) for name in ("date", "files", "tags", "sensors", "payloads")}
     return [f"{name} = {_value(value)}" for name, value in shown.items() if value]
 
 

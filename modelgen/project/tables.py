@@ -27,13 +27,15 @@ from typing import Literal
 class RecordsTable:
     """[[records]]: files that one estimate is made from, and the date it stands for; tags by record.
 
-    `sensors` are sensor sets by record, where the project has several and a file does not tell.
+    `sensors` are sensor sets by record, where the project has several and a file does not tell; `payloads`
+    what an arm carries, RECORD=NAME, or NAME in all records.
     """
 
     files: tuple[str, ...]
     date: Date | None = None
     tags: Mapping[str, str] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
+    payloads: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

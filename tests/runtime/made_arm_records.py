@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -59,23 +59,29 @@ def record_of(
     seconds: float = 20.0,
     seed: int = 1,
     noise: tuple[float, float] = (0.0, 0.0),
+    carried: Sequence[str] = (),
 ) -> Record:
-    """Return positions and torques of motors along `motion`; `noise` is that of each (rms, SI)."""
+    """Return positions and torques of motors along `motion`; `noise` is that of each (rms, SI).
+
+    Where gains are parameters, torques are what the drives report. `carried` names the payloads.
+    """
     signals, rng = motion(model, seconds, seed), np.random.default_rng(seed + 1000)
-    forces = [one.key for one in model.actuators]
-    still = {**signals, **dict.fromkeys(forces, np.zeros(len(next(iter(signals.values())))))}
-    wanted = model.regressor(still) @ model.base_from_physical(values) - model.measurement(still)
-    ratios = np.zeros((len(model.rows), len(forces)))
-    for row, terms in enumerate(model.measurement_columns):
-        for ratio, key in terms:
-            if key in forces:
-                ratios[row, forces.index(key)] = ratio
+    forces, base = [one.key for one in model.actuators], model.base_from_physical(values)
+    rest = np.zeros(len(next(iter(signals.values()))))
+    loads = {key: rest + (key.removeprefix("load_") in carried) for key in model.loads}
+    still = {**signals, **loads, **dict.fromkeys(forces, rest)}
+
+    def left(given: Mapping[str, np.ndarray]) -> np.ndarray:
+        return np.asarray(model.measurement(given) - model.regressor(given) @ base)
+
+    wanted = -left(still)
+    ratios = np.array([(left({**still, key: rest + 1.0}) + wanted)[0] for key in forces]).T
     torques = np.linalg.solve(ratios, wanted.T)
     exact = {key: signals[key] for key in model.channels if key in signals}
     read = {key: line + noise[0] * rng.standard_normal(len(line)) for key, line in exact.items()}
     pushed = zip(forces, torques, strict=True)
     read |= {key: line + noise[1] * rng.standard_normal(len(line)) for key, line in pushed}
-    return Record(read, FS, "arm")
+    return Record(read, FS, "loaded" if carried else "arm").carrying(*carried)
 
 
 def of_bodies(model: Model, seed: int = 0) -> dict[str, float]:

@@ -39,6 +39,7 @@ def describe_arm(arm: ArmSpec, prove: bool = False, sensors: str | None = None) 
         "motors": [{"joint": name, "position": text} for name, text in _motors(arm)],
         "parameters": [
             {"name": p.name, "role": p.role, "joint": p.joint, "unit": p.unit, "known": arm.known.get(p.name)}
+            | ({"payload": p.payload} if p.payload else {})
             for p in arm_parameters(arm)
         ],
         "parameter_sets": {name: dict(values) for name, values in arm.parameter_sets.items()},
@@ -94,7 +95,9 @@ def _parameter_lines(described: Description) -> Iterator[Any]:
     by_joint: dict[str, dict[str, list[str]]] = {}
     for parameter in described["parameters"]:
         kind = "link" if parameter["role"] in LINK_PARAMETERS else "drive"
-        by_joint.setdefault(parameter["joint"], {"link": [], "drive": []})[kind].append(parameter["name"])
+        place = f"{parameter['payload']} on " if "payload" in parameter else ""
+        place += parameter["joint"]
+        by_joint.setdefault(place, {"link": [], "drive": []})[kind].append(parameter["name"])
     rows = [
         (joint, _short(kinds["link"]), ", ".join(kinds["drive"]) or "-") for joint, kinds in by_joint.items()
     ]

@@ -20,6 +20,7 @@ from modelgen.cli.estimation_options import (
     HoldOut,
     Method,
     Pairing,
+    Payloads,
     Periods,
     PrunePercent,
     ScanCutoffs,
@@ -74,6 +75,7 @@ def identify(
     method: Method = "auto",
     cutoff_hz: Cutoff = None,
     tag: Tags = None,
+    payload: Payloads = None,
     pairing: Pairing = "all",
     prune_percent: PrunePercent = 10.0,
     period_s: Periods = None,
@@ -115,7 +117,7 @@ def identify(
         model.refuse_arm("--report, --figure or --controller")
     outputs.check(spec, controller)  # before the work, not after it
     inputs = (REFERENCE, FURTHER_INPUTS) if controller and report_file else ()
-    read = read_for(data, models, given, tag or (), of_records, inputs)
+    read = read_for(data, models, given, tag or (), of_records, inputs, payload or ())
     refuse_several({title for title, _ in read}, {"--controller": controller})
     settings = settings_typed(estimation, given, context.params)
     found = identified(models, read, settings)

@@ -57,7 +57,14 @@ def save_project(outputs: OutputFiles, typed: Mapping[str, Any]) -> None:
     sets, of_records = sensors_from(typed["sensors"] or ())
     identify = {one.name: _option(one.name, typed[one.name]) for one in fields(IdentifyTable)}
     table = ProjectTable(
-        records=(RecordsTable(files, tags=parse_names("--tag", typed["tag"] or ()), sensors=of_records),),
+        records=(
+            RecordsTable(
+                files,
+                tags=parse_names("--tag", typed["tag"] or ()),
+                sensors=of_records,
+                payloads=tuple(typed["payload"] or ()),
+            ),
+        ),
         **_chain(typed, sets, path),
         known=amounts("--set", typed["value"] or ()),
         data=DataTable(

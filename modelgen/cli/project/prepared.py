@@ -39,7 +39,7 @@ class Prepared:
     def inputs(self, group: RecordsTable, hashes: Mapping[str, str]) -> str:
         """Return the SHA-256 of everything that a group's estimate depends on, this program included."""
         table, map_file = self.project.table, self.given.map_file
-        told = {
+        told: dict[str, Any] = {
             "program": modelgen.__version__,
             "module": self.text,
             "data": asdict(table.data),
@@ -52,6 +52,8 @@ class Prepared:
             told["known"] = dict(table.known)
         if group.sensors:
             told["sensors"] = dict(group.sensors)
+        if group.payloads:
+            told["payloads"] = list(group.payloads)
         return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
     def described(self) -> dict[str, str]:

@@ -103,7 +103,7 @@ def _identified(prepared: Prepared, group: RecordsTable) -> Identified:
     step(f"identifying {label}")
     try:
         tags = [f"{name}={tag}" for name, tag in group.tags.items()]
-        read = read_for(paths, prepared.models, prepared.given, tags, group.sensors)
+        read = read_for(paths, prepared.models, prepared.given, tags, group.sensors, (), group.payloads)
         return identified(prepared.models, read, prepared.settings)
     except ModelgenError as error:
         where = f"{prepared.project.path}: records of {label}"

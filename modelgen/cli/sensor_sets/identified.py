@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modelgen.cli.data_arguments import DataOptions, read_files, tagged
+from modelgen.cli.data_arguments import DataOptions, carrying, read_files, tagged
 from modelgen.errors import DataError, listed
 
 if TYPE_CHECKING:
@@ -86,15 +86,21 @@ def read_for(
     tags: Sequence[str] = (),
     of_records: Mapping[str, str] | None = None,
     inputs: Sequence[Sequence[str]] = (),
+    payloads: Sequence[str] = (),
 ) -> list[tuple[str, Reading]]:
-    """Return the readings, each with its sensor set; `inputs` are further channels, see `read_files`."""
+    """Return the readings, each with its sensor set; `inputs` are further channels, see `read_files`.
+
+    `tags` and `payloads` are what --tag and --payload say of records.
+    """
     from modelgen.cli.sensor_sets.read_by_sensors import read_by_sensors
 
     if len(models) == 1 and not of_records:
         (title,) = models
-        return [(title, one) for one in tagged(read_files(data, list(models.values()), given, *inputs), tags)]
+        used = list(models.values())
+        readings = carrying(tagged(read_files(data, used, given, *inputs), tags), payloads, used)
+        return [(title, one) for one in readings]
     found = read_by_sensors(data, models, given, of_records)
-    readings = tagged([one for _, one in found], tags)
+    readings = carrying(tagged([one for _, one in found], tags), payloads, list(models.values()))
     return [(title, one) for (title, _), one in zip(found, readings, strict=True)]
 
 

@@ -82,13 +82,13 @@ def arm_lines(model: ArmBaseModel) -> ArmLines:
 
 
 def signal_key(symbol: Symbol) -> str:
-    """Return the key of a signal: ``d1_q_elbow``, ``d2_`` and a sensor's key, ``tau_elbow``, ``base_fx``."""
+    """Return the key of a signal: ``d1_q_elbow``, ``tau_elbow``, ``base_fx``, ``load_disc``, a sensor's."""
     front = f"d{symbol.order}_" if symbol.order else ""
     if symbol.kind == "position":
         return f"{front}q_{symbol.name}"
     if symbol.kind == "reading" or symbol.name.startswith("base_"):
         return front + symbol.name
-    return f"{front}tau_{symbol.name}"
+    return f"{front}load_{symbol.name}" if symbol.kind == "load" else f"{front}tau_{symbol.name}"
 
 
 def _left_side(model: ArmBaseModel) -> list[Ref]:

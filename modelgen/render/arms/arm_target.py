@@ -118,6 +118,8 @@ def _origin(symbol: Symbol) -> str:
     if symbol.kind == "position":
         what = ("coordinate", "speed", "acceleration")[symbol.order]
         return f"{what} of joint {symbol.name}"
+    if symbol.kind == "load":
+        return f"1 while the arm carries payload {symbol.name}, else 0"
     if symbol.name.startswith("base_"):
         return "force or torque on the base"
     return f"force or torque of motor {symbol.name}, or what it reports where its gain is a parameter"

@@ -155,6 +155,8 @@ def _role(parameter: ArmParameter) -> str:
 
 def _body(parameter: ArmParameter) -> str:
     """Return what a parameter acts on: the coordinate of a drive, or a link, which others move as well."""
+    if parameter.payload is not None:
+        return f"payload {parameter.payload}"
     if parameter.role in LINK_PARAMETERS:
         return f"link {parameter.joint}"
     return parameter.joint + COUPLED if parameter.of_motor else parameter.joint

@@ -44,6 +44,8 @@ def kernel_names(rows: ArmRows) -> dict[int, str]:
         if joint.kind == "revolute":
             give(graph.symbol(Symbol("cosine", joint.name)), f"c{number}")
             give(graph.symbol(Symbol("sine", joint.name)), f"s{number}")
+    for payload in rows.spec.payloads:
+        give(graph.symbol(Symbol("load", payload.name)), load_name(rows, payload.name))
     for name in rows.base_names:
         give(graph.symbol(Symbol("force", name)), name)
     for name, motion in link_motions(graph, rows.spec, rows.has_base).items():
@@ -64,3 +66,8 @@ def kernel_names(rows: ArmRows) -> dict[int, str]:
                 for along, ref in zip("xyz", vector, strict=True):
                     give(ref, f"{start}{link}_{of}{along}")
     return names
+
+
+def load_name(rows: ArmRows, payload: str) -> str:
+    """Return how operations call the signal of a payload: load and its number."""
+    return f"load{1 + [one.name for one in rows.spec.payloads].index(payload)}"

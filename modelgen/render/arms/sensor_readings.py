@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from modelgen.render.arms.kernel_names import kernel_names
+from modelgen.render.arms.kernel_names import kernel_names, load_name
 from modelgen.spec.arms.arm import ArmSensor
 from modelgen.symbolic.arms.arm_rows import ArmRows
 from modelgen.symbolic.arms.drives import drives
@@ -49,7 +49,7 @@ def from_sensors(rows: ArmRows, refs: Sequence[Ref]) -> SensorReadings:
         moving = [joint.name for joint in rows.spec.moving]
         order = [Symbol("position", name, k) for name in moving for k in (0, 1, 2)]
         order += [Symbol("force", name) for name in (*moving, *rows.base_names)]
-        return SensorReadings(tuple(refs), names, rows.speeds, {}, tuple(order))
+        return SensorReadings(tuple(refs), names, rows.speeds, {}, (*order, *_loads(rows)))
     graph = rows.graph
     values = {symbol: _sum(graph, channels) for symbol, channels in rows.channels.items()}
     # a symbol of a direction, a cosine or a sine is that of a positive node
@@ -91,13 +91,20 @@ def _signals(rows: ArmRows) -> tuple[Symbol, ...]:
     found = [Symbol("reading", key, n) for key in keys for n in range(highest + 1) if (key, n) in read]
     names = [*(joint.name for joint in rows.spec.moving), *rows.base_names]
     orders = range(1 + max(rows.differentiated))
-    return (*found, *(Symbol("force", name, order) for name in names for order in orders))
+    forces = (Symbol("force", name, order) for name in names for order in orders)
+    return (*found, *forces, *_loads(rows))
+
+
+def _loads(rows: ArmRows) -> tuple[Symbol, ...]:
+    return tuple(Symbol("load", payload.name) for payload in rows.spec.payloads)
 
 
 def _local(rows: ArmRows, symbol: Symbol) -> str:
     """Return how operations call a signal: q3, p3 for links and motors, y and a number for others."""
     front = f"d{symbol.order}_" if symbol.order else ""
     numbers = {joint.name: n for n, joint in enumerate(rows.spec.joints, start=1)}
+    if symbol.kind == "load":
+        return load_name(rows, symbol.name)
     if symbol.kind == "force":
         return front + (symbol.name if symbol.name in rows.base_names else f"tau{numbers[symbol.name]}")
     channels = [(key, sensor) for sensor in rows.sensors for key in sensor.channels]

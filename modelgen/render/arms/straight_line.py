@@ -10,7 +10,7 @@ from modelgen.render.arms.free_signs import free_signs
 from modelgen.symbolic.arms.expressions.graph import Graph, Node, Ref, Symbol
 
 #: Kinds of symbols that are arrays of the record.
-INPUTS = ("position", "force", "reading")
+INPUTS = ("position", "force", "reading", "load")
 FUNCTIONS = {"cosine": "cos", "sine": "sin", "sign": "sign", "forward": "greater", "backward": "less"}
 
 

@@ -35,12 +35,16 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
     Infinite where a parameter rests on combinations of columns that are nearly all noise.
     """
     c = len(fit.columns)
+    # instruments keep what drives report from biasing the columns of their gains
+    free = {one.key for one in model.actuators} if fit.projected is not None else set()
     added, crossed = np.zeros((c, c)), np.zeros(c)
     for block, weight in zip(fit.blocks, fit.weights, strict=True):
         record = records[block.record]
         frequency_hz, power = noise_band(record, choice)
         touched = np.arange(c) if block.touched is None else block.touched
         for channel, ways in _ways(model, fit, block.row, touched).items():
+            if channel in free:
+                continue
             noise = weight**2 * block.count * record.facts.spectrum(channel).noise * power
             responses = np.array([response(terms, frequency_hz) for terms in ways])
             shared = np.real(np.conj(responses) * noise @ responses.T)

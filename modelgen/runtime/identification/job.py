@@ -14,6 +14,7 @@ from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.delays import Run, delay_rates, fit_with_delays
 from modelgen.runtime.least_squares.efficient_weights import efficient
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.gain_instruments import gain_columns, with_gain_instruments
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation, observe
@@ -104,6 +105,15 @@ class Job:
         if numbers > room or exceeding_noise(self.model, self.records, self.choice, fit, NOISE_ALONE):
             return fit
         return efficient(fit)
+
+    def with_gains(self, fit: Fit, records: tuple[Record, ...]) -> Fit:
+        """Return a fit by least squares, with instruments for what drives report whose gains are columns."""
+        gains = gain_columns(self.model)
+        if not gains:
+            return fit
+        return with_gain_instruments(
+            fit, gains, lambda record, key: records[record].facts.spectrum(key).noise
+        )
 
     def _first_delays(self, fit: Fit) -> Mapping[str, float]:
         return coarse_delays(fit, self.model, self.records, self.choice, self.late)

@@ -101,7 +101,7 @@ class Solution:
     def found_at(self, task: Task, other: FilterChoice) -> Solved:
         """Return the solution of that fit; of least squares without a second set of rows in memory."""
         job, plain = self.job, isinstance(task.method, WLS) and self.treatment == Treatment()
-        if not plain or job.rows_for_tag is not None:
+        if not plain or job.rows_for_tag is not None or self.plain.projected is not None:
             return self.at(task, other)
         rows = observe_triangles(job.model, self.moved, other, job.drop, self._surveys(task, other))
         return solve_matched(rows, job.model.base_parameters)

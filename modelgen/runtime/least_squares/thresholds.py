@@ -56,6 +56,9 @@ LOAD_ROW_SHARE = 0.2
 # A load row whose terms shrink to less than this when it is weighted freely is on its way to zero.
 RUNAWAY_SHRINKAGE = 0.8
 
+# Rounds of instruments for what drives report; each takes out most of the noise that the last one left.
+GAIN_ROUNDS = 20
+
 # Delays in samples that are looked at.
 EARLIEST, LATEST = -12, 40
 # A delay is worth starting from where it leaves less than this share of the residual without it.

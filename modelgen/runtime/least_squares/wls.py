@@ -139,6 +139,13 @@ def _used_with_force(
     if not any(row.has_force for row in used):
         what = "none that holds a measured force has samples left, so nothing fixes the scale"
         raise IdentifiabilityError.at("rows", what, "measure a force, and move without reversing for longer")
+    if not any(row.has_force and row.summary.measured_norm > 0.0 for row in used):
+        what = "hold the gains of all drives, which are to be found: nothing says how large a force is"
+        remedy = (
+            "measure a force, or give one gain or parameter in [known]; or record the arm with a payload of "
+            "known mass as well ([payload.NAME] with mass in its file, --payload RECORD=NAME)"
+        )
+        raise IdentifiabilityError.at("rows", what, remedy)
     return used, columns, absent
 
 

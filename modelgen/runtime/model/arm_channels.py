@@ -16,6 +16,7 @@ from modelgen.errors import DataError
 from modelgen.runtime.model.arm_kernel import Sum
 
 COUPLED = "_motor"
+LOAD = "load_"
 Entry = dict[str, Any]
 _ORDERED = re.compile(r"d([1-3])_")
 # Units of positions and of what is differentiated from them, by whether a joint turns.
@@ -37,7 +38,8 @@ class Speed(NamedTuple):
 class ArmChannels:
     """The tables of a model that say what is read: entries as a chain's module has them.
 
-    `forces` are the keys of signals that stand on the left: forces of motors, the base's, measured torques.
+    `forces` are the keys of signals that stand on the left: forces of motors, the base's, measured torques;
+    `loads` those that say which payload is carried.
     """
 
     sensors: tuple[Entry, ...]
@@ -46,6 +48,7 @@ class ArmChannels:
     derived: Mapping[str, Sum]
     speeds: tuple[Speed, ...]
     forces: tuple[str, ...]
+    loads: tuple[str, ...]
 
 
 def arm_channels(module: Any) -> ArmChannels:
@@ -75,8 +78,9 @@ def _of_joints(module: Any) -> ArmChannels:
     signals = [_read(sensor, order) for sensor in sensors for order in (0, 1, 2)]
     forces = _actuators(module)
     signals += [_pushed(force, 0) for force in forces]
-    keys = tuple(key for key in module.SIGNALS if key.startswith(("tau_", "base_")))
-    return ArmChannels(tuple(sensors), tuple(forces), tuple(signals), derived, tuple(speeds), keys)
+    keys, loads = (tuple(k for k in module.SIGNALS if k.startswith(s)) for s in (("tau_", "base_"), LOAD))
+    signals += [_carried(key) for key in loads]
+    return ArmChannels(tuple(sensors), tuple(forces), tuple(signals), derived, tuple(speeds), keys, loads)
 
 
 def _of_sensors(module: Any) -> ArmChannels:
@@ -85,7 +89,11 @@ def _of_sensors(module: Any) -> ArmChannels:
     by_key = {one["key"]: one for one in sensors}
     pushing = {one["key"]: one for one in forces}
     signals: dict[str, Entry] = {}
+    loads = tuple(key for key in module.SIGNALS if key.startswith(LOAD) and key not in by_key)
     for key in module.SIGNALS:
+        if key in loads:
+            signals[key] = _carried(key)
+            continue
         channel, order = _split(key)
         made = _pushed(pushing[channel], order) if channel in pushing else _read(by_key[channel], order)
         signals[key] = made
@@ -103,7 +111,8 @@ def _of_sensors(module: Any) -> ArmChannels:
         signals.setdefault(speed, _read(by_key[key], _split(speed)[1]))
         speeds.append(Speed(name, speed, sums))
     left = tuple(key for key, one in signals.items() if one["actuator"] is not None)
-    return ArmChannels(tuple(sensors), tuple(forces), tuple(signals.values()), derived, tuple(speeds), left)
+    every = tuple(signals.values())
+    return ArmChannels(tuple(sensors), tuple(forces), every, derived, tuple(speeds), left, loads)
 
 
 def _speed_key(terms: tuple[tuple[float, str, int], ...], taken: list[str], name: str) -> str:
@@ -188,6 +197,11 @@ def _read(sensor: Entry, order: int) -> Entry:
 def _pushed(force: Entry, order: int) -> Entry:
     unit = force["unit"] + ("/s" if order else "")
     return _signal(_differentiated(force["key"], order), None, force["key"], order, unit)
+
+
+def _carried(key: str) -> Entry:
+    """Return the signal that is 1 while the arm carries a payload, and else 0."""
+    return _signal(key, None, None, 0, "1")
 
 
 def _signal(key: str, sensor: str | None, actuator: str | None, derivative: int, unit: str) -> Entry:

@@ -20,7 +20,7 @@ from modelgen.runtime.model.contract_kinds import (
     value_problems,
 )
 
-SIGNAL = re.compile(r"(?:(?:q|d1_q|d2_q)_(?P<joint>.+)|tau_(?P<force>.+)|base_[fn][xyz])\Z")
+SIGNAL = re.compile(r"(?:(?:q|d1_q|d2_q)_(?P<joint>.+)|tau_(?P<force>.+)|base_[fn][xyz]|load_.+)\Z")
 # Where sensors are said, the channel of each may be differentiated, and forces with the rows.
 ORDERED = re.compile(r"(?:d[1-3]_)?(?P<channel>.+)\Z")
 KINDS = ("revolute", "prismatic", "fixed")

@@ -47,6 +47,7 @@ def arm_fields(module: Any) -> dict[str, Any]:
         "regressor": tuple(regressor),
         "derived": channels.derived,
         "kernel": kernel if kernel.keys else None,
+        "loads": channels.loads,
     }
 
 
@@ -98,7 +99,8 @@ def _candidates(
     """Return what entries may be sums of at random samples, the module's signals there, and all features."""
     count = SAMPLES_A_CANDIDATE * (len(module.SIGNALS) + 8 * len(channels.speeds) + 1)
     signals = {key: rng.uniform(-1.0, 1.0, count) for key in module.SIGNALS}
-    read = {key: value for key, value in signals.items() if key not in channels.forces}
+    linear = [key for key in module.SIGNALS if key not in (*channels.forces, *channels.loads)]
+    read = {key: signals[key] for key in linear}
     summed: dict[str, FloatArray] = {"1": np.ones(count), **read}
     alone: dict[str, FloatArray] = {}
     features: list[dict[str, Any]] = []

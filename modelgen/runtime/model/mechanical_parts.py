@@ -1,8 +1,22 @@
-"""Friction, cubic springs and roles of parameters: entries of a chain's module as records."""
+"""Rows, friction, cubic springs and roles of parameters: entries of a module as records."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class RowInfo:
+    """One row of the regressor: its origin, and the velocities near whose reversals it does not hold."""
+
+    name: str
+    origin: str
+    bodies: tuple[str, ...]
+    differentiated: int
+    order: int
+    reversals: tuple[str, ...]
+    unit: str
+    lever: float
 
 
 @dataclass(frozen=True)

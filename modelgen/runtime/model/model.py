@@ -22,7 +22,7 @@ from modelgen.runtime.model.arm_kernel import ArmKernel
 from modelgen.runtime.model.arm_model import arm_fields
 from modelgen.runtime.model.chain_fields import chain_fields
 from modelgen.runtime.model.contract_check import is_arm, module_problems
-from modelgen.runtime.model.mechanical_parts import CubicSpring, Friction, Role
+from modelgen.runtime.model.mechanical_parts import CubicSpring, Friction, Role, RowInfo
 from modelgen.runtime.model.module_file import execute_file, execute_text
 
 # (coefficient, signal or feature key) pairs to be summed; the key "1" is the constant
@@ -72,6 +72,11 @@ class Signal:
     derivative: int
     unit: str
 
+    @property
+    def channel(self) -> str:
+        """The record's channel that it derives from."""
+        return self.sensor or self.actuator or self.key
+
 
 @dataclass(frozen=True)
 class Feature:
@@ -83,20 +88,6 @@ class Feature:
     times: str | None
 
 
-@dataclass(frozen=True)
-class RowInfo:
-    """One row of the regressor: its origin, and the velocities near whose reversals it does not hold."""
-
-    name: str
-    origin: str
-    bodies: tuple[str, ...]
-    differentiated: int
-    order: int
-    reversals: tuple[str, ...]
-    unit: str
-    lever: float
-
-
 @dataclass(frozen=True, eq=False)
 class Model:
     """A generated module, checked: y = D x with y = measurement, D = regressor, x the base parameters.
@@ -106,8 +97,9 @@ class Model:
     `Terms`: what is linear in which signal, so that filters may act on signals instead of columns.
 
     Of an arm, `kernel` gives the features that are nonlinear in several signals, `derived` the channels that
-    are sums of others (a motor that moves two joints), and `groupings` the formulas of base parameters by
-    their short names.
+    are sums of others (a motor that moves two joints), `groupings` the formulas of base parameters by their
+    short names, and `loads` the channels that say whether a payload is carried: 1 or 0, 0 where a record
+    says nothing.
     """
 
     module: Any
@@ -136,12 +128,13 @@ class Model:
     groupings: Mapping[str, str] = field(default_factory=dict)
     derived: Mapping[str, Terms] = field(default_factory=dict)
     kernel: ArmKernel | None = None
+    loads: tuple[str, ...] = ()
 
     @property
     def channels(self) -> tuple[str, ...]:
         """Keys a record must bring: every sensor and actuator in use, and signals that have neither."""
-        used = dict.fromkeys(signal.sensor or signal.actuator or signal.key for signal in self.signals)
-        return tuple(key for key in used if key not in self.derived)
+        used = dict.fromkeys(signal.channel for signal in self.signals)
+        return tuple(key for key in used if key not in self.derived and key not in self.loads)
 
     @property
     def is_arm(self) -> bool:
@@ -256,6 +249,7 @@ def model_from_module(module: Any) -> Model:
         groupings=MappingProxyType(dict(given.get("groupings", {}))),
         derived=MappingProxyType(dict(given.get("derived", {}))),
         kernel=given.get("kernel"),
+        loads=given.get("loads", ()),
     )
 
 

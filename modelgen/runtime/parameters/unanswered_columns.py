@@ -25,13 +25,21 @@ def not_identifiable(
 
     Columns of the fit among them stay in it as nuisances: without them their share would fall to others.
     """
-    reasons = {name: "its column is zero in every sample used" for name in fit.absent}
+    reasons = {name: _why_zero(model, name) for name in fit.absent}
     for name, lost in zip(fit.columns, fit.solution.undetermined, strict=True):
         if lost:
             reasons[name] = "cannot be told from other parameters in these records (W is short of rank)"
     for name, reason in offsets_of_encoder_zeros(model, records, fit).items():
         reasons.setdefault(name, reason)
     return {name: reasons[name] for name in model.base_parameters if name in reasons}
+
+
+def _why_zero(model: Model, name: str) -> str:
+    role = model.roles.get(model.groupings.get(name, name).partition(" ")[0])
+    kind, _, payload = (role.bodies[0] if role else "").partition(" ")
+    if kind == "payload":
+        return f"no record carries payload {payload}: say which one does (--payload RECORD={payload})"
+    return "its column is zero in every sample used"
 
 
 def friction_without_steady_motion(

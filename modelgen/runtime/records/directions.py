@@ -22,7 +22,8 @@ from modelgen.runtime.records.thresholds import FILTER_ORDER
 
 def wanted_directions(model: Model) -> tuple[str, ...]:
     """Return the directions (``sign_BODY``) that a model asks of its records."""
-    return tuple(s.key for s in model.signals if s.sensor is None and s.actuator is None)
+    brought = (s.key for s in model.signals if s.sensor is None and s.actuator is None)
+    return tuple(key for key in brought if key not in model.loads)
 
 
 def direction_problems(model: Model, records: Sequence[Record], sources: Mapping[str, str]) -> list[Problem]:

@@ -10,6 +10,7 @@ from modelgen.errors import listed
 from modelgen.runtime.files.source import Source, is_time_name
 from modelgen.runtime.files.units import Unit, unit_from_text
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.directions import wanted_directions
 from modelgen.runtime.records.mapping_file import Proposed
 from modelgen.runtime.records.thresholds import LEAST_SCORE
 
@@ -103,7 +104,7 @@ def _wanted(model: Model) -> list[_Wanted]:
     others = [
         _Wanted(s.key, s.unit, "direction", s.key.partition("_")[2])
         for s in model.signals
-        if s.sensor is None and s.actuator is None
+        if s.key in wanted_directions(model)
     ]
     return [*sensors, *forces, *others]
 

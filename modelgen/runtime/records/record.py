@@ -141,6 +141,14 @@ class Record:
         # the other channels are checked, and nobody can change them
         return Record._of(MappingProxyType(joined), self.fs, self.name, self.tag, self.n)
 
+    def carrying(self, *payloads: str) -> Record:
+        """Return the record of an arm that carried these payloads all the time: ``load_NAME`` are ones.
+
+        Where it took them up in between, give such a channel yourself: 1 while it carries, else 0.
+        """
+        made = {f"load_{name}": Edit(self.keys[0], _ones) for name in payloads}
+        return self.edited(made)
+
     def part(self, start: int, stop: int, name: str) -> Record:
         """Return samples start to stop of all channels; in memory where this record is."""
         if isinstance(self.signals, ChannelSignals):
@@ -234,6 +242,10 @@ class Record:
             return Record.over, (self.source, self.tag)
         # a mapping proxy cannot be sent to another process, a dict can
         return Record, (dict(self.signals), self.fs, self.name, self.tag)
+
+
+def _ones(samples: FloatArray, _: int) -> FloatArray:
+    return np.ones(len(samples))
 
 
 def missing_name(where: str, kind: str, name: str, available: Iterable[str]) -> Problem:

@@ -58,6 +58,7 @@ def with_derived(model: Model, records: Sequence[Record]) -> tuple[Record, ...]:
 def _extended(model: Model, record: Record) -> Record:
     keys = frozenset(record.keys)
     sums = {name: terms for name, terms in model.derived.items() if all(key in keys for _, key in terms)}
+    sums |= {name: () for name in model.loads if name not in keys}  # nothing is carried where nothing is said
     if not sums:
         return record
     summed = SummedChannels(record.source, sums)

@@ -70,7 +70,7 @@ def kernel_lines(model: Model, filtering: Filtering, fast: bool | None) -> Kerne
     orders: dict[str, list[int]] = {}
     inputs = {}
     for key in kernel.inputs:
-        channel = str(signals[key].sensor)
+        channel = signals[key].channel
         inputs[key] = (channel, len(orders.setdefault(channel, [])))
         orders[channel].append(signals[key].derivative)
     operators = {

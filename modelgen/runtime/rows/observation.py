@@ -17,7 +17,7 @@ from modelgen.runtime.rows.masks import turn_masks
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.remade_rows import remade_blocks
 from modelgen.runtime.rows.row_block import RowBlock
-from modelgen.runtime.rows.row_terms import holds_force, row_terms
+from modelgen.runtime.rows.row_terms import holds_force, holds_gain, row_terms
 from modelgen.runtime.rows.standstill_speeds import Survey
 from modelgen.runtime.rows.thresholds import LEAST_SHARE
 
@@ -164,7 +164,10 @@ def _blocks(rows: RecordRows, index: int) -> Iterator[RowBlock]:
             Y=lines[-1],
             W=lines[:-1].T,
             masked=kept.count - n,
-            has_force=holds_force(model, float(np.linalg.norm(lines[-1])), force_scale * np.sqrt(n)),
+            has_force=holds_force(
+                model, terms.row, float(np.linalg.norm(lines[-1])), force_scale * np.sqrt(n)
+            ),
+            by_gain=holds_gain(model, terms.row),
             force_scale=force_scale,
             differentiated=info.differentiated,
             start=rows.grid[0],

@@ -152,6 +152,7 @@ def remade_blocks(rows: RecordRows, index: int) -> list[RowBlock]:
             "differentiated": info.differentiated,
             "start": rows.grid[0],
             "touched": one.touched,
+            "by_gain": one.by_gain,
             "summary": one,
         }
         inside = range(0 if one.touched is None else len(one.touched))

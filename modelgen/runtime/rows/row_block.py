@@ -64,8 +64,8 @@ class RowBlock:
     masked : int
         Samples of the grid left out.
     has_force : bool
-        Whether a force fixes the scale of the row. The left-hand side of a load row is zero, or nearly so
-        where its actuator rests.
+        Whether the row balances a force. The left-hand side of a load row is zero, or nearly so where its
+        actuator rests.
     force_scale : float
         Rms on the grid of the forces, differentiated as often as the row: the size of what a row balances.
     start : int
@@ -75,6 +75,8 @@ class RowBlock:
     turning : bool
         Whether samples that feel a reversal are among these although they should not be: there are too few
         others.
+    by_gain : bool
+        Whether a force of the row is a column, of a drive's gain.
     """
 
     record: int
@@ -93,6 +95,7 @@ class RowBlock:
     start: int = 0
     touched: IntArray | None = None
     turning: bool = False
+    by_gain: bool = False
 
     @cached_property
     def summary(self) -> RowTriangle:
@@ -107,6 +110,7 @@ class RowBlock:
             self.force_scale,
             triangle,
             self.touched,
+            self.by_gain,
         )
 
     @property

@@ -40,12 +40,21 @@ def row_terms(model: Model) -> tuple[RowTerms, ...]:
     )
 
 
-def holds_force(model: Model, measured: float, forces: float) -> bool:
-    """Tell whether a row's left side fixes its scale: its norm, and that of all forces at the row's lever.
+def holds_force(model: Model, row: int, measured: float, forces: float) -> bool:
+    """Tell whether a row balances a force: norms of its left side, and of all forces at the row's lever.
 
-    Rows of an arm hold a force each, however small that of a wrist is against a shoulder's.
+    Rows of an arm hold a force each, however small that of a wrist is against a shoulder's; some hold it as
+    the column of a drive's gain.
     """
+    if holds_gain(model, row):
+        return max(measured, forces) > 0.0
     return measured > (0.0 if model.is_arm else LEAST_FORCE * forces)
+
+
+def holds_gain(model: Model, row: int) -> bool:
+    """Tell whether a force of the row is a column, of a drive's gain; the left side is what is known."""
+    forces = {actuator.key for actuator in model.actuators}
+    return any(key in forces for terms in model.regressor_columns[row].values() for _, key in terms)
 
 
 def _sum_into(line: FloatArray, terms: Terms, signals: Mapping[str, FloatArray]) -> None:

@@ -20,7 +20,7 @@ from modelgen.runtime.numerics.qr_triangle import tall_triangle, triangle_of
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
-from modelgen.runtime.rows.row_terms import holds_force
+from modelgen.runtime.rows.row_terms import holds_force, holds_gain
 from modelgen.runtime.rows.standstill_speeds import Survey
 
 
@@ -30,7 +30,7 @@ class RowTriangle:
 
     Attributes
     ----------
-    record, row, grid, has_force, force_scale, touched
+    record, row, grid, has_force, force_scale, touched, by_gain
         As of `modelgen.runtime.rows.observation.RowBlock`.
     count : int
         Samples used.
@@ -46,6 +46,7 @@ class RowTriangle:
     force_scale: float
     triangle: FloatArray
     touched: IntArray | None = None
+    by_gain: bool = False
 
     @property
     def summary(self) -> RowTriangle:
@@ -73,7 +74,13 @@ class RowTriangle:
 
         x is in the order of all columns, shape (columns,).
         """
-        return float(np.linalg.norm(self.triangle[:, -1])) if self.has_force else self.terms_norm(x)
+        in_measurement = self.has_force and not self.by_gain
+        return self.measured_norm if in_measurement else self.terms_norm(x)
+
+    @property
+    def measured_norm(self) -> float:
+        """Norm of Y."""
+        return float(np.linalg.norm(self.triangle[:, -1]))
 
     def chosen(self, columns: Sequence[int]) -> RowTriangle:
         """Return the same with these of all columns only, in their order."""
@@ -144,8 +151,9 @@ def triangles_and_masks(
         triangle = triangle_of(np.concatenate(triangles))
         scale = float(np.sqrt(total.get(info.differentiated, 0.0) / grid)) / info.lever
         measured = float(np.linalg.norm(triangle[:, -1]))
-        has_force = holds_force(rows.plan.model, measured, scale * np.sqrt(count))
-        touched = np.array(terms.columns, dtype=np.int64)
-        found.append(RowTriangle(index, terms.row, count, grid, has_force, scale, triangle, touched))
+        model = rows.plan.model
+        has_force = holds_force(model, terms.row, measured, scale * np.sqrt(count))
+        touched, by_gain = np.array(terms.columns, dtype=np.int64), holds_gain(model, terms.row)
+        found.append(RowTriangle(index, terms.row, count, grid, has_force, scale, triangle, touched, by_gain))
         every.append(used)
     return found, tuple(every)

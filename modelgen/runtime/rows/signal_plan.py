@@ -20,7 +20,7 @@ from modelgen.runtime.filters.block_numpy import largest
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
 from modelgen.runtime.filters.two_sided_kernel import Sections, squared_gain
-from modelgen.runtime.model.model import Feature, Model, Signal
+from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.rows.filter_sections import Filtering
 from modelgen.runtime.rows.kernel_lines import KernelLines, kernel_lines
 from modelgen.runtime.rows.thresholds import DIFFERENCE_MARGIN, ROUNDING
@@ -172,7 +172,7 @@ class SignalPlan:
         signal = next(signal for signal in self.model.signals if signal.key == key)
         stencil = self.filtering.stencil
         margin = DIFFERENCE_MARGIN * len(stencil) * signal.derivative
-        samples = self._checked(stretch, channel_of(signal), start - margin, stop + margin)
+        samples = self._checked(stretch, signal.channel, start - margin, stop + margin)
         slope = differentiate(samples, 1.0 / self.filtering.fs, signal.derivative, stencil)
         return slope[margin : len(slope) - margin]
 
@@ -197,7 +197,7 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
     for signal in model.signals:
         if signal.key not in used:
             continue
-        channel = channel_of(signal)
+        channel = signal.channel
         signals[signal.key] = (channel, len(orders.setdefault(channel, [])))
         orders[channel].append(signal.derivative)
     forces: dict[str, dict[int, int]] = {}
@@ -215,7 +215,7 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         if signal.key in direction_keys:
             brought = signal.sensor is None and signal.actuator is None
             smooth = None if brought else operator(filtering.directions, (signal.derivative,), 1)
-            directions[signal.key] = (channel_of(signal), smooth)
+            directions[signal.key] = (signal.channel, smooth)
     deepest = DIFFERENCE_MARGIN * len(filtering.stencil) * max(s.derivative for s in model.signals)
     of_directions = [one.margins for _, one in directions.values() if one is not None]
     full_rate = np.max([(deepest, deepest), *of_directions], axis=0) + feature_operator.margins
@@ -242,16 +242,11 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
     )
 
 
-def channel_of(signal: Signal) -> str:
-    """Return the record's channel that a signal derives from."""
-    return signal.sensor or signal.actuator or signal.key
-
-
 def _full_rate_channels(
     model: Model, directions: dict[str, tuple[str, FusedOperator | None]]
 ) -> frozenset[str]:
     """Return the channels that directions and features are formed from."""
-    channel = {signal.key: channel_of(signal) for signal in model.signals}
+    channel = {signal.key: signal.channel for signal in model.signals}
     found = [name for name, _ in directions.values()]
     found += [channel[key] for key in (model.kernel.inputs if model.kernel else ())]
     for feature in model.features:
@@ -262,7 +257,7 @@ def _full_rate_channels(
 
 def _last_use(model: Model) -> dict[str, int]:
     """Return the last row that needs each channel or feature."""
-    channel = {signal.key: channel_of(signal) for signal in model.signals}
+    channel = {signal.key: signal.channel for signal in model.signals}
     last: dict[str, int] = {}
     for row, touched in enumerate(model.regressor_columns):
         for terms in (*touched.values(), model.measurement_columns[row]):

@@ -159,6 +159,25 @@ class ArmSensor:
 
 
 @dataclass(frozen=True)
+class Payload:
+    """What some records have on a link, and others not.
+
+    Attributes
+    ----------
+    name
+        Part of the names of its parameters.
+    joint
+        On whose link it is; its parameters are about the origin of that joint's frame.
+    link
+        Names of its ten parameters, in the order of `LINK_PARAMETERS`.
+    """
+
+    name: str
+    joint: str
+    link: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class ArmSpec:
     """An arm as its user described it, free of contradictions.
 
@@ -177,6 +196,8 @@ class ArmSpec:
         Value (SI) of every parameter that is not to be estimated.
     parameter_sets, sensor_sets
         By name of the set. Without sensor sets the coordinates of all joints are measured.
+    payloads
+        What records say of by a signal each: 1 where the arm carries it, else 0.
     source, sha256
         Name of the file, without its folder, and the hash of its bytes.
     """
@@ -192,6 +213,7 @@ class ArmSpec:
     source: str
     sha256: str
     sensor_sets: Mapping[str, tuple[ArmSensor, ...]] = field(default_factory=dict)
+    payloads: tuple[Payload, ...] = ()
 
     @property
     def elastic(self) -> bool:

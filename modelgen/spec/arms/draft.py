@@ -14,6 +14,7 @@ from modelgen.spec.arms.arm import Angle, ArmSpec, Joint, JointKind, Length, Shi
 from modelgen.spec.arms.drives import with_drive
 from modelgen.spec.arms.lengths import read_length
 from modelgen.spec.arms.parameters import arm_parameters
+from modelgen.spec.arms.payloads import draft_payloads, weighed
 from modelgen.spec.arms.placements import ROW_ANGLES, ROW_LENGTHS, origin_placement, row_placement
 from modelgen.spec.arms.sensors import draft_sensors
 from modelgen.spec.arms.tables import BASE, SYMBOLIC
@@ -50,12 +51,12 @@ def draft_arm(document: Document, source: str, sha256: str, described: Described
         gravity=(gravity[0], gravity[1], gravity[2]),
         transmission=_transmission(document, [joint for joint in ordered if joint.kind != "fixed"]),
         lengths=_valued(lengths, [joint.placement for joint in joints]),
-        known=draft_values(document.get("known")),
+        known=draft_values({**weighed(document), **(document.get("known") or {})}),
         parameter_sets=values,
         source=source,
         sha256=sha256,
     )
-    spec = replace(spec, sensor_sets=draft_sensors(document, spec))
+    spec = replace(spec, sensor_sets=draft_sensors(document, spec), payloads=draft_payloads(document, spec))
     mounted = [s.mounting for sensors in spec.sensor_sets.values() for s in sensors]
     spec = replace(spec, lengths=_valued(lengths, [*(joint.placement for joint in joints), *mounted]))
     return spec if described is None else _with_described(spec, described)
@@ -144,7 +145,8 @@ def _valued(values: Mapping[str, float], ways: Iterable[Sequence[Step]]) -> dict
 def _with_described(arm: ArmSpec, described: Described) -> ArmSpec:
     """Return the arm with the values that a URDF gives as a set, by the names that the parameters have."""
     values = described.values
-    named = {p.name: values[p.joint, p.role] for p in arm_parameters(arm) if (p.joint, p.role) in values}
+    own = [one for one in arm_parameters(arm) if one.payload is None]
+    named = {p.name: values[p.joint, p.role] for p in own if (p.joint, p.role) in values}
     return replace(arm, parameter_sets={URDF_SET: named, **arm.parameter_sets})
 
 

@@ -25,6 +25,8 @@ def check_shared_names(spec: ArmSpec, tables: Sequence[Document | None]) -> Iter
         other = taken.setdefault(parameter.name, meaning)
         if other != meaning:
             where = f"{places.get(parameter.joint, 'joints')}.{parameter.role}"
+            if parameter.payload is not None:
+                where = path("payload", parameter.payload)
             yield Problem(where, f'"{parameter.name}" is {other} and {meaning}', "rename one of them")
 
 
@@ -83,5 +85,7 @@ def _meant(name: str, parameters: dict[str, ArmParameter]) -> str:
 
 def _meaning(parameter: ArmParameter) -> str:
     role = _WORDS.get(parameter.role, parameter.role)
+    if parameter.payload is not None:
+        return f"{role} of payload {parameter.payload}"
     of = f"the motor of joint {parameter.joint}" if parameter.of_motor else f"joint {parameter.joint}"
     return f"{role} of {of}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec, Joint
@@ -43,7 +43,8 @@ SPRING: tuple[DriveRole, ...] = ("stiffness", "damping", "stiffness3")
 class ArmParameter:
     """A parameter: what it stands for, the joint whose link or drive it is of, and its unit.
 
-    `of_motor`: of a motor that moves more than one joint, in place of the joint's own drive.
+    `of_motor`: of a motor that moves more than one joint, in place of the joint's own drive; `payload`: of
+    which one, in place of the joint's link.
     """
 
     name: str
@@ -51,6 +52,7 @@ class ArmParameter:
     joint: str
     unit: str
     of_motor: bool = False
+    payload: str | None = None
 
 
 def link_names(joint: str) -> tuple[str, ...]:
@@ -59,9 +61,18 @@ def link_names(joint: str) -> tuple[str, ...]:
 
 
 def arm_parameters(arm: ArmSpec) -> tuple[ArmParameter, ...]:
-    """Return all parameters, known ones too: joint by joint, the link's, its drive's, a coupled motor's."""
+    """Return all parameters, known ones too: joint by joint, the link's, its drive's, a coupled motor's.
+
+    Behind them are those of payloads.
+    """
     coupled = coupled_motors(arm)
-    return tuple(parameter for joint in arm.joints for parameter in _of(joint, joint.name in coupled))
+    own = (parameter for joint in arm.joints for parameter in _of(joint, joint.name in coupled))
+    carried = (
+        replace(one, payload=payload.name)
+        for payload in arm.payloads
+        for one in _of_link(payload.joint, payload.link)
+    )
+    return (*own, *carried)
 
 
 def coupled_motors(arm: ArmSpec) -> frozenset[str]:
@@ -70,10 +81,14 @@ def coupled_motors(arm: ArmSpec) -> frozenset[str]:
     return frozenset(joint.name for joint, row in rows if sum(map(bool, row)) > 1)
 
 
-def _of(joint: Joint, coupled: bool) -> Iterator[ArmParameter]:
-    for role, name in zip(LINK_PARAMETERS, joint.link, strict=bool(joint.link)):
+def _of_link(joint: str, link: tuple[str, ...]) -> Iterator[ArmParameter]:
+    for role, name in zip(LINK_PARAMETERS, link, strict=bool(link)):
         unit = {"m": "kg"}.get(role, "kg m" if role.startswith("m") else "kg m^2")
-        yield ArmParameter(name, role, joint.name, unit)  # type: ignore[arg-type]
+        yield ArmParameter(name, role, joint, unit)  # type: ignore[arg-type]
+
+
+def _of(joint: Joint, coupled: bool) -> Iterator[ArmParameter]:
+    yield from _of_link(joint.name, joint.link)
     units = _units(joint)
     for drive, named in _own_parts(joint):
         if named is not None:

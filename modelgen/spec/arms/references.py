@@ -12,6 +12,7 @@ from modelgen.spec.arms.drives import OF_A_DRIVE
 from modelgen.spec.arms.limits import read_limits
 from modelgen.spec.arms.names import check_lengths, check_shared_names, check_values
 from modelgen.spec.arms.parameters import SPRING
+from modelgen.spec.arms.payloads import check_payloads
 from modelgen.spec.arms.sensors import check_sensors
 from modelgen.spec.arms.tables import BASE
 from modelgen.spec.arms.transmission import check_transmission
@@ -42,6 +43,7 @@ def check_arm(document: Document, spec: ArmSpec, described: Described | None) ->
         *check_values(document, spec, complete),
         *_check_sets(document, described),
         *check_sensors(document, spec, joints if complete else None),
+        *check_payloads(document, spec, joints if complete else None),
     ]
 
 

@@ -207,6 +207,13 @@ class SensorTable(Table):
     )
 
 
+class PayloadTable(Table):
+    """A table [payload.NAME]."""
+
+    joint: str | None = Field(None, description='joint = "6"')
+    mass: Number | None = Field(None, description="mass = 4.6")
+
+
 class ArmFileTable(Table):
     """The whole file."""
 
@@ -216,6 +223,7 @@ class ArmFileTable(Table):
     lengths: dict[str, Annotated[Number | None, BeforeValidator(_length_value)]] | None = Field(
         None, description="[lengths]"
     )
+    payload: dict[str, PayloadTable] | None = Field(None, description="[payload.disc]")
     known: dict[str, Number] | None = Field(None, description="[known]")
     parameters: dict[str, dict[str, Number]] | None = Field(None, description="[parameters.nominal]")
     sensors: dict[str, dict[str, SensorTable]] | None = Field(
@@ -231,5 +239,6 @@ FORM = FileForm(
         ("joints", 3): JointTable,
         ("couplings", 3): CouplingTable,
         ("sensors", 4): SensorTable,
+        ("payload", 3): PayloadTable,
     },
 )

@@ -26,6 +26,7 @@ from modelgen.symbolic.arms.length_field import (
     factor_value,
     length_elements,
 )
+from modelgen.symbolic.arms.payload_changes import payload_changes, payload_keys
 from modelgen.symbolic.arms.regressor_samples import SEED, random_regressor, residue_regressor
 from modelgen.symbolic.arms.unseen_changes import Change, Key, unseen_changes
 
@@ -122,6 +123,7 @@ def dependencies(
     elements = length_elements(spec.lengths)
     if changes is None:
         changes = list(unseen_changes(spec, elements, rows.has_base, rows.apart))
+        changes += payload_changes(spec, changes)
     places = _places(rows, wanted)
     held = {column for _, column in rows.entries}
     changes = [*changes, *({key: Fraction(1)} for key, c in places.items() if c not in held)]
@@ -209,6 +211,7 @@ def _places(rows: ArmRows, wanted: Sequence[int]) -> dict[Key, int]:
         for joint in rows.spec.joints
         for name, kind in zip(joint.link, LINK_PARAMETERS, strict=False)
     }
+    of_link |= payload_keys(rows.spec)
     names = [(rows.columns[column], column) for column in wanted]
     return {of_link.get(name, ("", name)): column for name, column in names}
 

@@ -47,7 +47,8 @@ def random_regressor(rows: ArmRows, lengths: Mapping[str, float], seed: int = SE
         for order in ("", " 1")[: 1 + max(rows.differentiated)]
         for name in gained
     }
-    return regressor_at(rows, motion, {**lengths, **forces}).reshape(-1, len(rows.columns))
+    loads = {f"load {one.name}": rng.standard_normal(samples) for one in rows.spec.payloads}
+    return regressor_at(rows, motion, {**lengths, **forces, **loads}).reshape(-1, len(rows.columns))
 
 
 def regressor_at(

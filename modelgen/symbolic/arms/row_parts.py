@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec
@@ -14,8 +14,8 @@ from modelgen.symbolic.arms.drives import (
     speed_node,
     spring_columns,
 )
-from modelgen.symbolic.arms.expressions.graph import Graph, Ref
-from modelgen.symbolic.arms.kinematics import BASE_ROWS, link_motions
+from modelgen.symbolic.arms.expressions.graph import ONE, Graph, Ref, Symbol
+from modelgen.symbolic.arms.kinematics import BASE_ROWS, LinkMotion, link_motions
 from modelgen.symbolic.arms.link_wrenches import along_axis, parameter_wrenches
 
 #: Parameters of a link from the one that is kept to the ones that are regrouped first.
@@ -64,14 +64,7 @@ def row_parts(graph: Graph, spec: ArmSpec, base_rows: bool) -> RowParts:
     of_joint = {drive.speed_name: drive for drive in drives(spec)}
     for joint in spec.joints:
         if joint.link:
-            wrenches = parameter_wrenches(graph, motions[joint.name])
-            for parameter in KEPT_FIRST:
-                number = LINK_PARAMETERS.index(parameter)
-                for axis, twist in motions[joint.name].axes.items():
-                    entry = along_axis(graph, twist, wrenches[number])
-                    if entry:
-                        links[axis][len(columns)] = entry
-                columns.append(joint.link[number])
+            _add_body(graph, motions[joint.name], joint.link, columns, links)
         for drive in (d for d in of_joint.values() if d.joint.name == joint.name):
             for name, factor in drive_columns(graph, drive):
                 for moved, ratio in drive.lever:
@@ -85,5 +78,28 @@ def row_parts(graph: Graph, spec: ArmSpec, base_rows: bool) -> RowParts:
                 behind[moved][len(columns)] = entry
             columns.append(joint.gain)
         owners += [joint.name] * (len(columns) - len(owners))
+    for payload in spec.payloads:
+        load = graph.symbol(Symbol("load", payload.name))
+        _add_body(graph, motions[payload.joint], payload.link, columns, links, load)
+        owners += [payload.joint] * (len(columns) - len(owners))
     speeds = {name: speed_node(graph, drive) for name, drive in of_joint.items()}
     return RowParts(tuple(columns), tuple(owners), links, driven, springs, speeds)
+
+
+def _add_body(
+    graph: Graph,
+    motion: LinkMotion,
+    names: Sequence[str],
+    columns: list[str],
+    links: Mapping[str, Entries],
+    load: Ref = ONE,
+) -> None:
+    """Add the columns of a body's ten parameters: what they need of every joint, times its load."""
+    wrenches = parameter_wrenches(graph, motion)
+    for parameter in KEPT_FIRST:
+        number = LINK_PARAMETERS.index(parameter)
+        for axis, twist in motion.axes.items():
+            entry = graph.multiply(load, along_axis(graph, twist, wrenches[number]))
+            if entry:
+                links[axis][len(columns)] = entry
+        columns.append(names[number])

@@ -58,7 +58,7 @@ def sampled(
         Coordinates [rad or m] and their derivatives by the time, each of shape (samples,); order 0, 1, 2.
     values : mapping of str to float or ndarray
         Lengths and parameters by name, in SI units; forces by the name of their joint with "force " in front
-        (of measured torques "torque "; behind it the order of a derivative),
+        (of measured torques "torque ", of payloads "load "; behind it the order of a derivative),
         also of shape (samples,).
     speeds : mapping of str to int, optional
         The speeds whose directions the references hold.
@@ -75,7 +75,7 @@ def sampled(
             assert speeds is not None
             speed = evaluate(graph, [speeds[symbol.name]], value, float)[0]
             return _direction(speed, symbol)
-        if symbol.kind in ("force", "torque"):
+        if symbol.kind in ("force", "torque", "load"):
             return values[f"{symbol.kind} {symbol.name}" + (f" {symbol.order}" if symbol.order else "")]
         return values[symbol.name]
 

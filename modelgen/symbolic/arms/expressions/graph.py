@@ -12,7 +12,7 @@ from fractions import Fraction
 from typing import Literal, NamedTuple
 
 SymbolKind = Literal[
-    "position", "cosine", "sine", "length", "parameter", "force", "torque", "reading", "direction"
+    "position", "cosine", "sine", "length", "parameter", "force", "torque", "reading", "direction", "load"
 ]
 Direction = Literal["", "sign", "forward", "backward"]
 Operation = Literal["constant", "symbol", "sum", "product", "reciprocal"]
@@ -37,6 +37,7 @@ class Symbol(NamedTuple):
     torque     force or torque that the link of the joint `name` receives, likewise
     reading    what the sensor `name` gives, likewise
     direction  sign, forward or backward (`of`) of the speed `name`: constant between reversals
+    load       1 while the arm carries the payload `name`, else 0: constant, too
     =========  ================================================================================
     """
 
