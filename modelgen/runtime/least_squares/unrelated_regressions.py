@@ -7,7 +7,7 @@ their sum does not. Weights that know how residuals of rows go together trust th
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import reduce
+from functools import partial, reduce
 
 import numpy as np
 
@@ -28,7 +28,8 @@ def across_rows(fit: Fit) -> Fit:
     blocks: list[RowBlock] = []
     projected: list[FloatArray] = []
     for ours in fit.by_record.values():
-        common = reduce(np.intersect1d, (fit.blocks[index].place for index in ours))
+        places = (fit.blocks[index].place for index in ours)
+        common = reduce(partial(np.intersect1d, assume_unique=True), places)
         kept = [np.searchsorted(fit.blocks[index].place, common) for index in ours]
         left = np.stack([fit.residuals[index][rows] for index, rows in zip(ours, kept, strict=True)])
         share = whitening(left @ left.T / max(len(common), 1), SMALLEST_DEVIATION)

@@ -168,8 +168,9 @@ def _run(
         raise unbounded((k + 1) * flow.step_s)
     if status == TOO_MANY:
         raise too_many_events((k + 1) * flow.step_s)
-    found = tuple(Event(t * flow.step_s, int(j), int(sign)) for t, j, sign in events[:count].tolist())
-    return Trajectory(states, modes, found), commands
+    times_s = (events[:count, 0] * flow.step_s).tolist()
+    found = map(Event, times_s, *events[:count, 1:].T.astype(int).tolist())
+    return Trajectory(states, modes, tuple(found)), commands
 
 
 def _tables(flow: Flow) -> tuple[Any, ...]:

@@ -6,6 +6,7 @@ The net force decides on the mode after an event, so that a body does not chatte
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +22,7 @@ FINEST_STEP = 1000
 MOST_EVENTS_A_STEP = 200
 
 
-@dataclass(frozen=True)
-class Event:
+class Event(NamedTuple):
     """At `time_s` the body (index into `FrictionSystem.bodies`) changes to `mode`."""
 
     time_s: float
