@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-# Steps a sample: leapfrog takes a stiffness for (w h)^2 / 12 larger than it is, w its frequency: 8e-7 at 5 kHz.
+# Steps a sample: leapfrog takes a stiffness for (w h)^2 / 12 larger than it is, w its frequency: 8e-7, 5 kHz.
 FINE = 64
 SWEEPS = 3
 

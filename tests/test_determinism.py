@@ -59,6 +59,7 @@ def apart(found: Estimate, expected: Estimate) -> float:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [700, 1024, 3777, 9999, 10_000, 1_000_000])
 def test_chunks_change_nothing(
     case: tuple[Model, tuple[Record, ...]], samples: int, monkeypatch: pytest.MonkeyPatch

@@ -73,6 +73,7 @@ def test_every_snippet_runs(page: str, tmp_path: Path, monkeypatch: pytest.Monke
             tomllib.loads(block.text)
 
 
+@pytest.mark.slow
 def test_the_first_page_shows_what_is_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Word by word; the last digits of numbers may differ from machine to machine."""
     monkeypatch.chdir(tmp_path)

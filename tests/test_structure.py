@@ -151,6 +151,7 @@ def test_sizes(rule: str, sources: dict[str, str]) -> None:
     assert not offenders, f"{rule}, at most {limit}:\n{listed}"
 
 
+@pytest.mark.slow
 def test_what_is_still_to_be_mended_exceeds_its_limit(sources: dict[str, str]) -> None:
     found = {offender.entry for _, offenders_in in RULES.values() for offender in offenders_in(sources)}
     mended = [entry for entry in STILL_TO_BE_MENDED if entry not in found]

@@ -114,6 +114,7 @@ def test_every_body_has_a_place_of_its_own(diagram: ChainDiagram) -> None:
         assert (node.parent is None) == (node.depth == 0)
 
 
+@pytest.mark.slow
 @given(st.text(min_size=1, max_size=80))
 def test_no_text_becomes_markup(text: str) -> None:
     clean = "".join(letter for letter in text if letter.isprintable())

@@ -58,6 +58,7 @@ def design(folder: Path, noise: float, sensors: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_what_the_noise_forbids_is_not_promised_and_its_cure_is_computed(tmp_path: Path) -> None:
     (one,) = (found := design(tmp_path, 1e-4, "one"))["sets"]
     assert one["missing"]

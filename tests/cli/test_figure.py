@@ -12,6 +12,7 @@ from modelgen.cli.figure import Panel, draw_forces
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", MAGIC)
 def test_the_same_panels_give_the_same_bytes(tmp_path: Path, suffix: str) -> None:
     t = np.arange(200) / 100.0

@@ -56,6 +56,7 @@ def test_every_machine_gets_its_estimate_and_a_corrupt_file_is_named(tmp_path: P
     assert "is no readable HDF5 file" in found["failed"][str(broken)]
 
 
+@pytest.mark.slow
 def test_the_module_is_read_once_and_trusted_if_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     record = simulate(MODEL, MODEL.parameter_sets["table_2"], "chirp", duration_s=1.0, oversample=8).record

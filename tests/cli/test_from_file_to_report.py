@@ -84,6 +84,7 @@ def write_log(source: Path, path: Path) -> None:
     path.write_text("\r\n".join([*HEAD, *lines]) + "\r\n", encoding="cp1252", newline="")
 
 
+@pytest.mark.slow
 def test_two_commands_to_a_report_and_the_second_is_printed_by_the_first(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

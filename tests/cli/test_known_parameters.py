@@ -31,6 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_what_is_held_goes_through_every_command(folder: Path) -> None:
     model, record = ("--model", str(folder / "axis.py")), str(folder / "run.csv")
     saved, project = str(folder / "e.json"), folder / "axis.project.toml"

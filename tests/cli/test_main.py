@@ -392,6 +392,7 @@ def test_identify_passes_every_option_on(identify: tuple[str | Path, ...]) -> No
     assert undropped["nobs"] > estimate["nobs"]
 
 
+@pytest.mark.slow
 def test_identify_saves_the_estimate_and_overwrites_only_if_asked(
     here: Path, identify: tuple[str | Path, ...]
 ) -> None:
@@ -403,6 +404,7 @@ def test_identify_saves_the_estimate_and_overwrites_only_if_asked(
     assert json.loads(Path("estimate.json").read_text(encoding="utf-8")) == printed
 
 
+@pytest.mark.slow
 def test_identify_maps_scales_and_times_columns(here: Path, bench: Path) -> None:
     lines = (bench / "trapezoid.csv").read_text(encoding="utf-8").splitlines()
     header = lines[1].split(",")

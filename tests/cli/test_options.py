@@ -65,6 +65,7 @@ def test_validate_refuses_options_of_an_identification_it_does_not_make(tmp_path
         assert "--hold-out: is missing" in done.output
 
 
+@pytest.mark.slow
 def test_compare_takes_the_options_of_identify(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     run = CliRunner().invoke

@@ -58,6 +58,7 @@ def answer(folder: Path) -> str:
     )
 
 
+@pytest.mark.slow
 def test_each_file_is_for_the_sensors_it_has(folder: Path, answer: str) -> None:
     assert "tower, sensors low + ends" in answer
     saved = Estimate.load(folder / "j.json")
@@ -69,6 +70,7 @@ def test_each_file_is_for_the_sensors_it_has(folder: Path, answer: str) -> None:
     assert (folder / "j.svg").read_text(encoding="utf-8").count('<g id="axes_') >= len(SETS)
 
 
+@pytest.mark.slow
 def test_the_project_says_the_same(folder: Path, answer: str) -> None:
     found = json.loads(run("run", str(folder / "j.project.toml"), "--json"))["estimate"]
     assert found["params"] == dict(Estimate.load(folder / "j.json").params)
@@ -96,6 +98,7 @@ def test_compare_writes_a_page(folder: Path, answer: str) -> None:
     assert "95 % intervals" in page and "<svg" in page and "chi2" in page
 
 
+@pytest.mark.slow
 def test_what_fits_no_set_or_two_is_explained(folder: Path) -> None:
     spec = str(folder / "tower.toml")
     told = run(

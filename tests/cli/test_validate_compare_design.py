@@ -77,6 +77,7 @@ def simulated(here: Path, kind: str) -> str:
     return f"{kind}.csv"
 
 
+@pytest.mark.slow
 def test_identify_then_validate_on_a_record_held_out(here: Path) -> None:
     chirp, trapezoid = simulated(here, "chirp"), simulated(here, "trapezoid")
     run("identify", chirp, trapezoid, "--model", AC, "-o", "estimate.json")
@@ -97,6 +98,7 @@ def test_identify_then_validate_on_a_record_held_out(here: Path) -> None:
     assert "q_m: tracking error" in text
 
 
+@pytest.mark.slow
 def test_without_a_controller_it_is_open_loop_or_some_samples_ahead(here: Path) -> None:
     chirp, trapezoid = simulated(here, "chirp"), simulated(here, "trapezoid")
     run("identify", chirp, trapezoid, "--model", AC, "--method", "wls", "-o", "estimate.json")
@@ -165,6 +167,7 @@ def test_compare_of_modules_and_records(here: Path) -> None:
     assert "emps300_qm_qc and emps300_qm_ac: consistent" in text
 
 
+@pytest.mark.slow
 def test_compare_pairs_rows_with_records_by_their_tags(here: Path) -> None:
     common = ("simulate", "emps300", "--parameters", "light", "--sensors", "qm_ac")
     for kind in ("chirp", "trapezoid"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 from xml.etree import ElementTree
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -143,12 +144,14 @@ def _sensor(joint: str, side: str, measures: str) -> dict[str, str]:
     return named if measures == "torque" else {**named, "side": side}
 
 
+@pytest.mark.slow
 @settings(FUZZ, max_examples=1000 if NIGHTLY else 40)
 @given(good_documents())
 def test_good_arms_are_shown_and_drawn(document: dict[str, Any]) -> None:
     assert explained(document_text(document))
 
 
+@pytest.mark.slow
 @FUZZ
 @given(DOCUMENT)
 def test_any_tables(document: dict[str, Any]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -30,6 +31,7 @@ def channels(draw: st.DrawFn) -> dict[str, npt.NDArray[np.float64]]:
     return {key: draw(arrays.arrays(np.float64, n, elements=numbers)) for key in MODEL.channels}
 
 
+@pytest.mark.slow
 @FUZZ
 @given(channels())
 def test_any_samples(signals: dict[str, npt.NDArray[np.float64]]) -> None:

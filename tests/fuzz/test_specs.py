@@ -10,6 +10,7 @@ import math
 import os
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -90,6 +91,7 @@ def toml(value: Any) -> str:
     return {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
 
 
+@pytest.mark.slow
 @FUZZ
 @given(DOCUMENT)
 def test_any_tables(document: dict[str, Any]) -> None:

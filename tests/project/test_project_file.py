@@ -154,6 +154,7 @@ def test_records_that_cannot_be(folder: Path, records: str, key: str) -> None:
     assert key in [problem.where.partition(".toml: ")[2] for problem in caught.value.problems]
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(data=st.data())
 def test_anything_in_a_project_is_taken_or_explained(folder: Path, data: st.DataObject) -> None:

@@ -72,6 +72,7 @@ def truth(model: Model, seed: int) -> dict[str, float]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(600 if NIGHTLY else 40))
 def test_base_parameters_lead_back(seed: int) -> None:
     model = model_of(seed)
@@ -94,6 +95,7 @@ def test_base_parameters_lead_back(seed: int) -> None:
         np.testing.assert_allclose(again, base, rtol=1e-9, atol=0.0)
 
 
+@pytest.mark.slow
 def test_nearly_all_come_back() -> None:
     """To raise is honest and no more than that."""
     raised, tried = 0, 0

@@ -56,6 +56,7 @@ def trees(draw: st.DrawFn) -> str:
     return "\n".join([*lines, "[sensors.s]", *sensors])
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(trees())
 def test_ratios_and_shared_names_are_found_in_the_module(text: str) -> None:

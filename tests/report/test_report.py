@@ -217,6 +217,7 @@ def asked_by_the_page(log: str) -> list[str]:
     return [who for who in re.findall(r'"initiator":"([^"]*)"', log) if who != "not an origin"]
 
 
+@pytest.mark.slow
 def test_chromium_runs_the_script_and_asks_nobody(chromium: str, tmp_path: Path, page: str) -> None:
     shown, log = dom(chromium, tmp_path, page)
     assert 'data-ready="yes"' in shown
@@ -232,6 +233,7 @@ def test_chromium_runs_no_name(chromium: str, tmp_path: Path, case: tuple[Model,
     assert "<title>emps300, sensors qm_ac</title>" in shown
 
 
+@pytest.mark.slow
 def test_print_shows_what_is_behind_folds(chromium: str, tmp_path: Path, page: str) -> None:
     pypdf = pytest.importorskip("pypdf")
     (tmp_path / "report.html").write_text(page, encoding="utf-8")
@@ -256,6 +258,7 @@ def test_print_shows_what_is_behind_folds(chromium: str, tmp_path: Path, page: s
     assert page.count("<details") == 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 def test_chromium_draws_the_plots_in_the_colours_of_the_scheme(
     chromium: str, tmp_path: Path, page: str, dark: bool

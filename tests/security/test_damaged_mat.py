@@ -113,6 +113,7 @@ def read_all(path: Path) -> bool:
     return True
 
 
+@pytest.mark.slow
 def test_mutated_files_are_read_or_refused(trap: Path) -> None:
     files = good_files()
     path = trap / "a.mat"

@@ -98,6 +98,7 @@ def test_machine_code_that_cannot_be_kept_runs_all_the_same() -> None:
     assert made == [True, False]
 
 
+@pytest.mark.slow
 def test_modules_that_fit_are_whole_and_the_others_are_absent(processes: Path) -> None:
     done = with_disk_of(9_000, "generate", "emps300", "-o", "out")
     assert done.returncode == 2

@@ -63,6 +63,7 @@ def code_lines(text: str) -> Iterator[int]:
         inside ^= line.count('"""') == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", TEXTS)
 def test_a_statement_before_any_line_is_refused_there(text: str) -> None:
     lines = text.splitlines(keepends=True)

@@ -41,6 +41,7 @@ def shell(command: str, **environment: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("kind", REDIRECTIONS)
 def test_a_stream_that_takes_nothing(processes: Path, kind: str, command: str) -> None:
@@ -59,6 +60,7 @@ def test_help_on_a_full_disk(processes: Path) -> None:
     assert done.stderr.startswith("error: standard output: No space left on device")
 
 
+@pytest.mark.slow
 def test_what_is_written_does_not_take_the_place_of_a_closed_stream(processes: Path) -> None:
     words = "generate emps_rigid --sensors qm -o out"
     assert shell(f'"$PYTHON" -m modelgen {words} <&- >&- 2>&-').returncode == 0
@@ -66,6 +68,7 @@ def test_what_is_written_does_not_take_the_place_of_a_closed_stream(processes: P
     assert written.read_bytes() == (ROOT / "generated" / "emps_rigid_qm.py").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["ascii", "cp500", "utf-32", "latin-1"])
 def test_an_encoding_without_greek_letters(processes: Path, encoding: str) -> None:
     done = shell('"$PYTHON" -m modelgen show emps300', PYTHONIOENCODING=encoding)

@@ -44,6 +44,7 @@ ENDLESS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ENDLESS)
 def test_a_template_without_end(trap: Path, kind: str) -> None:
     (trap / "a.txt.j2").write_text(ENDLESS[kind])

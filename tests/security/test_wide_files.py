@@ -125,6 +125,7 @@ def test_work_grows_with_the_columns_not_with_their_square(processes: Path, kind
 
 
 # to look for a name in a tuple is no call that is counted above; at this width it would take minutes
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["text", "npz", "mat", "hdf5"])
 def test_as_many_columns_as_are_read(processes: Path, kind: str) -> None:
     name, write = WIDE[kind]

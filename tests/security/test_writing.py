@@ -211,6 +211,7 @@ def test_a_killed_run_leaves_the_old_file(processes: Path) -> None:
     assert path.read_bytes() == b"old"
 
 
+@pytest.mark.slow
 def test_an_interrupted_command_ends_with_130_and_no_traceback(processes: Path) -> None:
     code = (
         "import os, signal, sys; from modelgen.runtime.simulation import simulate as simulation\n"

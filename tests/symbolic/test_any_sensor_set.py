@@ -109,6 +109,7 @@ def walk(module: ModuleType, truth: dict[str, float], name: str, text: str) -> d
     raise AssertionError((name, text))
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(st.integers(0, 10**9))
 def test_cubic_springs_are_read_or_refused_in_words(seed: int) -> None:

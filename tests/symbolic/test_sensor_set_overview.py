@@ -28,6 +28,7 @@ def test_what_each_set_loses() -> None:
     assert lost["a_m a_c"] == ("F_sm",)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["emps300", "three_mass"])
 def test_adding_a_sensor_loses_nothing(name: str) -> None:
     spec = every_subset(load_spec(catalog_path(name)))

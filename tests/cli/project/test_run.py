@@ -76,6 +76,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
+@pytest.mark.slow
 def test_the_same_bytes_again_wherever_it_is_run(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told = json.loads(run(here, "--json").stdout)
     assert [entry["added"] for entry in told["entries"]] == [True, True]

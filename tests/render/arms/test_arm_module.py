@@ -59,6 +59,7 @@ def lengths_of(spec: ArmSpec) -> dict[str, float]:
     return {name: value for name, value in spec.lengths.items() if value is not None}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", ARMS)
 @pytest.mark.parametrize("samples", [1, 2 * BLOCK + 7])
 def test_module_computes_the_base_regressor(spec: ArmSpec, samples: int) -> None:

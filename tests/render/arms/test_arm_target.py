@@ -103,6 +103,7 @@ def test_c99_gives_the_same_numbers(tmp_path: Path, spec: ArmSpec) -> None:
     np.testing.assert_allclose(numbers[rows.size :], base, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_octave_gives_the_same_numbers(tmp_path: Path) -> None:
     """All arms in one run: Octave takes a second to start."""
     from scipy.io import loadmat, savemat

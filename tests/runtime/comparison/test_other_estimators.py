@@ -49,6 +49,7 @@ def test_output_error_needs_a_position_to_follow() -> None:
         fit_response(model, [record], p)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", [filter_parameters, fit_response])
 @pytest.mark.parametrize("model", [QC, AC])
 def test_parameters_come_back_within_honest_intervals(model: Model, way: Callable[..., Response]) -> None:
@@ -97,6 +98,7 @@ def test_the_subspace_method_sees_the_elastic_mode() -> None:
     assert min(abs(mode.frequency_hz - true.frequency_hz) for mode in found) < 1.0
 
 
+@pytest.mark.slow
 def test_all_methods_side_by_side() -> None:
     records = [
         simulate(QC, LIGHT, kind, duration_s=0.8, fs=2500.0, noise=NOISE, seed=i).record

@@ -81,6 +81,7 @@ def test_a_record_without_samples_at_the_other_cutoff_is_compared_with_nothing()
     assert np.all(found.std > 0.0)
 
 
+@pytest.mark.slow
 def test_the_bench_agrees_over_periods_and_names_its_model_error(bench: Record) -> None:
     periods = [
         Record(

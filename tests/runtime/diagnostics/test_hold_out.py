@@ -150,6 +150,7 @@ def two_encoders(zeros: tuple[float, ...]) -> list[Record]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold_out", ["run 2", 0.3])
 def test_zeros_of_encoders_are_those_of_the_held_out_records(hold_out: str | float) -> None:
     estimate = identify(QC, two_encoders((0.0, 0.02, -0.01)), **values_of(hold_out=hold_out))

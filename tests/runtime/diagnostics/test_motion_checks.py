@@ -80,6 +80,7 @@ def test_a_reversal_in_another_record_is_enough() -> None:
     assert not estimate.not_identifiable
 
 
+@pytest.mark.slow
 def test_without_an_offset_in_the_model_the_friction_holds_it() -> None:
     truth = TWO_MASS.parameter_sets["light"]
     chirp, trapezoid = (

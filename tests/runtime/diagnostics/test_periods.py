@@ -106,6 +106,7 @@ def test_records_without_a_period_have_no_spread() -> None:
     assert period_spread(fit, [record], CHOICE.decimation, {"run": 40.0}) is None
 
 
+@pytest.mark.slow
 def test_the_estimate_carries_the_third_covariance() -> None:
     estimate = identify(RIGID, record_of(), **values_of(cutoff_hz=40.0, direction_cutoff_hz=10.0))
     periods = estimate.checks.periods

@@ -47,6 +47,7 @@ def test_every_format_from_an_estimate_twice_the_same(to: str, tmp_path: Path) -
         first.save(tmp_path / "chain.wrong")
 
 
+@pytest.mark.slow
 def test_samples_have_the_covariance_of_the_estimate() -> None:
     estimate = estimated()
     made = export(PLAIN, estimate, "state-space", samples=4000, seed=2)
@@ -113,6 +114,7 @@ def test_options_that_make_no_sense_are_refused() -> None:
         export(model_from_module(emps300_qm_ac), estimated(), "fmu")
 
 
+@pytest.mark.slow
 def test_what_a_sum_leaves_over_follows_from_what_is_given() -> None:
     model = model_of(
         """

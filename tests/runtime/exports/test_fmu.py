@@ -117,6 +117,7 @@ def test_parameters_can_be_set(tmp_path: Path) -> None:
     assert error(rows[:, 0], motion(GEAR, heavier, push)["q_m"]) < 1e-6
 
 
+@pytest.mark.slow
 def test_the_bytes_depend_on_the_model_alone(tmp_path: Path) -> None:
     first, second = (export(GEAR, "nominal", "fmu").files[""] for _ in range(2))
     assert first == second

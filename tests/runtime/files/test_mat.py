@@ -90,6 +90,7 @@ def check(content: bytes) -> None:
                 assert found.level == 4 or mine.real.dtype == kind
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(st.dictionaries(NAMES, NESTED, max_size=4), st.booleans())
 def test_level_5_as_scipy_reads_it(values: dict[str, Any], packed: bool) -> None:
@@ -98,6 +99,7 @@ def test_level_5_as_scipy_reads_it(values: dict[str, Any], packed: bool) -> None
     check(content.getvalue())
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(st.dictionaries(NAMES, numbers(LEVEL4, 0, 2), min_size=1, max_size=4))
 def test_level_4_as_scipy_reads_it(values: dict[str, Any]) -> None:
@@ -128,6 +130,7 @@ def array(order: str, name: str, values: Any, class_: int, stored: tuple[int, st
 STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(
     st.sampled_from("<>"),

@@ -121,6 +121,7 @@ def alone(sources: list[NpyChannels], **options: Any) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_a_machine_gets_what_identify_says(client: Any, sources: list[NpyChannels]) -> None:
     """Everything: values, intervals, what is refused and why, warnings, drift, filters."""
     options = values_of("wls")
@@ -140,6 +141,7 @@ def test_options_and_the_number_of_workers_change_nothing(client: Any, sources: 
         assert identify_fleet(one, TEXT, fleet_of(sources), options) == expected
 
 
+@pytest.mark.slow
 def test_machines_that_differ_are_told_from_those_that_agree(client: Any) -> None:
     truth = MODEL.parameter_sets["table_2"]
     records = []
@@ -164,6 +166,7 @@ def reader(source: NpyChannels, folder: Path) -> Record:
     return Record.over(source)
 
 
+@pytest.mark.slow
 def test_a_run_that_was_stopped_goes_on(client: Any, sources: list[NpyChannels], tmp_path: Path) -> None:
     folders = [tmp_path / f"opened {index}" for index in range(3)]
     for folder in folders:
@@ -312,6 +315,7 @@ def test_a_module_that_was_edited_is_executed_where_it_is_trusted(
     assert found == identify_fleet(client, TEXT.replace("\n", "\r\n"), fleet_of(sources), SETTINGS)
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_costs_nothing_where_another_can_do_its_work(
     client: Any, sources: list[NpyChannels]
 ) -> None:
@@ -322,6 +326,7 @@ def test_a_worker_that_dies_costs_nothing_where_another_can_do_its_work(
     assert found.machines["a"] == alone([once, sources[1]], **SETTINGS)
 
 
+@pytest.mark.slow
 def test_a_worker_that_takes_long_to_start_again_is_kept(tmp_path: Path) -> None:
     dask = pytest.importorskip("dask")
     pytest.importorskip("distributed")
@@ -412,6 +417,7 @@ def _dies_once(marker: Path) -> str:
     return "survived"
 
 
+@pytest.mark.slow
 def test_names_must_differ_and_a_scheduler_must_answer(sources: list[NpyChannels]) -> None:
     with pytest.raises(DataError, match="names two records"):
         identify_fleet(None, TEXT, [FleetRecord("a", sources[0])] * 2, SETTINGS)

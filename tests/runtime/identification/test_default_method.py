@@ -57,6 +57,7 @@ def about_rest(seed: int) -> Record:
     return simulate(SMALL, TRUTH, excitation, fs=FS, noise=noise, seed=seed).record
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("method", [Auto(), IV()], ids=["default", "iv"])
 def test_a_chirp_about_rest_gives_no_delay_and_intervals_that_hold(method: Method, seed: int) -> None:
@@ -92,6 +93,7 @@ def test_an_encoder_out_of_step_is_named_and_does_not_spoil_the_stiffness(sample
     assert estimate.bse["K"] < 4.0 * plain_estimate().bse["K"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zero", [1.0, -1.0])
 def test_zeros_apart_do_not_spoil_the_stiffness(zero: float) -> None:
     estimate = identify(SMALL, two_mass_records(zeros={"q_c": zero}))
@@ -100,6 +102,7 @@ def test_zeros_apart_do_not_spoil_the_stiffness(zero: float) -> None:
     assert estimate.bse["K"] < 0.01 * TRUTH["K"]
 
 
+@pytest.mark.slow
 def test_zeros_apart_behind_a_gear_do_not_spoil_the_stiffness() -> None:
     estimate = identify(GEARED, two_mass_records(zeros={"q_c": 0.02}, geared=True))
     assert all("q_c has a zero of its own" in what for _, _, what in told(estimate))
@@ -146,6 +149,7 @@ def test_both_of_its_kinds_have_its_options() -> None:
     assert default.least_squares == replace(default.least_squares, **given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axis", "published"),
     [(1, {"J": 1.248, "F_v": 8.107, "F_s": 6.967}), (4, {"J": 0.0318, "F_v": 1.107, "F_s": 2.484})],

@@ -76,6 +76,7 @@ def test_emps_agrees_with_the_published_result(emps: Record) -> None:
     assert not estimate.fit.pruning.steps
 
 
+@pytest.mark.slow
 def test_emps_by_default_holds_the_published_result_and_names_what_the_model_lacks(
     emps_estimate: Estimate,
 ) -> None:
@@ -150,6 +151,7 @@ def test_bench_intervals_hold_what_other_cutoffs_give(bench: Record, bench_estim
     assert parameter.printed_std < 0.15 * parameter.std
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parameters", ["table_1", "table_2", "light"])
 @pytest.mark.parametrize("model", [QC, AC], ids=["qm_qc", "qm_ac"])
 def test_without_noise_the_truth_comes_out(model: Model, parameters: str) -> None:
@@ -208,6 +210,7 @@ def test_intervals_of_the_default_hold_what_they_say(model: Model, parameters: s
     assert alarms <= 2
 
 
+@pytest.mark.slow
 def test_three_bodies_with_friction_on_two() -> None:
     model = model_from_module(three_mass_qa_qb_qc)
     estimate = identify(model, experiments(model, "nominal"))
@@ -220,6 +223,7 @@ def test_a_chirp_that_never_reverses_needs_no_trapezoid() -> None:
     assert errors_percent(estimate, QC.parameter_sets["light"])["J_c"] == pytest.approx(0.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_check_of_the_drift_can_be_left_out() -> None:
     records = [with_noise(record, 0) for record in experiments(QC, "table_2")]
     full, quick = identify(QC, records), identify(QC, records, **values_of(drift_check=False))
@@ -243,6 +247,7 @@ def test_all_checks_can_be_left_out_and_the_verdict_knows_it() -> None:
     assert not alone.checks.residuals
 
 
+@pytest.mark.slow
 def test_the_same_records_give_the_same_estimate() -> None:
     records = [with_noise(record, 0) for record in experiments(AC, "table_2")]
     assert identify(AC, records).to_json() == identify(AC, records).to_json()
@@ -259,6 +264,7 @@ def test_progress_is_told_step_by_step() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_generated_module_identifies_itself() -> None:
     records = experiments(QC, "light")
     itself: Any = emps300_qm_qc

@@ -92,6 +92,7 @@ def test_periodic_records_and_wide_chains(monkeypatch: pytest.MonkeyPatch, made_
     assert made_again
 
 
+@pytest.mark.slow
 def test_a_limit_that_is_not_reached_changes_nothing(made_again: list[int]) -> None:
     model, records = bench()
     expected, found = (
@@ -112,6 +113,7 @@ def test_the_default_is_least_squares_where_instruments_do_not_fit(made_again: l
         assert abs(entry.value - truth[entry.name]) < 5.0 * entry.std
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [

@@ -165,6 +165,7 @@ def bench(seed: int = 0) -> tuple[Model, list[Record]]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -184,6 +185,7 @@ def test_every_option_takes_files(tmp_path: Path, options: dict[str, Any]) -> No
     same(outcome(model, sources, **options), outcome(model, records, **options))
 
 
+@pytest.mark.slow
 def test_long_records_are_looked_at_in_stretches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model, records = bench()
     monkeypatch.setattr("modelgen.runtime.records.record_facts.WHOLE", 8192)
@@ -206,6 +208,7 @@ def test_asymmetric_friction_and_a_resting_channel() -> None:
             identify(model, Record.over(one), cutoff_hz=40.0)
 
 
+@pytest.mark.slow
 def test_wide_chains_hold_only_the_columns_that_a_row_touches(monkeypatch: pytest.MonkeyPatch) -> None:
     model, records = bench()
     expected = identify(model, records)
@@ -218,6 +221,7 @@ def test_wide_chains_hold_only_the_columns_that_a_row_touches(monkeypatch: pytes
         monkeypatch.setattr("modelgen.runtime.rows.observation.WIDE", 1)
 
 
+@pytest.mark.slow
 def test_composites_give_physical_parameters(tmp_path: Path) -> None:
     only_motor = '\n[sensors.qm]\nq_m = { body = "m", measures = "position" }\n'
     spec = parse_spec(catalog_path("emps300").read_text(encoding="utf-8") + only_motor, "emps300.toml")
@@ -250,6 +254,7 @@ def test_what_is_no_record_is_refused() -> None:
         identify(model, Record.over(short), cutoff_hz=300.0)
 
 
+@pytest.mark.slow
 def test_a_row_without_a_force_does_not_go_to_zero() -> None:
     # rounded to 1e-4 of its range, the trapezoid hides how the link bends
     model, records = experiment(7)

@@ -90,6 +90,7 @@ q_d = { body = "d", measures = "position" }
 """
 
 
+@pytest.mark.slow
 def test_composites_may_move_together_where_physical_parameters_are_told() -> None:
     model = spec_model(parse_spec(HOIST, "hoist.toml"), "s")
     truth = {"J_m": 2e-3, "F_vm": 1e-2, "F_sm": 0.3, "J_g": 0.08, "J_d": 0.5, "F_vd": 0.4}
@@ -141,6 +142,7 @@ def lacking_force(share: float) -> Record:
     return Record({**record.signals, "F": record.signals["F"] + lacks}, record.fs, record.name)
 
 
+@pytest.mark.slow
 def test_a_doubtful_parameter_can_be_kept_but_not_what_is_impossible() -> None:
     record = lacking_force(0.1)
     plain = identify(RIGID, record, **values_of(cutoff_hz=40.0))

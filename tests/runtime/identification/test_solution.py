@@ -15,6 +15,7 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from tests.runtime.two_mass_records import FS, SMALL, two_mass_records
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [0.0, 7.0, 30.0])
 def test_delays_stay_with_other_filters_also_beside_an_effect(late: float) -> None:
     records = two_mass_records(late={"Gamma_m": late, "q_c": 0.25})

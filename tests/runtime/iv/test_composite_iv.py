@@ -115,6 +115,7 @@ def test_bias_and_coverage_from_the_motor_alone() -> None:
         assert np.median(spreads) < 3.0 * np.std(errors, ddof=1)
 
 
+@pytest.mark.slow
 def test_an_overdamped_load_is_found_where_the_delay_is_known() -> None:
     truth = motor_only("emps300").parameter_sets["table_1"]
     found = estimate("table_1", 0, delays="none", drift_check=False)
@@ -124,6 +125,7 @@ def test_an_overdamped_load_is_found_where_the_delay_is_known() -> None:
     assert not found.not_identifiable
 
 
+@pytest.mark.slow
 def test_what_an_unknown_delay_hides_is_refused_with_all_that_hangs_on_it() -> None:
     truth = motor_only("emps300").parameter_sets["table_1"]
     found = estimate("table_1", 0, drift_check=False)
@@ -158,6 +160,7 @@ def test_what_no_record_holds_is_named_where_nothing_comes_to_rest() -> None:
         estimate("table_1", 5, louder=5.0, drift_check=False)
 
 
+@pytest.mark.slow
 def test_a_row_without_a_force_is_not_biased_by_noise() -> None:
     model = model_of(SCREW, "q_x")
     truth = model.parameter_sets["truth"]
@@ -193,6 +196,7 @@ def bench_from_its_motor(shared_data: Path) -> tuple[Model, Record]:
     return model, Record(signals, 2500.0, "bench")
 
 
+@pytest.mark.slow
 def test_the_bench_from_its_motor_alone_is_the_bench_from_both_encoders(shared_data: Path) -> None:
     model, record = bench_from_its_motor(shared_data)
     found = identify(model, record, **values_of("iv", drift_check=False))
@@ -210,6 +214,7 @@ def test_by_default_its_intervals_hold_both_encoders_estimate_as_well(shared_dat
         assert abs(found.physical[name] - value) < 2.0 * spread[name]
 
 
+@pytest.mark.slow
 def test_model_error_reaches_the_physical_parameters() -> None:
     # a force that is late by a tenth of a sample, taken as it is: every cut-off sees another chain
     late = [
@@ -235,6 +240,7 @@ def test_model_error_reaches_the_physical_parameters() -> None:
     assert entries["J_m"].drift_std < 1e-3 * entries["J_m"].noise_std
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "motor", "load"), [(1.0, 0.05, 0.016), ("-7/2", 0.02, 0.1)])
 def test_frictions_that_act_as_one_get_no_number_each(ratio: float | str, motor: float, load: float) -> None:
     spec = f"""

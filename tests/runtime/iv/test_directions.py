@@ -65,6 +65,7 @@ def overlapping(one: Estimate, other: Estimate, names: tuple[str, ...]) -> bool:
     return all(a[0] <= b[1] and b[0] <= a[1] for a, b in pairs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", EMPS.values(), ids=EMPS)
 def test_iv_and_wls_agree_on_the_positioning_bench_whatever_the_directions(
     model: Model, emps: Record

@@ -69,6 +69,7 @@ def late(record: Record, key: str, index: int) -> Record:
     return changed(record, key, np.r_[np.full(150, samples[0]), samples[:-150]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [zeros, turned, late])
 @pytest.mark.parametrize("name", SETS)
 def test_instruments_end_in_an_estimate_or_in_what_the_record_lacks(name: str, change: Change) -> None:

@@ -89,6 +89,7 @@ def test_bias_and_coverage(sensors: str, model: Model, parameters: str) -> None:
     assert np.all(np.median(spreads, axis=0) < 2.0 * error.std(axis=0, ddof=1))
 
 
+@pytest.mark.slow
 def test_noise_biases_least_squares_and_not_iv() -> None:
     truth = AC.parameter_sets["table_1"]["K"]
     errors = {}

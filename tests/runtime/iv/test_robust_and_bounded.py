@@ -153,6 +153,7 @@ def test_friction_below_zero_is_zero_and_its_cost_is_told() -> None:
     assert 0 < len(active) < 4
 
 
+@pytest.mark.slow
 def test_friction_a_little_below_zero_takes_nothing_else_away() -> None:
     model, truth = slick(), slick().parameter_sets["truth"]
     seed = next(seed for seed in range(4) if of_slick(seed).params["F_vc/K"] < 0.0)

@@ -30,6 +30,7 @@ def only_motor() -> tuple[Model, list[Record]]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("experiment", [bench, only_motor])
 def test_a_good_start_leads_to_the_same_estimate(experiment: Any) -> None:
     model, records = experiment()

@@ -94,6 +94,7 @@ def joint():
     )
 
 
+@pytest.mark.slow
 def test_two_runs_give_one_answer_within_its_intervals(joint) -> None:
     true = models()["all"].parameter_sets["nominal"]
     one = joint.estimate
@@ -132,6 +133,7 @@ def test_linear_sets_are_combined_as_by_hand() -> None:
     np.testing.assert_allclose(widths, spread, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_chain_that_changed_between_the_records_is_told() -> None:
     changed = identify_jointly(
         [
@@ -159,6 +161,7 @@ def test_the_answer_is_saved_exported_and_has_modes(joint, tmp_path) -> None:
         assert text.endswith("\n")
 
 
+@pytest.mark.slow
 def test_what_no_set_sees_is_refused() -> None:
     spec = parse_spec(
         TOWER.replace(

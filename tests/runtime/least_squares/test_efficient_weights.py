@@ -38,6 +38,7 @@ def fitted(seed: int) -> tuple[Fit, list[FloatArray]]:
     return two_stage(first, tuple(Z)), Z
 
 
+@pytest.mark.slow
 def test_its_estimates_scatter_less_and_its_deviations_say_by_how_much() -> None:
     plain, white, stated = [], [], []
     for seed in range(60):

@@ -40,6 +40,7 @@ def test_the_estimate_is_that_of_statsmodels() -> None:
     np.testing.assert_allclose(np.sqrt(np.diag(hac_covariance(found))), other.bse, rtol=0.25)
 
 
+@pytest.mark.slow
 def test_outliers_are_weighed_down_and_the_interval_holds() -> None:
     rng = np.random.default_rng(2)
     inside, spreads = 0, []

@@ -56,6 +56,7 @@ def test_noise_in_the_columns_biases_least_squares_but_not_this() -> None:
     assert np.mean(inside) < 0.99
 
 
+@pytest.mark.slow
 def test_its_standard_deviations_are_those_of_many_records() -> None:
     values, claimed = [], []
     for seed in range(150):

@@ -65,6 +65,7 @@ def arms() -> list[Any]:
     return [*plain, motors, base, pytest.param(lambda: model_of(written(ASYMMETRIC)), id="asymmetric")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", arms())
 def test_terms_and_lines_are_the_regressor_of_the_module(make: Any) -> None:
     model, rng = make(), np.random.default_rng(5)

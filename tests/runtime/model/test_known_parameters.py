@@ -32,6 +32,7 @@ def residual(model: Model, signals: dict[str, np.ndarray], values: dict[str, flo
     return model.measurement(signals) - model.regressor(signals) @ model.base_from_physical(left)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(24))
 def test_rows_are_those_of_the_spec_with_the_same_known(seed: int) -> None:
     rng = Random(seed)
@@ -97,6 +98,7 @@ def test_intervals_are_those_with_the_value_known(method: str) -> None:
     assert fewer.bse["F_sm"] < every.bse["F_sm"]
 
 
+@pytest.mark.slow
 def test_composites_follow_what_is_known() -> None:
     text = catalog_path("emps300").read_text(encoding="utf-8") + MOTOR_ONLY
     model = built(parse_spec(text, "emps300.toml"), "qm")

@@ -52,6 +52,7 @@ def poles_of(found: Modes) -> np.ndarray:
     return np.array(poles)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(24))
 def test_poles_are_those_of_the_state_space(seed: int) -> None:
     model, values = any_chain(seed)
@@ -78,6 +79,7 @@ def test_poles_are_those_of_the_state_space(seed: int) -> None:
         assert abs(at_zero) < 1e-4 * abs(near)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", (4, 7, 13, 21))
 def test_intervals_are_those_of_many_draws(seed: int) -> None:
     model, values = any_chain(100 + seed)
@@ -98,6 +100,7 @@ def test_intervals_are_those_of_many_draws(seed: int) -> None:
         assert 0.9 < held.mean() < 0.99
 
 
+@pytest.mark.slow
 def test_intervals_hold_where_poles_meet() -> None:
     """Time constants near critical damping have no finite slope; their intervals hold all the same."""
     light = AXIS.parameter_sets["table_1"]

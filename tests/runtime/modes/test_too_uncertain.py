@@ -30,6 +30,7 @@ def case(parameters: str) -> tuple[Model, Estimate]:
     return model, identify(model, records, "iv")
 
 
+@pytest.mark.slow
 def test_a_mode_of_doubtful_composites_is_not_told() -> None:
     model, estimate = case("table_1")
     assert {"J_c", "K", "F_vmc"} <= estimate.not_identifiable.keys()

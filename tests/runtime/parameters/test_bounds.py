@@ -53,6 +53,7 @@ def frictionless(seed: int) -> Record:
     return rigid_record(seed=seed, force_noise=8.0, extra=lambda q, v, a: -TRUTH["Fv"] * v)
 
 
+@pytest.mark.slow
 def test_a_parameter_at_its_bound_has_no_number_and_its_cost_is_told() -> None:
     active = 0
     for seed in range(6):

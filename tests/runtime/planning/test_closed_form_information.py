@@ -112,6 +112,7 @@ def test_composites_weighted_by_their_own_drift_are_copied_until_that_is_known(
     assert taken == list(range(predictions.FIRST_COPIES))
 
 
+@pytest.mark.slow
 def test_parameters_that_the_estimator_refuses_are_missing(ten: dict[str, Model]) -> None:
     found = judge_set("q_c", ten["q_c"], TABLE_2, BENCH)
     assert found.worst == np.inf

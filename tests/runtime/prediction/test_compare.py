@@ -55,6 +55,7 @@ def case(name: str, noise: float = 0.0) -> tuple[Model, dict[str, float], Record
 EVERY = (*MODELS, "gear 100", "cubic spring")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize("horizon", [None, 1, 10])
 def test_the_true_parameters_fit(name: str, horizon: int | None) -> None:

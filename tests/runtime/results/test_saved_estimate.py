@@ -84,6 +84,7 @@ def public(estimate: Estimate) -> list[Any]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("title", SETS)
 def test_all_public_values_come_back_to_the_bit(title: str) -> None:
     found = list(estimates(title))
@@ -174,6 +175,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     return [found for key, item in inner for found in [(*path, key), *places(item, (*path, key))]]
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None, derandomize=True, phases=(Phase.generate,))
 @given(data=st.data())
 def test_anything_anywhere_is_an_estimate_or_explained(saved: dict[str, Any], data: st.DataObject) -> None:

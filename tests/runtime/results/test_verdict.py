@@ -63,6 +63,7 @@ def kinds_in_the_source() -> set[str]:
     return found
 
 
+@pytest.mark.slow
 def test_every_kind_of_advice_has_its_place() -> None:
     found = kinds_in_the_source()
     assert len(found) > 15

@@ -109,6 +109,7 @@ def errors_of(estimate: Estimate) -> dict[str, float]:
     return {entry.name: entry.value / TRUTH[entry.name] - 1.0 for entry in estimate.parameters.physical}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bandwidth_hz", [inf, 150.0])
 def test_two_driven_bodies_move_as_an_independent_integrator_says(bandwidth_hz: float) -> None:
     p, t = TRUTH, np.arange(2001) / 10000.0
@@ -194,6 +195,7 @@ def test_without_noise_the_truth_comes_out() -> None:
         assert abs(error) < 5e-4, name
 
 
+@pytest.mark.slow
 def test_a_body_that_no_sensor_sees_comes_out_too() -> None:
     # next to no noise: without any, nothing says how much each row is to weigh
     records = measured("ends", 0, {}, share=1e-3)
@@ -223,6 +225,7 @@ def test_bias_coverage_and_a_delay_of_each_force() -> None:
     assert np.median(np.median(spreads, axis=0) / error.std(axis=0, ddof=1)) < 1.5
 
 
+@pytest.mark.slow
 def test_what_the_known_loop_did_is_simulated_under_the_other_force() -> None:
     controller = PositionVelocityController(0.5, 0.02)
     for drive in (Drive(), Drive(rate_hz=FS, delay_s=2e-4)):
@@ -299,6 +302,7 @@ def test_tick_by_tick_is_the_compiled_motion_where_the_other_force_is_next_to_no
         np.testing.assert_allclose(slow.true[key], fast.true[key], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_output_error_takes_all_forces_as_well() -> None:
     part = {key: samples[2000:3000] for key, samples in clean("qa_qb_qc")[0].signals.items()}
     start = {name: 1.1 * value for name, value in TRUTH.items()}
@@ -332,6 +336,7 @@ def test_a_records_columns_drive_further_actuators() -> None:
     np.testing.assert_array_equal(given.forces["Gamma_c"], [0.0, 1.0, 2.0, 1.0, 0.0])
 
 
+@pytest.mark.slow
 def test_from_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("both_ends.toml").write_text(BOTH_ENDS, encoding="utf-8")

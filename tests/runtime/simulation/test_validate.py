@@ -89,6 +89,7 @@ def emps(shared_data: Path) -> Record:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", [emps_rigid_qm, emps_rigid_asymmetric_qm])
 def test_the_emps_bench_stays_below_every_published_error(
     module: object, shared_data: Path, tmp_path: Path

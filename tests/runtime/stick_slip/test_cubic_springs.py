@@ -67,6 +67,7 @@ def model() -> Model:
     return model_from_text(generate(CHAIN, "all"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drive", [Drive(), SAMPLED], ids=["continuous", "sampled"])
 @pytest.mark.parametrize("kind", ["chirp", "trapezoid"])
 def test_the_equations_of_motion_hold_at_every_sample(model: Model, kind: str, drive: Drive) -> None:
@@ -88,6 +89,7 @@ def test_the_equations_of_motion_hold_at_every_sample(model: Model, kind: str, d
     np.testing.assert_allclose(x["twist"], x["a_m"] / 2.0 - x["a_c"], rtol=1e-9, atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drive", [Drive(), SAMPLED], ids=["continuous", "sampled"])
 def test_compiled_or_not_the_motion_is_the_same(
     model: Model, drive: Drive, monkeypatch: pytest.MonkeyPatch
@@ -114,6 +116,7 @@ def test_without_the_cube_it_is_the_linear_chain(model: Model) -> None:
         np.testing.assert_allclose(a[key], b[key], atol=1e-10 * np.abs(b[key]).max())
 
 
+@pytest.mark.slow
 def test_a_record_gives_the_cubic_stiffness_back() -> None:
     positions = model_from_text(generate(CHAIN, "positions"))
     p = positions.parameter_sets["p"]

@@ -225,6 +225,7 @@ def test_free_bodies_keep_their_momentum_and_their_mode_for_ten_seconds() -> Non
     np.testing.assert_allclose(deflection, swing / omega * np.sin(omega * t), atol=1e-9 * swing / omega)
 
 
+@pytest.mark.slow
 def test_stick_slip_of_a_pulled_body_agrees_with_an_ode_solver() -> None:
     system = chain((0.8,), ground=40.0, coulomb={0: (2.5, 1.7)}, viscous={0: (0.3, 0.9)}, offset=(0.2,))
 
@@ -453,6 +454,7 @@ def stiff_chain(damping: float) -> FrictionSystem:
     return chain((1.0, 1.0), (50.0,), (damping,), ground=20.0, coulomb={0: (0.5, 0.3)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [True, False])
 @given(damping=st.floats(1e4, 0.95e6))
 @settings(max_examples=8, deadline=None)

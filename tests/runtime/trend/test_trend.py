@@ -63,6 +63,7 @@ def test_false_alarms_are_rare(share: float, errors: str) -> None:
     assert alarms <= 18  # 5 % are 10 of 200, and 18 are passed by chance in 1 % of such tests
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.3])
 def test_a_lasting_change_of_four_deviations_is_found_where_it_is(share: float) -> None:
     rng = np.random.default_rng(6)
@@ -96,6 +97,7 @@ def test_two_changes_are_told_in_their_order() -> None:
     assert len(set(found.levels.tolist())) == 3
 
 
+@pytest.mark.slow
 def test_what_scatters_is_no_change() -> None:
     rng = np.random.default_rng(9)
     changed = scattered = 0

@@ -98,6 +98,7 @@ SETS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", SETS)
 def test_noise_free_sensors_give_the_truth(case: str) -> None:
     spec, sensor_set, count = SETS[case]

@@ -39,6 +39,7 @@ TOO_LONG = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TOO_LONG)
 def test_the_command_refuses_with_the_number_and_ends(name: str, tmp_path: Path) -> None:
     spec = tmp_path / "graph.toml"
@@ -55,6 +56,7 @@ def with_sensors(text: str, bodies: list[str]) -> str:
     return text + "".join(f'\nextra_{b} = {{ body = "{b}", measures = "position" }}' for b in bodies)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

@@ -71,6 +71,7 @@ DEATHS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DEATHS)
 @pytest.mark.parametrize("used", [False, True])
 def test_a_file_that_ends_the_process_that_reads_it(files: Path, name: str, used: bool) -> None:
@@ -87,6 +88,7 @@ def test_what_a_library_prints_is_no_answer(files: Path, capfd: pytest.CaptureFi
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_a_record_in_stretches_survives_too(files: Path) -> None:
     columns = {"q_m": ("q_m", 1.0)}
     with pytest.raises(DataError, match=r"crash\.h5: is no readable"):

@@ -18,6 +18,7 @@ def stretches(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(explain_stretches, "STRETCHES", 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("samples", "word"), [(0.25, "late"), (-0.5, "early")])
 def test_an_encoder_out_of_step_is_found_in_stretches(samples: float, word: str) -> None:
     estimate = identify(SMALL, two_mass_records(late={"q_c": samples}))
@@ -26,6 +27,7 @@ def test_an_encoder_out_of_step_is_found_in_stretches(samples: float, word: str)
     assert_truth_inside(estimate, TRUTH)
 
 
+@pytest.mark.slow
 def test_a_zero_of_a_stretch_is_its_records() -> None:
     zeros = [zero_effect("q_c", index, 4) for index in (2, 3)]
     (found,) = explain_stretches._of_records(tuple(zeros), [0, 0, 1, 1], 2)
@@ -35,6 +37,7 @@ def test_a_zero_of_a_stretch_is_its_records() -> None:
     assert_truth_inside(estimate, TRUTH)
 
 
+@pytest.mark.slow
 def test_of_a_right_model_nothing_is_said() -> None:
     estimate = identify(SMALL, two_mass_records())
     assert not estimate.checks.advice
