@@ -11,15 +11,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 
+import numpy as np
+
 from modelgen.array_types import FloatArray
 from modelgen.errors import ModelgenError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
-from modelgen.runtime.identification.refusals import unanswered
-from modelgen.runtime.identification.thresholds import BETTER, TRIES, UNEXPLAINED
+from modelgen.runtime.identification.refusals import dependent_columns, unanswered
+from modelgen.runtime.identification.thresholds import BETTER, BEYOND_CHANCE, TRIES, UNEXPLAINED
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.records.channels import Edit
@@ -126,8 +129,15 @@ def _changed(job: Job, change: _Change) -> Job:
 
 
 def _sense(job: Job, fit: Fit) -> _Sense:
-    refused = unanswered(job.model, job.records, job.choice, fit)
-    impossible = negative_columns(job.model, fit).keys() - refused.keys()
+    refused = unanswered(job.model, job.records, job.choice, fit) | dependent_columns(fit)
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    spreads = dict(zip(fit.columns, spread.tolist(), strict=True))
+    # what cannot be told from others, or from zero, has a sign by chance
+    impossible = [
+        name
+        for name, value in negative_columns(job.model, fit).items()
+        if name not in refused and -value > BEYOND_CHANCE * spreads[name]
+    ]
     left = [0.0]
     for index in range(len(fit.blocks)):
         share = fit.unexplained(index)

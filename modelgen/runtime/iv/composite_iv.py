@@ -11,9 +11,9 @@ made white (`whitening`), and solved with the instruments Z J of a simulation at
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import islice
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from modelgen.runtime.iv.thresholds import (
     LARGEST_STEP,
     SMALL_CHANGE,
 )
+from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
@@ -42,6 +43,8 @@ from modelgen.runtime.rows.observation import Observation
 
 # records -> rows without the samples that a consistent estimate must not use
 Rows = Callable[[tuple[Record, ...]], Observation]
+# physical parameters (SI) and delays of forces (s) to begin with
+Beginning = tuple[Mapping[str, float], Mapping[str, float]]
 
 # Nor can a parameter be this many times smaller or larger than at the start.
 SIGNED = ("offset", "viscous", "coulomb")
@@ -59,6 +62,10 @@ class Found:
     fit: Fit
     p: FloatArray
     following: FloatArray
+
+    def values(self, model: Model) -> dict[str, float]:
+        """Return the physical parameters by name."""
+        return dict(zip(model.parameters, self.p.tolist(), strict=True))
 
     def leaves_bounds(self, model: Model) -> bool:
         """Tell whether what is never negative is, at p or after the next step."""
@@ -81,25 +88,24 @@ def fit_composites_iv(
     settings, `begin` a start that is tried before those of the records; else as `fit_physical_iv`.
     """
     model = setting.model
+    delays: Mapping[str, float] = dict.fromkeys(late, 0.0)
     if near is not None and not near.absent:
-        found = fit_physical_iv(setting, rows, late, _start_near(model, near), rules)
+        found = fit_physical_iv(setting, rows, delays, _start_near(model, near), rules)
         return found.observation, found.fit
     first = fit_matched(rows(tuple(setting.records)))
     plain = replace(rules, robust=False, bounded=False)
-    given = () if begin is None else (begin,)
     try:
-        found = _first_found(setting, rows, late, chain(given, physical_starts(first, setting)), plain)
+        found = _first_found(setting, rows, _beginnings(setting, rows, late, first, begin), plain)
     except IdentifiabilityError:
         if rules == plain:
             raise
-        found = _first_found(setting, rows, late, chain(given, physical_starts(first, setting)), rules)
+        found = _first_found(setting, rows, _beginnings(setting, rows, late, first, begin), rules)
         return found.observation, found.fit
+    delays = {channel: delay for channel, delay, _ in found.fit.delays}
     if rules.robust:
-        there = dict(zip(model.parameters, found.p.tolist(), strict=True))
-        found = fit_physical_iv(setting, rows, late, there, replace(rules, bounded=False))
+        found = fit_physical_iv(setting, rows, delays, found.values(model), replace(rules, bounded=False))
     if rules.bounded and found.leaves_bounds(model):
-        there = dict(zip(model.parameters, found.p.tolist(), strict=True))
-        found = fit_physical_iv(setting, rows, late, there, rules)
+        found = fit_physical_iv(setting, rows, delays, found.values(model), rules)
     return found.observation, found.fit
 
 
@@ -110,13 +116,32 @@ def _start_near(model: Model, near: Fit) -> Mapping[str, float]:
     return start if fitted is None or np.all(np.isfinite(list(start.values()))) else fitted
 
 
-def _first_found(
-    setting: Setting, rows: Rows, late: tuple[str, ...], starts: Iterable[Mapping[str, float]], rules: Rules
-) -> Found:
+def _beginnings(
+    setting: Setting, rows: Rows, late: tuple[str, ...], first: Fit, begin: Mapping[str, float] | None
+) -> Iterator[Beginning]:
+    """Yield where to begin, the cheapest first: parameters (SI) and delays of forces in s.
+
+    Composites of forces that are late by samples are those of another chain, or of none: where the first
+    start leads nowhere, that of the delay which leaves least is tried.
+    """
+    on_time = dict.fromkeys(late, 0.0)
+    if begin is not None:
+        yield begin, on_time
+    starts = physical_starts(first, setting)
+    yield from ((start, on_time) for start in islice(starts, 1))
+    delays = coarse_delays(first, setting.model, setting.records, setting.choice, late)
+    if any(delays.values()):
+        there = replace(setting, records=tuple(advanced(record, delays) for record in setting.records))
+        others = physical_starts(fit_matched(rows(tuple(there.records))), there)
+        yield from ((start, delays) for start in islice(others, 1))
+    yield from ((start, on_time) for start in starts)
+
+
+def _first_found(setting: Setting, rows: Rows, beginnings: Iterable[Beginning], rules: Rules) -> Found:
     failures = []
-    for start in starts:
+    for start, delays in beginnings:
         try:
-            return fit_physical_iv(setting, rows, late, start, rules)
+            return fit_physical_iv(setting, rows, delays, start, rules)
         except IdentifiabilityError as error:
             failures.append(error)
     # the first start is the most likely one, and so is what became of it
@@ -124,7 +149,11 @@ def _first_found(
 
 
 def fit_physical_iv(
-    setting: Setting, rows: Rows, late: tuple[str, ...], start: Mapping[str, float], rules: Rules = PLAIN
+    setting: Setting,
+    rows: Rows,
+    delays: Mapping[str, float],
+    start: Mapping[str, float],
+    rules: Rules = PLAIN,
 ) -> Found:
     """Estimate physical parameters and delays together, from a start (SI).
 
@@ -134,8 +163,8 @@ def fit_physical_iv(
         `records` as measured.
     rows : callable
         Takes records to their rows.
-    late : tuple of str
-        Forces whose delay is estimated as well.
+    delays : mapping of str to float
+        Forces whose delay is estimated as well, to the delay in s to begin with.
     start : mapping of str to float
         All of the model's parameters.
     rules : Rules
@@ -154,9 +183,9 @@ def fit_physical_iv(
     model = setting.model
     sample = 1.0 / min(record.fs for record in setting.records)
     first = _allowed(model, start, rules)
-    now = Unknowns(first, dict.fromkeys(late, 0.0))
+    now, late = Unknowns(first, delays), tuple(delays)
     c = len(model.parameters)
-    observation = rows(tuple(setting.records))
+    observation = rows(tuple(advanced(record, delays) for record in setting.records))
     plain = fit_matched(observation)
     if plain.absent:
         raise diverged(f"the records do not move what {', '.join(plain.absent)} needs", plain, model)

@@ -22,6 +22,7 @@ from modelgen.runtime.numerics.decorrelation import whitening
 from modelgen.runtime.parameters.composite_fit import PhysicalSolution, fit_composites
 from modelgen.runtime.parameters.nearest_parameters import nearest_parameters
 from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.parameters.robust_starts import robust_starts
 from modelgen.runtime.parameters.thresholds import (
     HANGING_SHARE,
     RANK_TOLERANCE,
@@ -134,14 +135,44 @@ def _from_composites(
     if near is not None and np.isfinite(base).all() and all_from_composites(model):
         # they and their covariance came from physical parameters: any weights lead back to the same
         return fit_composites(model, base, np.diag(np.where(base == 0.0, 1.0, base**2)), near), 1.0
-    starts = nearest_parameters(model, _filled(model, base, nuisance))
+    filled = _filled(model, base, nuisance)
+    starts = nearest_parameters(model, filled)
     if near is not None and not (starts and _is_start(starts[0], near)):
         starts = (near,)
-    found = [fit_composites(model, base, covariances.noise, start) for start in starts]
-    if not found:
-        return None, 1.0
-    best = min(found, key=lambda one: (not _solid(model, one.values), one.misfit))
-    return best, best.contradiction(covariances.total)
+    best = _best(model, base, covariances, starts)
+    if near is None and _astray(model, base, covariances, best):
+        # one composite that noise has bent can lead all starts astray
+        best = _best(model, base, covariances, robust_starts(model, filled), best)
+    return best, 1.0 if best is None else best.contradiction(covariances.total)
+
+
+def _astray(model: Model, base: FloatArray, covariances: Covariances, found: PhysicalSolution | None) -> bool:
+    """Tell whether a solution is no chain, is far from the composites, or leaves open what they determine."""
+    if found is None or not _solid(model, found.values):
+        return True
+    whole = all_from_composites(model) and bool(np.isfinite(base).all())
+    lacking = whole and len(found.determined) < len(model.parameters)
+    return lacking or found.contradiction(covariances.total) > 1.0
+
+
+def _best(
+    model: Model,
+    base: FloatArray,
+    covariances: Covariances,
+    starts: Sequence[Mapping[str, float]],
+    before: PhysicalSolution | None = None,
+) -> PhysicalSolution | None:
+    """Return the solution that fits best of those from the starts and of one before, None without any.
+
+    What no chain has comes last, and before it what leaves parameters open: bodies of no size, or of any.
+    """
+    found = [] if before is None else [before]
+    found += [fit_composites(model, base, covariances.noise, start) for start in starts]
+    return min(
+        found,
+        key=lambda one: (not _solid(model, one.values), -len(one.determined), one.misfit),
+        default=None,
+    )
 
 
 def _solid(model: Model, values: Mapping[str, float]) -> bool:
