@@ -68,6 +68,7 @@ HEAD = '''\
 ? DIFFERENTIATED = <DIFFERENTIATED>
 ? REVERSALS = <REVERSALS>
 ? SPEEDS = <SPEEDS>
+? ESTIMATED = <ESTIMATED>
   #: samples that are computed at once: their intermediate values stay in the processor's cache
   BLOCK = <block>
 

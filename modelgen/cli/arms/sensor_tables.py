@@ -10,6 +10,7 @@ from rich.text import Text
 from modelgen.cli.tables import Description, table
 from modelgen.errors import ModelError, listed
 from modelgen.spec.arms.arm import ArmSensor, ArmSpec
+from modelgen.symbolic.arms.arm_rows import ArmRows
 from modelgen.symbolic.arms.arm_sensor_sets import arm_overview, with_usual_sets
 
 #: names of lost parameters in the table; --json has all
@@ -29,14 +30,8 @@ def describe_sensor_sets(arm: ArmSpec, chosen: str | None) -> list[Description]:
         {
             "name": summary.name,
             "sensors": [_sensor(sensor) for sensor in arm.sensor_sets[summary.name]],
-            "rows": [
-                {"name": name, "differentiated": times}
-                for name, times in zip(
-                    summary.model.rows.names, summary.model.rows.differentiated, strict=True
-                )
-            ]
-            if summary.model
-            else [],
+            "rows": _rows(summary.model.rows) if summary.model else [],
+            "estimated": [one.channel for one in summary.model.rows.estimated] if summary.model else [],
             "base_parameters": [base.name for base in summary.model.base] if summary.model else [],
             "lost": list(summary.lost),
             "reason": summary.model.rows.lacking if summary.model else summary.reason,
@@ -49,16 +44,17 @@ def sensor_set_tables(described: Sequence[Description]) -> Iterator[Any]:
     """Lay out what `describe_sensor_sets` says; nothing for an arm without sensor sets."""
     if not described:
         return
-    columns = ("sensor set", "rows", "of them differentiated", "base parameters", "lost", "because")
+    columns = ("sensor set", "rows", "differentiated", "by springs", "base parameters", "lost", "because")
     yield Text("")
     yield table(
-        "Sensor sets (linear rows)",
-        [(column, "right" if column in columns[1:4] else "left") for column in columns],
+        "Sensor sets (rows; of them differentiated; links whose positions the springs give)",
+        [(column, "right" if column in columns[1:5] else "left") for column in columns],
         [
             (
                 one["name"],
                 str(len(one["rows"])) if one["rows"] else "-",
                 str(sum(row["differentiated"] > 0 for row in one["rows"])) if one["rows"] else "-",
+                str(len(one["estimated"])) if one["rows"] else "-",
                 str(len(one["base_parameters"])) if one["rows"] else "-",
                 listed([_short(name) for name in one["lost"]], most=MOST_NAMES) if one["lost"] else "nothing",
                 one["reason"] or "-",
@@ -66,6 +62,13 @@ def sensor_set_tables(described: Sequence[Description]) -> Iterator[Any]:
             for one in described
         ],
     )
+
+
+def _rows(rows: ArmRows) -> list[Description]:
+    """Return the rows that are fitted; others are used up for the positions of links."""
+    used = {one.row for one in rows.estimated}
+    found = zip(rows.names, rows.differentiated, strict=True)
+    return [{"name": name, "differentiated": times} for name, times in found if name not in used]
 
 
 def _short(name: str) -> str:

@@ -132,6 +132,8 @@ def _constants(lines: ArmLines) -> tuple[tuple[str, str], ...]:
         values["DIFFERENTIATED"] = rows.differentiated
         values["REVERSALS"] = rows.reversals
         values["SPEEDS"] = drive_speeds(rows)
+    if rows.estimated:
+        values["ESTIMATED"] = dict(rows.estimated)
     return tuple((name, literal(value)) for name, value in values.items())
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.kernel_noise import added_noise
 from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
 from modelgen.runtime.diagnostics.row_noise import noise_band
 from modelgen.runtime.diagnostics.thresholds import (
@@ -24,6 +25,7 @@ from modelgen.runtime.diagnostics.thresholds import (
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
@@ -38,6 +40,8 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
     # instruments keep what drives report from biasing the columns of their gains
     free = {one.key for one in model.actuators} if fit.projected is not None else set()
     added, crossed = np.zeros((c, c)), np.zeros(c)
+    if isinstance(model.kernel, DeflectedKernel):
+        return _without_noise(fit, *_through_kernel(model, records, choice, fit))
     for block, weight in zip(fit.blocks, fit.weights, strict=True):
         record = records[block.record]
         frequency_hz, power = noise_band(record, choice)
@@ -51,6 +55,24 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
             added[np.ix_(touched, touched)] += shared[:-1, :-1]
             crossed[touched] += shared[:-1, -1]
     return _without_noise(fit, added, crossed)
+
+
+def _through_kernel(
+    model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit
+) -> tuple[FloatArray, FloatArray]:
+    """Return N and E[dW^T dY] of rows whose every entry is made of noisy readings by a kernel."""
+    places = [model.base_parameters.index(name) for name in fit.columns]
+    added, crossed = np.zeros((len(places),) * 2), np.zeros(len(places))
+    noises = {
+        index: added_noise(model, records[index], choice, choice.decimation[index])
+        for index in dict.fromkeys(block.record for block in fit.blocks)
+    }
+    for block, weight in zip(fit.blocks, fit.weights, strict=True):
+        if block.row in noises[block.record]:
+            of_columns, of_left = noises[block.record][block.row]
+            added += weight**2 * block.count * of_columns[np.ix_(places, places)]
+            crossed += weight**2 * block.count * of_left[places]
+    return added, crossed
 
 
 def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> FloatArray:

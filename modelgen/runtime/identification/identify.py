@@ -14,6 +14,7 @@ from modelgen.progress import heard, step
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.friction_asymmetry import asymmetries, asymmetry_notes
 from modelgen.runtime.identification.assemble_estimate import Solved, judge
+from modelgen.runtime.identification.given_positions import about_the_estimate
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.options import CheckOptions, Filters, chosen_method, with_short_forms
 from modelgen.runtime.identification.refusals import late_refusals
@@ -84,7 +85,7 @@ def _identified(
     checks: CheckOptions,
 ) -> Estimate:
     """Return the estimate: every step of an identification by its name."""
-    task, solution = fitted(prepared(model, records, method, filters, checks))
+    task, solution = fitted(about_the_estimate(prepared(model, records, method, filters, checks)))
     chosen, again, fit, drift = task.method, partial(solution.at, task), solution.fit, solution.drift
     if task.checks.drift_check and chosen.matched:
         step("changing cut-off and weights")

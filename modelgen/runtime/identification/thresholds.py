@@ -89,3 +89,12 @@ COPIES_OF_ROWS = 8.0
 COPIES_OF_ROWS_IV, COPIES_OF_CHANNELS = 5.0, 5.0
 # To cut records is no remedy where fewer samples would be left.
 FEWEST_LEFT = 5000
+
+# Where rows hold positions that springs give: deflections as shares of the motion to start from, steps after
+# which starts are compared, most steps, and the last step's size in units of the residual's norm, or of the
+# rows' where there is no noise.
+DEFLECTIONS = (0.3, 0.1, 0.03, 0.01, 0.002)
+SETTLING_STEPS = 3
+MOST_STEPS = 30
+POINT_TOLERANCE = 1e-4
+ROUNDING = 1e-11

@@ -8,8 +8,8 @@ of those, so that its direction is one as any other.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from modelgen.errors import DataError
@@ -19,11 +19,6 @@ COUPLED = "_motor"
 LOAD = "load_"
 Entry = dict[str, Any]
 _ORDERED = re.compile(r"d([1-3])_")
-# Units of positions and of what is differentiated from them, by whether a joint turns.
-_UNITS = {
-    True: ("rad", "rad/s", "rad/s^2", "rad/s^3"),
-    False: ("m", "m/s", "m/s^2", "m/s^3"),
-}
 
 
 class Speed(NamedTuple):
@@ -62,6 +57,20 @@ def arm_channels(module: Any) -> ArmChannels:
     return _of_sensors(module) if hasattr(module, "SENSORS") else _of_joints(module)
 
 
+def also_read(channels: ArmChannels, reads: Iterable[tuple[str, int]]) -> ArmChannels:
+    """Return the channels with further signals: derivatives of what is read already."""
+    by_key = {one["key"]: one for one in channels.sensors}
+    forces = {one["key"]: one for one in channels.actuators}
+    signals = {one["key"]: one for one in channels.signals}
+    for source, order in reads:
+        key = _differentiated(source, order)
+        if source in by_key:
+            signals.setdefault(key, _read(by_key[source], order))
+        elif source in forces:
+            signals.setdefault(key, _pushed(forces[source], order))
+    return replace(channels, signals=tuple(signals.values()))
+
+
 def _of_joints(module: Any) -> ArmChannels:
     moving = [joint for joint in module.JOINTS if joint["kind"] != "fixed"]
     sensors = [_sensor(f"q_{j['name']}", j["name"], "position", j["kind"] == "revolute") for j in moving]
@@ -84,7 +93,10 @@ def _of_joints(module: Any) -> ArmChannels:
 
 
 def _of_sensors(module: Any) -> ArmChannels:
-    sensors = [one for sensor in module.SENSORS for one in _sensors(module, sensor)]
+    estimated = getattr(module, "ESTIMATED", {})  # no sensor has them
+    sensors = [
+        one for sensor in module.SENSORS for one in _sensors(module, sensor) if one["key"] not in estimated
+    ]
     forces = _actuators(module)
     by_key = {one["key"]: one for one in sensors}
     pushing = {one["key"]: one for one in forces}
@@ -95,6 +107,8 @@ def _of_sensors(module: Any) -> ArmChannels:
             signals[key] = _carried(key)
             continue
         channel, order = _split(key)
+        if channel in estimated:
+            continue
         made = _pushed(pushing[channel], order) if channel in pushing else _read(by_key[channel], order)
         signals[key] = made
     speeds, derived = [], {}
@@ -154,7 +168,7 @@ def _sensors(module: Any, sensor: Mapping[str, Any]) -> Iterator[Entry]:
 
 
 def _sensor(key: str, body: str | None, measures: str, turns: bool) -> Entry:
-    unit = _UNITS[turns][0 if measures == "position" else 1]
+    unit = _per_s("rad" if turns else "m", 0 if measures == "position" else 1)
     return {"key": key, "body": body, "deflection": None, "measures": measures, "unit": unit}
 
 
@@ -190,18 +204,22 @@ def _turns(module: Any, joint: str) -> bool:
 def _read(sensor: Entry, order: int) -> Entry:
     """Return the signal of a sensor's channel, differentiated so many times."""
     first = 0 if sensor["measures"] == "position" else 1
-    unit = _UNITS[sensor["unit"].startswith("rad")][min(first + order, 3)]
+    unit = _per_s("rad" if sensor["unit"].startswith("rad") else "m", first + order)
     return _signal(_differentiated(sensor["key"], order), sensor["key"], None, order, unit)
 
 
 def _pushed(force: Entry, order: int) -> Entry:
-    unit = force["unit"] + ("/s" if order else "")
+    unit = _per_s(force["unit"], order)
     return _signal(_differentiated(force["key"], order), None, force["key"], order, unit)
 
 
 def _carried(key: str) -> Entry:
     """Return the signal that is 1 while the arm carries a payload, and else 0."""
     return _signal(key, None, None, 0, "1")
+
+
+def _per_s(unit: str, order: int) -> str:
+    return unit + ("", "/s", f"/s^{order}")[min(order, 2)]
 
 
 def _signal(key: str, sensor: str | None, actuator: str | None, derivative: int, unit: str) -> Entry:

@@ -124,6 +124,7 @@ OF_SENSORS: dict[str, Kind] = {
     "REVERSALS": Kind("a tuple of tuples of names", lambda v: isinstance(v, tuple) and all(map(is_texts, v))),
     "SPEEDS": Kind("a mapping of names to sums of channels", maps_texts(_is_speed)),
 }
+ESTIMATED = Kind("a mapping of channels to rows", maps_texts(is_text))
 FUNCTION_NAMES = ("entries", "measurement", "regressor", "base_from_physical")
 
 
@@ -131,6 +132,8 @@ def arm_problems(module: Any) -> list[tuple[str, str]]:
     """Return (place, what is wrong) for every violation of the contract."""
     sensed = any(hasattr(module, name) for name in OF_SENSORS)
     found = value_problems(module, {**VALUES, **(OF_SENSORS if sensed else {})})
+    if sensed and hasattr(module, "ESTIMATED"):
+        found += value_problems(module, {"ESTIMATED": ESTIMATED})
     absent = [name for name in FUNCTION_NAMES if not callable(getattr(module, name, None))]
     found += [(f"{name}()", "is absent") for name in absent]
     found = found or _references(module)
@@ -197,6 +200,9 @@ def _sensor_references(module: Any, moving: Sequence[str]) -> list[tuple[str, st
         for _, channel, _ in terms
         if channel not in channels
     ]
+    for channel, row in getattr(module, "ESTIMATED", {}).items():
+        if channel not in channels or row not in module.ROWS:
+            found.append(("ESTIMATED", f"holds {channel!r} from {row!r}, no channel or no row"))
     for name in ("DIFFERENTIATED", "REVERSALS"):
         if len(getattr(module, name)) != len(module.ROWS):
             found.append((name, "is not of the rows"))

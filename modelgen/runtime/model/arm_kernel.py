@@ -8,7 +8,7 @@ entries are lines of the kernel, formed at the full rate and filtered afterwards
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
@@ -24,6 +24,8 @@ TOLERANCE = 1e-10
 LARGEST_DENOMINATOR = 1_000_000
 
 Sum = tuple[tuple[float, str], ...]
+#: A channel or a feature, and how often it is differentiated.
+Read = tuple[str, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,8 @@ class ArmKernel:
         Signals of coordinates that the kernel reads.
     forces : tuple of str
         Signals of forces, which are zero to the lines of the left side.
+    reads_of : mapping of str to (str, int)
+        What each of the inputs is made of: a channel, and how often it is differentiated.
     entries : mapping of str to int
         Key of a feature to its line of `ENTRIES`.
     left : mapping of str to int
@@ -49,6 +53,12 @@ class ArmKernel:
     forces: tuple[str, ...]
     entries: Mapping[str, int]
     left: Mapping[str, int]
+    reads_of: Mapping[str, Read] = field(default_factory=dict)
+
+    @property
+    def reads(self) -> tuple[Read, ...]:
+        """What the lines are formed from."""
+        return tuple(self.reads_of.values())
 
     @property
     def keys(self) -> tuple[str, ...]:

@@ -6,14 +6,17 @@ a sum of signals and features, or a line of the kernel.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.model.arm_channels import ArmChannels, arm_channels
+from modelgen.runtime.model.arm_channels import ArmChannels, also_read, arm_channels
 from modelgen.runtime.model.arm_functions import ArmFunctions
 from modelgen.runtime.model.arm_kernel import SAMPLES_A_CANDIDATE, ArmKernel, Candidates, Sum
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.model.deflected_rows import deflected_rows
 
 
 def arm_fields(module: Any) -> dict[str, Any]:
@@ -22,12 +25,24 @@ def arm_fields(module: Any) -> dict[str, Any]:
     The keys are names of `modelgen.runtime.model.model.Model`, less those that both contracts share.
     """
     channels = arm_channels(module)
+    kernel: ArmKernel | DeflectedKernel
     entries, left, kernel, features = _lines(module, channels)
     names, groupings = _short_names(module.BASE_PARAMETERS, {*module.PARAMETERS, *module.KNOWN})
     leading = [name.partition(" ")[0] for name in module.BASE_PARAMETERS]
-    regressor: list[dict[int, Sum]] = [{} for _ in module.ROWS]
+    regressor: list[Mapping[int, Sum]] = [{} for _ in module.ROWS]
     for (row, column), terms in zip(module.ENTRIES, entries, strict=True):
-        regressor[row][column] = terms
+        regressor[row] = {**regressor[row], column: terms}
+    rows = _rows(module, channels)
+    if hasattr(module, "ESTIMATED"):
+        found = deflected_rows(module, channels, regressor, left, kernel)
+        regressor, left = [*found.regressor], [*found.left]
+        rows = tuple({**rows[k], "order": rows[k]["order"] + found.further[k]} for k in found.kept)
+        channels = also_read(channels, found.kernel.reads)
+        features = (
+            *(one for one in features if one["function"] != "kernel"),
+            *_kernel_features(found.kernel),
+        )
+        kernel = found.kernel
     joints = "joints" if module.ROW_KIND == "joint" else "motors"
     return {
         "module": ArmFunctions(module),
@@ -41,7 +56,7 @@ def arm_fields(module: Any) -> dict[str, Any]:
         "units": {**module.UNITS, **{n: module.UNITS[of] for n, of in zip(names, leading, strict=True)}},
         "signals": channels.signals,
         "features": features,
-        "rows": _rows(module, channels),
+        "rows": rows,
         "friction": (),
         "measurement": tuple(left),
         "regressor": tuple(regressor),
@@ -82,15 +97,24 @@ def _lines(
     entries = {f"entry {line}": line for line, terms in enumerate(found) if terms is None}
     left = {f"known {row}": row for row, terms in enumerate(of_known) if terms is None}
     inputs = tuple(key for key in module.SIGNALS if key not in forces)
-    kernel = ArmKernel(module, inputs, forces, entries, left)
+    read = {str(one["key"]): (_channel(one), int(one["derivative"])) for one in channels.signals}
+    reads_of = {key: read[key] for key in inputs if key in read}
+    kernel = ArmKernel(module, inputs, forces, entries, left, reads_of)
     kept = [((1.0, f"entry {line}"),) if terms is None else terms for line, terms in enumerate(found)]
     sides = [
         (*(force or ()), *(((1.0, f"known {row}"),) if terms is None else terms))
         for row, (force, terms) in enumerate(zip(of_forces, of_known, strict=True))
     ]
     used = {key for terms in (*kept, *sides) for _, key in terms}
-    lines = tuple({"key": key, "function": "kernel", "of": (), "times": None} for key in kernel.keys)
-    return kept, sides, kernel, (*(one for one in features if one["key"] in used), *lines)
+    return kept, sides, kernel, (*(one for one in features if one["key"] in used), *_kernel_features(kernel))
+
+
+def _channel(signal: Mapping[str, Any]) -> str:
+    return str(signal["sensor"] or signal["actuator"] or signal["key"])
+
+
+def _kernel_features(kernel: ArmKernel | DeflectedKernel) -> tuple[dict[str, Any], ...]:
+    return tuple({"key": key, "function": "kernel", "of": (), "times": None} for key in kernel.keys)
 
 
 def _candidates(
@@ -130,6 +154,7 @@ _KINDS = {
     " spring": "torque of motor {0}, with its spring",
     " link": "measured torque of joint {0}, with the links",
     " deflection": "measured torque of joint {0}, with its spring",
+    " deflected": "torque of the spring of joint {0}, which gives the position of its link",
 }
 
 

@@ -22,6 +22,7 @@ from modelgen.runtime.model.arm_kernel import ArmKernel
 from modelgen.runtime.model.arm_model import arm_fields
 from modelgen.runtime.model.chain_fields import chain_fields
 from modelgen.runtime.model.contract_check import is_arm, module_problems
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.mechanical_parts import CubicSpring, Friction, Role, RowInfo
 from modelgen.runtime.model.module_file import execute_file, execute_text
 
@@ -127,7 +128,7 @@ class Model:
     cubic_springs: tuple[CubicSpring, ...] = ()
     groupings: Mapping[str, str] = field(default_factory=dict)
     derived: Mapping[str, Terms] = field(default_factory=dict)
-    kernel: ArmKernel | None = None
+    kernel: ArmKernel | DeflectedKernel | None = None
     loads: tuple[str, ...] = ()
 
     @property

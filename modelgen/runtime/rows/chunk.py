@@ -67,7 +67,7 @@ class Chunk:
 
     def direction(self, key: str, start: int, stop: int) -> FloatArray:
         """Return samples of a velocity whose sign is a direction of motion, shape (n,)."""
-        before, behind = self.plan.feature_operator.margins
+        before, behind = self.plan.feature_margins
         low = self.start - max(before, self.halo)
         if key not in self._directions:
             self._directions[key] = self.plan.direction(self, key, low, self.stop + max(behind, self.halo))

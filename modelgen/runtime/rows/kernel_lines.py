@@ -13,8 +13,9 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
-from modelgen.runtime.model.arm_kernel import ArmKernel
-from modelgen.runtime.model.model import Model, Signal
+from modelgen.runtime.model.arm_kernel import ArmKernel, Read
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.filter_sections import Filtering
 
 Filtered = Callable[[str, FusedOperator, int, int], FloatArray]
@@ -26,18 +27,18 @@ class KernelLines:
 
     Attributes
     ----------
-    kernel : ArmKernel
+    kernel : ArmKernel or DeflectedKernel
     operators : dict
-        Channel to the operator that gives its derivatives at the full rate.
+        Channel, or feature, to the operator that gives its derivatives at the full rate.
     inputs : dict
-        Signal key to (channel, column of its operator's output).
+        What the kernel reads to (channel or feature, column of its operator's output).
     low_pass : FusedOperator
         Filters and decimates a line.
     """
 
-    kernel: ArmKernel
+    kernel: ArmKernel | DeflectedKernel
     operators: Mapping[str, FusedOperator]
-    inputs: Mapping[str, tuple[str, int]]
+    inputs: Mapping[Read, tuple[str, int]]
     low_pass: FusedOperator
 
     @property
@@ -56,9 +57,14 @@ class KernelLines:
         low = start - before
         inside = before + (count - 1) * self.low_pass.factor + 1 + behind
         made = {channel: filtered(channel, one, low, inside) for channel, one in self.operators.items()}
-        signals = {key: made[channel][:, column] for key, (channel, column) in self.inputs.items()}
-        lines = self.kernel.lines(signals)
+        read = {key: made[channel][:, column] for key, (channel, column) in self.inputs.items()}
+        lines = self._lines(read)
         return {key: self.low_pass.apply(line, before, count)[:, 0] for key, line in lines.items()}
+
+    def _lines(self, read: Mapping[Read, FloatArray]) -> Mapping[str, FloatArray]:
+        if isinstance(self.kernel, DeflectedKernel):
+            return self.kernel.lines(read)
+        return self.kernel.lines({key: read[place] for key, place in self.kernel.reads_of.items()})
 
 
 def kernel_lines(model: Model, filtering: Filtering, fast: bool | None) -> KernelLines | None:
@@ -66,13 +72,11 @@ def kernel_lines(model: Model, filtering: Filtering, fast: bool | None) -> Kerne
     kernel = model.kernel
     if kernel is None:
         return None
-    signals: dict[str, Signal] = {signal.key: signal for signal in model.signals}
     orders: dict[str, list[int]] = {}
     inputs = {}
-    for key in kernel.inputs:
-        channel = signals[key].channel
-        inputs[key] = (channel, len(orders.setdefault(channel, [])))
-        orders[channel].append(signals[key].derivative)
+    for source, order in dict.fromkeys(kernel.reads):
+        inputs[source, order] = (source, len(orders.setdefault(source, [])))
+        orders[source].append(order)
     operators = {
         channel: fused_operator(filtering.signals, filtering.fs, tuple(of), 1, filtering.stencil, fast=fast)
         for channel, of in orders.items()

@@ -56,6 +56,8 @@ class SignalPlan:
         Feature key to the feature.
     feature_operator : FusedOperator
         Filters and decimates a feature.
+    feature_margins : tuple of int
+        Samples of features that are looked at before and behind those kept.
     directions : dict
         Velocity key to (channel, its operator at the full rate); None where the record brings the direction.
     forces : dict
@@ -83,6 +85,7 @@ class SignalPlan:
     signals: dict[str, tuple[str, int]]
     features: dict[str, Feature]
     feature_operator: FusedOperator
+    feature_margins: tuple[int, int]
     directions: dict[str, tuple[str, FusedOperator | None]]
     forces: dict[str, dict[int, int]]
     levers: dict[str, float]
@@ -99,22 +102,16 @@ class SignalPlan:
 
     def feature(self, stretch: Stretch, feature: Feature, start: int, count: int) -> FloatArray:
         """Return a feature, formed at full rate, filtered, at samples kept from `start`, shape (count,)."""
-        before, behind = self.feature_operator.margins
-        stop = start + (count - 1) * self.filtering.factor + 1
-        low, high = start - before, stop + behind
-        signs = isinstance(feature.of, str) and feature.function == "sign" and feature.times is None
-        if signs:
-            samples = stretch.direction(str(feature.of), low, high)
-        else:
-            samples = self._feature(feature, stretch, low, high)
-        return self.feature_operator.apply(samples, before, count, signs)[:, 0]
+        return self._filtered_feature(stretch, feature, self.feature_operator, start, count)[:, 0]
 
     def kernel_features(self, stretch: Stretch, start: int, count: int) -> dict[str, FloatArray]:
         """Return the features of the kernel at samples kept from `start` on, shape (count,) each."""
         assert self.kernel is not None  # a feature of it was asked for
 
-        def filtered(channel: str, operator: FusedOperator, first: int, samples: int) -> FloatArray:
-            return self._filtered(stretch, channel, operator, first, samples)
+        def filtered(source: str, operator: FusedOperator, first: int, samples: int) -> FloatArray:
+            if source in self.features:
+                return self._filtered_feature(stretch, self.features[source], operator, first, samples)
+            return self._filtered(stretch, source, operator, first, samples)
 
         return self.kernel.at(filtered, start, count)
 
@@ -137,6 +134,19 @@ class SignalPlan:
         for column, derivative in enumerate(operator.derivatives):
             self._without_rounding(found[:, column], reading, derivative)
         return found
+
+    def _filtered_feature(
+        self, stretch: Stretch, feature: Feature, operator: FusedOperator, start: int, count: int
+    ) -> FloatArray:
+        """Return what an operator makes of a feature, formed at the full rate, shape (count, derivatives)."""
+        before, behind = operator.margins
+        low, high = start - before, start + (count - 1) * operator.factor + 1 + behind
+        signs = isinstance(feature.of, str) and feature.function == "sign" and feature.times is None
+        if signs:
+            samples = stretch.direction(str(feature.of), low, high)
+        else:
+            samples = self._feature(feature, stretch, low, high)
+        return operator.apply(samples, before, count, signs)
 
     def _checked(self, stretch: Stretch, channel: str, start: int, stop: int) -> FloatArray:
         """Return samples of a channel as they are."""
@@ -207,7 +217,8 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         own += [times for times in counts if times not in own]
         forces[str(force)] = {times: own.index(times) for times in counts}
     operators = {c: operator(filtering.linear, tuple(orders[c]), filtering.factor) for c in orders}
-    features = {feature.key: feature for feature in model.features if feature.key in used}
+    formed = {source for source, _ in kernel.inputs} if kernel else set()
+    features = {feature.key: feature for feature in model.features if feature.key in used | formed}
     feature_operator = operator(filtering.linear, (0,), filtering.factor)
     directions: dict[str, tuple[str, FusedOperator | None]] = {}
     direction_keys = frozenset(model.direction_keys)
@@ -218,7 +229,10 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
             directions[signal.key] = (signal.channel, smooth)
     deepest = DIFFERENCE_MARGIN * len(filtering.stencil) * max(s.derivative for s in model.signals)
     of_directions = [one.margins for _, one in directions.values() if one is not None]
-    full_rate = np.max([(deepest, deepest), *of_directions], axis=0) + feature_operator.margins
+    of_features = [feature_operator.margins]
+    of_features += [kernel.margins] if kernel and formed.intersection(features) else []
+    reach = np.max(of_features, axis=0)
+    full_rate = np.max([(deepest, deepest), *of_directions], axis=0) + reach
     inner = [one.margins for one in operators.values()] + ([kernel.margins] if kernel else [])
     margins = np.max([full_rate, *inner], axis=0)
     # a constant times one pass forward and one backward
@@ -230,6 +244,7 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         signals,
         features,
         feature_operator,
+        (int(reach[0]), int(reach[1])),
         directions,
         forces,
         {actuator.key: actuator.lever for actuator in model.actuators},
@@ -248,7 +263,7 @@ def _full_rate_channels(
     """Return the channels that directions and features are formed from."""
     channel = {signal.key: signal.channel for signal in model.signals}
     found = [name for name, _ in directions.values()]
-    found += [channel[key] for key in (model.kernel.inputs if model.kernel else ())]
+    found += [source for source, _ in (model.kernel.reads if model.kernel else ())]
     for feature in model.features:
         keys = [feature.of] if isinstance(feature.of, str) else [key for _, key in feature.of]
         found += [channel[key] for key in (*keys, *([feature.times] if feature.times else []))]

@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 from modelgen.errors import ModelError, listed
 from modelgen.spec.arms.arm import ArmSensor, ArmSpec
 from modelgen.symbolic.arms.balances import RowKind, balances
+from modelgen.symbolic.arms.deflected_rows import Estimated, sensed_rows
 from modelgen.symbolic.arms.expressions.graph import Graph, Ref
 from modelgen.symbolic.arms.kinematics import BASE_ROWS
-from modelgen.symbolic.arms.readable_rows import Channel, Channels, ReadRows, as_they_are, readable_rows
+from modelgen.symbolic.arms.readable_rows import Channel, Channels, ReadRows, as_they_are
 from modelgen.symbolic.arms.row_parts import row_parts
-from modelgen.symbolic.arms.sensing import Sensing
+from modelgen.symbolic.arms.sensing import measured_torques
 
 #: The regressor grows with the product of both: a minute for the derivation of the largest.
 LARGEST_ARM, MOST_JOINTS = 50, 300
@@ -55,6 +56,8 @@ class ArmRows:
         Why the sensors do not give what parameters in none of these rows need, by parameter.
     lacking
         What the sensors would have to give for them, in words.
+    estimated
+        Channels that no sensor has, each with the row that it is made of; their sensors are the last ones.
     """
 
     spec: ArmSpec
@@ -73,6 +76,7 @@ class ArmRows:
     channels: Mapping[Channel, Channels] = field(default_factory=dict)
     lost: Mapping[str, str] = field(default_factory=dict)
     lacking: str = ""
+    estimated: tuple[Estimated, ...] = ()
 
     @property
     def has_base(self) -> bool:
@@ -133,12 +137,13 @@ def arm_rows(
         raise ModelError.at(spec.source, f"has no sensor set {sensor_set!r}", remedy)
     graph = Graph()
     sensors = spec.sensor_sets[sensor_set] if sensor_set else ()
-    sensing = Sensing(spec, sensors)
     parts = row_parts(graph, spec, base_rows)
-    rows = list(balances(graph, spec, kind, parts, sensing.torques))
+    rows = list(balances(graph, spec, kind, parts, measured_torques(sensors)))
     found: ReadRows = as_they_are(rows)
+    estimated: tuple[Estimated, ...] = ()
     if sensor_set:
-        found = readable_rows(graph, spec, parts, rows, sensing, f"{spec.source}: sensors.{sensor_set}")
+        where = f"{spec.source}: sensors.{sensor_set}"
+        found, sensors, estimated = sensed_rows(graph, spec, parts, rows, sensors, where)
     return ArmRows(
         spec,
         graph,
@@ -156,6 +161,7 @@ def arm_rows(
         found.channels,
         found.lost,
         found.lacking,
+        estimated,
     )
 
 

@@ -136,7 +136,7 @@ def _differentiated(graph: Graph, row: Balance) -> Balance:
 
 def _none(spec: ArmSpec, missing: Mapping[str, Sequence[Channel]], where: str) -> ModelError:
     shortest = min(missing.values(), key=len)
-    what = f"give no row that is linear: the nearest one needs {_what(spec, shortest)}"
+    what = f"give no row: the nearest one needs {_what(spec, shortest)}"
     return ModelError.at(where, what, f"add a sensor, for example {_sensor(spec, shortest[0])}")
 
 

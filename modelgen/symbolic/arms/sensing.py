@@ -31,8 +31,7 @@ class Sensing:
     def __init__(self, spec: ArmSpec, sensors: tuple[ArmSensor, ...]) -> None:
         self.readings = [reading for reading in (_reading(spec, s) for s in sensors) if reading is not None]
         self.readings += _gyro_readings(spec, sensors)
-        torques = [sensor for sensor in sensors if sensor.measures == "torque"]
-        self.torques = {sensor.joint: sensor.key for sensor in reversed(torques)}
+        self.torques = measured_torques(sensors)
         self._solved: dict[int, dict[str, list[tuple[Fraction, int]]]] = {}
 
     def channels(self, coordinate: str, order: int) -> tuple[tuple[str, int, Fraction], ...] | None:
@@ -74,6 +73,12 @@ class Sensing:
             for name, (left, made) in pivots.items()
             if len(left) == 1
         }
+
+
+def measured_torques(sensors: tuple[ArmSensor, ...]) -> dict[str, str]:
+    """Return the key of the first sensor of each joint's torque, by the joint."""
+    torques = [sensor for sensor in sensors if sensor.measures == "torque"]
+    return {sensor.joint: sensor.key for sensor in reversed(torques)}
 
 
 def _subtract(

@@ -87,16 +87,12 @@ def test_show_says_what_sensor_sets_give_and_what_they_lack() -> None:
     described = json.loads(run("show", "elastic_two_link", "--sensors", "all", "--json").output)
     by_name = {entry["name"]: entry for entry in described["sensor_sets"]}
     assert not by_name["motor and link encoders"]["lost"]
-    assert by_name["motor encoders, link speeds"]["base_parameters"] == [
-        "Ia_1", "Fv_1", "K_1", "D_1", "Ia_2", "Fv_2", "K_2", "D_2"
-    ]  # fmt: skip
-    assert [row["differentiated"] for row in by_name["motor encoders, link speeds"]["rows"]] == [1, 1]
-    assert by_name["motor encoders, joint torques"]["reason"] == "needs the positions of links 1, 2"
-    assert "needs the position of link 1" in by_name["motor encoders"]["reason"]
+    assert [row["differentiated"] for row in by_name["motor encoders, link speeds"]["rows"]] == [1, 1, 0, 0]
+    assert [row["name"] for row in by_name["motor encoders"]["rows"]] == ["1", "2"]
+    assert by_name["motor encoders"]["estimated"] == ["q_1", "q_2"] and not by_name["motor encoders"]["lost"]
+    assert "needs the speed of motor 1" in by_name["link encoders"]["reason"]
     one = run("show", "elastic_two_link", "--sensors", "rates").output
-    assert "Base parameters: 8 (0 of links, 8 of drives)" in one
-    assert "needs the positions of links 1, 2: Izz_1, mx_1" in one
-    assert "constant between reversals" in one
+    assert "Base parameters: 18 (6 of links, 12 of drives)" in one
     rigid = json.loads(run("show", "two_link", "--sensors", "all", "--json").output)["sensor_sets"]
     assert not any(entry["lost"] for entry in rigid)
 

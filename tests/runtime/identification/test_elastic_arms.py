@@ -10,11 +10,22 @@ import pytest
 
 from modelgen import CheckOptions, Filters, identify
 from modelgen.render.arms.arm_writer import arm_module
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import observe
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
-from tests.symbolic.arms.elastic_arms import exact_record, readings, two_link, values_of, with_sensors
+from tests.symbolic.arms.elastic_arms import (
+    exact_record,
+    geared,
+    readings,
+    spatial,
+    two_link,
+    values_of,
+    with_sensors,
+)
 from tests.symbolic.arms.test_elastic_rows import SETS, both
 
 QUICK = CheckOptions(tests=False)
@@ -22,9 +33,15 @@ FS = 1000.0
 NOISE = {"rad": 5e-6, "rad/s": 5e-5, "N m": 0.1}
 CASES = {
     **SETS,
+    # no sensor sees where links are: their springs say it
+    "motors alone": (with_sensors(two_link(), *both()), "s", 16),
+    "motors alone, gears": (geared(with_sensors(two_link(), *both())), "s", 19),
+    "motors alone, spatial": (with_sensors(spatial(), *both(names="123")), "s", 30),
+    "torques at motors": (geared(with_sensors(two_link(), *both(), *both("between", "torque"))), "s", 19),
     # rows that are differentiated do not hold where a motor reverses
-    "speeds of links": (with_sensors(two_link(), *both(), *both("link", "velocity")), "s", 6),
+    "speeds of links": (with_sensors(two_link(), *both(), *both("link", "velocity")), "s", 16),
 }
+SLOW = ("six joints", "motors alone, spatial", "motors alone, gears", "torques at motors", "speeds of links")
 # a wide filter, for its reach around every reversal
 FILTERS = {"speeds of links": Filters(cutoff_hz=60.0)}
 
@@ -51,9 +68,7 @@ def noisy(model: Model, record: Record, seed: int) -> Record:
     )
 
 
-@pytest.mark.parametrize(
-    "case", [pytest.param(c, marks=pytest.mark.slow) if c == "six joints" else c for c in CASES]
-)
+@pytest.mark.parametrize("case", [pytest.param(c, marks=pytest.mark.slow) if c in SLOW else c for c in CASES])
 def test_linear_sensor_sets_without_noise_give_the_truth(case: str) -> None:
     model, record, truth = made(case)
     found = identify(model, record, "wls", FILTERS.get(case), QUICK).params
@@ -100,3 +115,46 @@ def test_a_spring_that_is_known_leaves_the_rest() -> None:
     found = identify(held_model, record, "wls", checks=QUICK).params
     assert "K1" not in found
     assert all(found[name] == pytest.approx(truth[name], rel=1e-3) for name in found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["motors alone", "torques at motors"])
+def test_what_springs_place_is_honest_about_noise(case: str) -> None:
+    """Encoders' noise is differentiated four times: the intervals know of its bias, or there is no number."""
+    model, record, truth = made(case)
+    estimates = [identify(model, noisy(model, record, seed)) for seed in range(2)]
+    errors = [(e.params[n] - truth[n]) / e.bse[n] for e in estimates for n in e.params]
+    assert np.mean(np.abs(errors) < 1.96) > 0.88
+    assert np.sqrt(np.mean(np.square(errors))) < 1.3
+
+
+@pytest.mark.slow
+def test_slow_motion_gives_no_stiffness_from_motors_alone() -> None:
+    model, record, truth = made("motors alone, gears")
+    found = identify(model, noisy(model, record, 1))
+    named = [name for name in truth if name not in found.params]
+    assert {"K1", "K2"} & {*named}
+    assert all(abs(value - truth[name]) < 3.0 * found.bse[name] for name, value in found.params.items())
+
+
+def test_steps_are_linear_about_the_point_to_second_order() -> None:
+    """Rows about two points agree with their derivatives: slopes are those of what the rows hold."""
+    model, record, truth = made("motors alone")
+    kernel = model.kernel
+    assert isinstance(kernel, DeflectedKernel)
+    point = np.array([*truth.values()])
+    part = record.part(3000, 6000, "part")
+    choice = choose_filter(model, [record])
+    rng = np.random.default_rng(0)
+    step = 1e-4 * point * rng.choice([-1.0, 1.0], len(point))
+
+    def held(at: np.ndarray) -> np.ndarray:
+        """What the rows hold at a point that they are linear about: the left side less what is left."""
+        about = replace(model, kernel=kernel.at(at))
+        blocks = observe(about, [part], choice).blocks
+        return np.concatenate([b.dense(len(at)).W @ at - b.Y for b in blocks])
+
+    about = replace(model, kernel=kernel.at(point))
+    slopes = np.concatenate([b.dense(len(point)).W for b in observe(about, [part], choice).blocks])
+    wanted = (held(point + step) - held(point - step)) / 2.0
+    np.testing.assert_allclose(slopes @ step, wanted, atol=1e-5 * np.abs(wanted).max())

@@ -94,7 +94,6 @@ SETS = {
         geared(with_sensors(two_link(), *both(), *both("motor", "velocity"), *both("link"))), "s", 19),
     "torques": (
         geared(with_sensors(two_link(), *both(), *both("between", "torque"), *both("link"))), "s", 19),
-    "torques without links": (geared(with_sensors(two_link(), *both(), *both("between", "torque"))), "s", 11),
 }  # fmt: skip
 
 
@@ -128,8 +127,12 @@ def gyros(spec: ArmSpec, mounting: tuple[object, ...] = ()) -> ArmSpec:
 
 def test_gyros_on_links_give_the_springs() -> None:
     rows = arm_rows(gyros(two_link()), sensor_set="s")
-    assert rows.names == ("1 spring", "2 spring") and rows.differentiated == (1, 1)
-    assert arm_base_model(rows).identifiable == ("Ia1", "fv1", "K1", "Ia2", "fv2", "K2")
+    # their torques, less those of the motors, place the links for the rows of the whole arm
+    assert rows.names == ("1 spring", "2 spring", "1", "2", "1 deflected", "2 deflected")
+    assert rows.differentiated == (1, 1, 0, 0, 0, 0)
+    assert rows.reversals[:2] == (("1",), ("2",))
+    assert [tuple(one) for one in rows.estimated] == [("q_1", "1 deflected"), ("q_2", "2 deflected")]
+    assert {"Ia1", "fv1", "fs1", "off1", "K1"} <= {*arm_base_model(rows).identifiable}
     reading = {
         symbol: found for symbol, found in rows.channels.items() if symbol.name == "2" and symbol.order == 1
     }
@@ -138,15 +141,20 @@ def test_gyros_on_links_give_the_springs() -> None:
         ("g_2_z", 1),
         ("g_1_z", -1),
     }
-    assert "needs the positions of links 1, 2" in rows.lacking
-    assert rows.lost["fs1"].startswith("constant between reversals")
+    assert not rows.lacking and not rows.lost
 
 
 def test_what_a_set_cannot_give_is_said_with_the_sensor_that_would() -> None:
-    for sides, needs in ((both(), "the position of link 1"), (both("link"), "the speed of motor 1")):
+    speeds = both("motor", "velocity")
+    for sides, needs in ((speeds, "the position of link 1"), (both("link"), "the speed of motor 1")):
         with pytest.raises(ModelError) as error:
             arm_rows(with_sensors(two_link(), *sides), sensor_set="s")
         assert needs in str(error.value) and 'joint = "1", side = "' in str(error.value)
+    # speeds on both sides: rows of springs, differentiated, and nothing of where the arm is
+    rows = arm_rows(with_sensors(two_link(), *speeds, *both("link", "velocity")), sensor_set="s")
+    assert rows.names == ("1 spring", "2 spring") and not rows.estimated
+    assert "needs the positions of links 1, 2" in rows.lacking
+    assert rows.lost["fs1"].startswith("constant between reversals")
     with pytest.raises(ModelError, match="has no sensor set 'x'"):
         arm_rows(two_link(), sensor_set="x")
 

@@ -1,0 +1,156 @@
+"""Where rows hold positions that other rows give: the point about which they are linear, by Gauss and Newton.
+
+Every step is a weighted least-squares fit of rows that are made about the last one's estimate; links and
+drives are solved for anew each time, so that only the springs need a start. Where the file of the arm brings
+values those are tried, and deflections of so many parts of the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import IdentifiabilityError
+from modelgen.progress import step
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import run_wls
+from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.thresholds import (
+    DEFLECTIONS,
+    MOST_STEPS,
+    POINT_TOLERANCE,
+    ROUNDING,
+    SETTLING_STEPS,
+)
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+
+
+def about_the_estimate(task: Task) -> Task:
+    """Return the task with rows that are linear about their estimate; the same where rows are linear.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If no start leads to an estimate: the steps do not come to rest.
+    """
+    kernel = task.model.kernel
+    if not isinstance(kernel, DeflectedKernel):
+        return task
+    step("finding how far springs deflect")
+    job = replace(task.job, late=(), rows_for_tag=None)
+    settled: list[tuple[float, int, FloatArray]] = []
+    for start in _starts(task.model, kernel, task.records):
+        point, left = _stepped(job, kernel, start, SETTLING_STEPS)
+        if point is not None:
+            settled.append((left, len(settled), point))
+    for _, _, point in sorted(settled, key=lambda one: one[:2]):
+        found = _rested(job, kernel, point)
+        if found is not None:
+            model = replace(task.model, kernel=kernel.at(found))
+            return replace(task, model=model, job=replace(task.job, model=model))
+    names = ", ".join(record.name for record in task.records)
+    raise IdentifiabilityError.at(
+        names,
+        "does not tell how far the springs deflect: no stiffness that was tried led to an estimate",
+        "move faster, towards the modes of the arm, give near values as a parameter set, or add encoders on "
+        "links",
+    )
+
+
+def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> FloatArray | None:
+    """Return the point at which steps come to rest; None where they do not, or where a spring pushes."""
+    for _ in range(MOST_STEPS):
+        try:
+            fit = _fit(job, kernel, point)
+        except IdentifiabilityError:
+            return None
+        moved = _moved(job.model, fit, point)
+        left = abs(float(fit.triangle[-1, -1]))
+        rounding = ROUNDING * _size(fit, moved, job.model)
+        still = _size(fit, moved - point, job.model) <= max(POINT_TOLERANCE * left, rounding)
+        point = moved
+        if not _holds(kernel, point):
+            return None
+        if still:
+            return point
+    return None
+
+
+def _stepped(
+    job: Job, kernel: DeflectedKernel, point: FloatArray, steps: int
+) -> tuple[FloatArray | None, float]:
+    """Return the point after so many steps, None where one fails, and what the last one left."""
+    left = np.inf
+    for _ in range(steps):
+        try:
+            fit = _fit(job, kernel, point)
+        except IdentifiabilityError:
+            return None, np.inf
+        point = _moved(job.model, fit, point)
+        if not _holds(kernel, point):
+            return None, np.inf
+        counts = np.array([block.count for block in fit.blocks])
+        norms = np.array(fit.residual_norms)
+        left = float(np.sum(counts * np.log(np.maximum(norms, 1e-300))) / np.sum(counts))
+    return point, left
+
+
+def _fit(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit:
+    return run_wls(replace(job, model=replace(job.model, kernel=kernel.at(point))))[1]
+
+
+def _moved(model: Model, fit: Fit, point: FloatArray) -> FloatArray:
+    """Return the estimate; what the rows do not show stays where it was."""
+    found = point.copy()
+    for name, value, lost in zip(fit.columns, fit.solution.x, fit.solution.undetermined, strict=True):
+        column = model.base_parameters.index(name)
+        if not lost:
+            found[column] = value
+    return found
+
+
+def _size(fit: Fit, change: FloatArray, model: Model) -> float:
+    """Return the norm of what a change of the estimate changes in the weighted rows."""
+    columns = [model.base_parameters.index(name) for name in fit.columns]
+    width = len(fit.columns)
+    return float(np.linalg.norm(fit.triangle[:width, :width] @ change[columns]))
+
+
+def _holds(kernel: DeflectedKernel, point: FloatArray) -> bool:
+    """Return whether every spring pulls the way a spring does."""
+    return bool(np.all(np.isfinite(point))) and all(
+        point[column] > 0.0 for row in kernel.giving for column in row.springs
+    )
+
+
+def _starts(model: Model, kernel: DeflectedKernel, records: Sequence[Record]) -> Iterator[FloatArray]:
+    """Yield base parameters to start from: those of parameter sets, and springs alone."""
+    for values in model.parameter_sets.values():
+        if all(name in values for name in model.parameters):
+            point = model.base_from_physical({name: values[name] for name in model.parameters})
+            if _holds(kernel, point):
+                yield point
+    for share in DEFLECTIONS:
+        point = np.zeros(len(model.base_parameters))
+        for row in kernel.giving:
+            force = max(_span(kernel, row.left, one) for one in records)
+            for column in row.springs:
+                motion = max(_span(kernel, row.columns[column], one) for one in records)
+                point[column] = force / (share * motion) if force and motion else 1.0
+        yield point
+
+
+def _span(kernel: DeflectedKernel, terms: Sequence[tuple[float, str]], record: Record) -> float:
+    """Return over how much a sum of channels goes at most, without what is differentiated."""
+    total = 0.0
+    for weight, key in terms:
+        source, order = kernel.reads_of.get(key, ("", 1))
+        if not order and source in record.signals:
+            total += abs(weight) * record.facts.extent(source).span
+    return total
