@@ -81,6 +81,10 @@ ScanCutoffs = Annotated[
     typer.Option(metavar="auto|HZ,HZ,...", help="Estimate behind other filters, too, and compare."),
 ]
 Robust = Annotated[Literal["huber"] | None, typer.Option(help="Samples with large residuals weigh less.")]
+Rows = Annotated[
+    Literal["force", "power"],
+    typer.Option(help="Balances of force, or one of power: no accelerations, for wls."),
+]
 MemoryLimit = Annotated[
     float | None, typer.Option(help="MB that filtered rows may take; more are made again. No limit.")
 ]
@@ -106,6 +110,7 @@ class EstimationOptions:
     keep: Keep = None
     robust: Robust = None
     bounds: Bounds = None
+    rows: Rows = "force"
     memory_limit_mb: MemoryLimit = None
 
     def settings(self, method: str, data: DataOptions, **more: Any) -> dict[str, Any]:

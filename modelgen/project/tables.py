@@ -68,6 +68,7 @@ class IdentifyTable:
     keep: tuple[str, ...] = ()
     robust: Literal["huber"] | None = None
     bounds: Literal["physical"] | None = None
+    rows: Literal["force", "power"] = "force"
     memory_limit_mb: float | None = None
     pairing: Literal["all", "pham2002"] = "all"
     prune_percent: float = 10.0

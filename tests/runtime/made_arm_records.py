@@ -29,8 +29,9 @@ def written(text: str) -> ArmSpec:
     return parse_arm(text, "arm.toml")
 
 
-def model_of(spec: ArmSpec, kind: RowKind = "joint", base_rows: bool = False) -> Model:
-    return model_from_text(arm_module(arm_base_model(arm_rows(spec, kind, base_rows))), spec.name)
+def model_of(spec: ArmSpec, kind: RowKind = "joint", base_rows: bool = False, sensor_set: str = "") -> Model:
+    rows = arm_rows(spec, kind, base_rows, sensor_set)
+    return model_from_text(arm_module(arm_base_model(rows)), spec.name)
 
 
 def values_of(model: Model, seed: int = 0) -> dict[str, float]:

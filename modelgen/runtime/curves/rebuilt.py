@@ -11,6 +11,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.curves.thresholds import MOST_LAGS, Z_99
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.model.power.power_model import power_model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.observation import Observation, observe
@@ -55,6 +56,8 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     is no part of an estimate: the rows are rebuilt without it.
     """
     records = [record for record in records if record.name in estimate.records]
+    if not {entry.row for entry in estimate.fit.rows} & {row.name for row in model.rows}:
+        model = power_model(model)
     x = _solution(model, estimate)
     weights = {(entry.record, entry.row): entry.weight for entry in estimate.fit.rows}
     fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.parameters.nuisance))

@@ -7,13 +7,14 @@ E[dW^T dY] to W^T Y. What least squares would have found without them is (W^T W 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.kernel_noise import added_noise
+from modelgen.runtime.diagnostics.kernel_slopes import RowSlopes, row_slopes, shared_noise
 from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
 from modelgen.runtime.diagnostics.row_noise import noise_band
 from modelgen.runtime.diagnostics.thresholds import (
@@ -42,18 +43,27 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
     added, crossed = np.zeros((c, c)), np.zeros(c)
     if isinstance(model.kernel, DeflectedKernel):
         return _without_noise(fit, *_through_kernel(model, records, choice, fit))
+    of_record: dict[int, tuple[RowSlopes, ...]] = {}
+    if model.kernel is not None:
+        of_record = {
+            index: row_slopes(model, records[index], choice, choice.decimation[index])
+            for index in fit.by_record
+        }
     for block, weight in zip(fit.blocks, fit.weights, strict=True):
         record = records[block.record]
-        frequency_hz, power = noise_band(record, choice)
         touched = np.arange(c) if block.touched is None else block.touched
-        for channel, ways in _ways(model, fit, block.row, touched).items():
+        band = noise_band(record, choice)
+        if of_record:
+            columns = [*(model.base_parameters.index(fit.columns[place]) for place in touched), -1]
+            products = _of_slopes(of_record[block.record][block.row], columns, *band)
+        else:
+            products = _of_signals(_ways(model, fit, block.row, touched), *band)
+        for channel, shared in products:
             if channel in free:
                 continue
-            noise = weight**2 * block.count * record.facts.spectrum(channel).noise * power
-            responses = np.array([response(terms, frequency_hz) for terms in ways])
-            shared = np.real(np.conj(responses) * noise @ responses.T)
-            added[np.ix_(touched, touched)] += shared[:-1, :-1]
-            crossed[touched] += shared[:-1, -1]
+            noise = weight**2 * block.count * record.facts.spectrum(channel).noise
+            added[np.ix_(touched, touched)] += noise * shared[:-1, :-1]
+            crossed[touched] += noise * shared[:-1, -1]
     return _without_noise(fit, added, crossed)
 
 
@@ -73,6 +83,24 @@ def _through_kernel(
             added += weight**2 * block.count * of_columns[np.ix_(places, places)]
             crossed += weight**2 * block.count * of_left[places]
     return added, crossed
+
+
+def _of_signals(
+    ways: Mapping[str, list[list[tuple[float, int]]]], frequency_hz: FloatArray, power: FloatArray
+) -> Iterator[tuple[str, FloatArray]]:
+    """Yield for every channel the mean products of what its noise, of power 1, adds to columns and Y."""
+    for channel, terms in ways.items():
+        responses = np.array([response(way, frequency_hz) for way in terms])
+        yield channel, np.real(np.conj(responses) * power @ responses.T)
+
+
+def _of_slopes(
+    slopes: RowSlopes, columns: Sequence[int], frequency_hz: FloatArray, power: FloatArray
+) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the same where the columns are nonlinear in the channels."""
+    for channel, by_order in slopes.items():
+        moved = {times: one[columns] for times, one in by_order.items()}
+        yield channel, shared_noise(moved, frequency_hz, power)
 
 
 def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> FloatArray:

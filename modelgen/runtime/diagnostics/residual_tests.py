@@ -99,7 +99,9 @@ def residual_tests(
         step_s = choice.decimation[block.record] / record.fs
         colour = None
         run = fit.fitted(index, block.longest_run(MOST_SAMPLES))
-        if fit.residual_norms[index] > SMALLEST_ERROR * block.terms_norm(fit.solution.x):
+        # noise in rows of power is that of forces times speeds: it has no colour of its own
+        left = fit.residual_norms[index] > SMALLEST_ERROR * block.terms_norm(fit.solution.x)
+        if left and not model.by_power:
             colour = coloured(model, block, run.residual, x, choice, record.fs)
         white, bound = whiteness(colour, len(fit.blocks)) if colour else (None, None)
         correlation = _correlation(fit, index, run, step_s) if colour else None

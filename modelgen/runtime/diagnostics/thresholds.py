@@ -137,3 +137,8 @@ COHERENCE, BANDS = 0.9, 3
 FLAT = 3.0
 # Every two of so many sensors are compared.
 FEW_SENSORS = 10
+
+# Slopes of nonlinear columns are taken at so many samples of so many stretches of a record; the step is a
+# share of the signal's rms: small against its motion, large against rounding.
+SLOPE_STRETCHES, SLOPE_SAMPLES = 16, 24
+SLOPE_STEP = 1e-4

@@ -46,6 +46,7 @@ from modelgen.runtime.filter_choice.thresholds import (
     FEWEST_SAMPLES,
     HIGHEST_CUTOFF,
     LOWEST_SAMPLING_RATIO,
+    POWER_BANDS,
     SIGNAL_BAND,
     SIGNAL_CUTOFF,
 )
@@ -192,7 +193,8 @@ def _signal_cutoff(
     if model.kernel is None:
         return None, []
     highest = HIGHEST_CUTOFF * min(record.fs for record in records)
-    wide = float(given or min(max(SIGNAL_BAND * (dynamics_hz or 0.0), SIGNAL_CUTOFF * cutoff_hz), highest))
+    band, ratio = (SIGNAL_BAND, SIGNAL_CUTOFF) if model.is_arm else POWER_BANDS
+    wide = float(given or min(max(band * (dynamics_hz or 0.0), ratio * cutoff_hz), highest))
     why = "as given" if given else "far beyond the motion, which the rows are nonlinear in"
     return wide, [f"Positions are low-passed at {wide:.4g} Hz before that ({why})."]
 

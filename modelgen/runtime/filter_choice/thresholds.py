@@ -23,6 +23,8 @@ ARM_BAND = 5.0
 # would err by 0.004 % there, and by 24 % at 3.6 times), and of so many times the rows' own cut-off.
 SIGNAL_BAND = 12.0
 SIGNAL_CUTOFF = 4.0
+# Products of two signals of a chain, as rows of power have them, err less; noise times noise asks for less.
+POWER_BANDS = (5.0, 2.0)
 HIGHEST_CUTOFF = 0.4  # of the sampling frequency
 # The cut-off, as a share of the new Nyquist frequency.
 DECIMATION_MARGIN = 0.8

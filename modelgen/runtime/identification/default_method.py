@@ -48,6 +48,9 @@ def default_method(task: Task, method: Auto) -> Begun:
     IdentifiabilityError
         When the records answer none of the parameters.
     """
+    if method.rows == "power":
+        begun = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
+        return _with_note(begun, "method wls: rows of power have no instruments; delays are not estimated")
     if task.model.is_arm:
         job = replace(task.job, late=())
         begun = run_method(replace(task, job=job), method.least_squares)

@@ -109,6 +109,9 @@ class Method(ABC):
     bounds : "physical", optional
         Keep inertia, stiffness, damping and friction from being negative, and tell what that costs; `WLS` and
         `IV`.
+    rows : str
+        "force", or "power": one row of power in place of those of forces, without accelerations, for `WLS`
+        (`modelgen.runtime.model.power`).
     residual_dof : str
         Degrees of freedom of the residual in eq. (11): "r-c" as printed, or "r-1", with which the published
         standard deviations of the EMPS bench come out.
@@ -130,6 +133,7 @@ class Method(ABC):
     robust: str | None = None
     bounds: str | None = None
     residual_dof: str = "r-c"
+    rows: str = "force"
 
     name: ClassVar[str] = ""
     title: ClassVar[str] = ""

@@ -14,6 +14,7 @@ from modelgen.runtime.identification.robust_and_bounded import treatment_problem
 from modelgen.runtime.rows.rows_by_tag import PAPER
 
 RESIDUAL_DOFS = ("r-c", "r-1")
+ROWS = ("force", "power")
 
 
 @dataclass(frozen=True)
@@ -159,6 +160,8 @@ def option_problems(method: Method, filters: Filters, checks: CheckOptions) -> l
     if method.residual_dof not in RESIDUAL_DOFS:
         remedy = f"choose one of {', '.join(RESIDUAL_DOFS)}"
         problems.append(Problem("residual_dof", f"is {method.residual_dof!r}", remedy))
+    if method.rows not in ROWS:
+        problems.append(Problem("rows", f"are {method.rows!r}", f"choose one of {', '.join(ROWS)}"))
     drop, pairing = filters.drop, method.rows_for_tag
     if drop is not None and (isinstance(drop, bool) or not isinstance(drop, Integral) or drop < 0):
         problems.append(Problem("drop", f"is {drop!r}", "give a number of samples, 0 or more"))

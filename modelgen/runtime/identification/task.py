@@ -21,6 +21,7 @@ from modelgen.runtime.identification.options import CheckOptions, Filters, optio
 from modelgen.runtime.identification.thresholds import MEGABYTE
 from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.model.power.power_model import power_model
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
 from modelgen.runtime.records.record import Record, missing_name
@@ -79,6 +80,8 @@ def prepared(
         When an option is out of range, a channel is missing, or a record is too short.
     """
     model = model if isinstance(model, Model) else model_from_module(model)
+    if method.rows == "power":
+        model = power_model(model)
     every = with_derived(model, as_records(records))
     problems = [*option_problems(method, filters, checks), *_method_problems(model, method)]
     _check(model, every, problems, filters.directions)
@@ -122,7 +125,9 @@ def prepared(
 
 
 def _method_problems(model: Model, method: Method) -> list[Problem]:
-    """Return what is wrong with a method for an arm: others than least squares need a chain."""
+    """Return what is wrong with a method for an arm, or rows of power: others than least squares."""
+    if method.rows == "power" and not isinstance(method, (Auto, WLS)):
+        return [Problem("rows", f"are power, and the method is {method.name}", "use wls, or leave one out")]
     if not model.is_arm or isinstance(method, (Auto, WLS, Pham2002)):
         return []
     return [Problem("method", f"is {method.name}, which takes chains", "use wls, or leave it out")]

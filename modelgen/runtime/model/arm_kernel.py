@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -26,6 +26,33 @@ LARGEST_DENOMINATOR = 1_000_000
 Sum = tuple[tuple[float, str], ...]
 #: A channel or a feature, and how often it is differentiated.
 Read = tuple[str, int]
+
+
+class Kernel(Protocol):
+    """What forms lines that are nonlinear in several signals; see `ArmKernel` for the attributes."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Signals that it reads."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of the features."""
+
+    @property
+    def orders(self) -> Mapping[str, int]:
+        """How often the filter differentiates a line; not at all those that are not named."""
+
+    @property
+    def reads_of(self) -> Mapping[str, Read]:
+        """What each of the inputs is made of: a channel, and how often it is differentiated."""
+
+    @property
+    def reads(self) -> tuple[Read, ...]:
+        """What the lines are formed from."""
+
+    def lines(self, signals: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """Return every feature, shape (N,) each, from the inputs, shape (N,) each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +91,11 @@ class ArmKernel:
     def keys(self) -> tuple[str, ...]:
         """Keys of the features, in the order of the lines."""
         return (*self.entries, *self.left)
+
+    @property
+    def orders(self) -> Mapping[str, int]:
+        """How often the filter differentiates a line; not at all those that are not named."""
+        return {}
 
     def lines(self, signals: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
         """Return every feature, shape (N,) each, from signals of the coordinates, shape (N,) each."""

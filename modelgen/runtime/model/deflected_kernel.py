@@ -91,6 +91,11 @@ class DeflectedKernel:
         return (*self.kernel.keys, *slopes, *(shift_key(row) for row in self.rows))
 
     @property
+    def orders(self) -> Mapping[str, int]:
+        """How often the filter differentiates a line: not at all."""
+        return {}
+
+    @property
     def reads(self) -> tuple[Read, ...]:
         """What the lines are formed from."""
         wanted = [self.reads_of[key] for key in self.kernel.inputs if key in self.reads_of]

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.model.arm_functions import ArmFunctions
-from modelgen.runtime.model.arm_kernel import ArmKernel
+from modelgen.runtime.model.arm_kernel import Kernel
 from modelgen.runtime.model.arm_model import arm_fields
 from modelgen.runtime.model.chain_fields import chain_fields
 from modelgen.runtime.model.contract_check import is_arm, module_problems
@@ -128,7 +128,7 @@ class Model:
     cubic_springs: tuple[CubicSpring, ...] = ()
     groupings: Mapping[str, str] = field(default_factory=dict)
     derived: Mapping[str, Terms] = field(default_factory=dict)
-    kernel: ArmKernel | DeflectedKernel | None = None
+    kernel: Kernel | DeflectedKernel | None = None
     loads: tuple[str, ...] = ()
 
     @property
@@ -141,6 +141,11 @@ class Model:
     def is_arm(self) -> bool:
         """Whether it is that of an arm: its rows are nonlinear in positions, and it has no state space."""
         return isinstance(self.module, ArmFunctions)
+
+    @property
+    def by_power(self) -> bool:
+        """Whether its row is a balance of power (`modelgen.runtime.model.power`)."""
+        return self.kernel is not None and bool(self.kernel.orders)
 
     @property
     def direction_keys(self) -> tuple[str, ...]:

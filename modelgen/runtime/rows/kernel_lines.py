@@ -13,7 +13,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
-from modelgen.runtime.model.arm_kernel import ArmKernel, Read
+from modelgen.runtime.model.arm_kernel import Kernel, Read
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.filter_sections import Filtering
@@ -27,25 +27,30 @@ class KernelLines:
 
     Attributes
     ----------
-    kernel : ArmKernel or DeflectedKernel
+    kernel : Kernel or DeflectedKernel
     operators : dict
         Channel, or feature, to the operator that gives its derivatives at the full rate.
     inputs : dict
         What the kernel reads to (channel or feature, column of its operator's output).
-    low_pass : FusedOperator
-        Filters and decimates a line.
+    low_passes : tuple of FusedOperator
+        Filter and decimate a line, by how often they differentiate it.
     """
 
-    kernel: ArmKernel | DeflectedKernel
+    kernel: Kernel | DeflectedKernel
     operators: Mapping[str, FusedOperator]
     inputs: Mapping[Read, tuple[str, int]]
-    low_pass: FusedOperator
+    low_passes: tuple[FusedOperator, ...]
 
     @property
     def margins(self) -> tuple[int, int]:
         """Samples before the first and behind the last one kept that are looked at."""
         inner = np.max([one.margins for one in self.operators.values()], axis=0)
-        before, behind = np.add(inner, self.low_pass.margins).tolist()
+        before, behind = np.add(inner, self._outer).tolist()
+        return before, behind
+
+    @property
+    def _outer(self) -> tuple[int, int]:
+        before, behind = np.max([one.margins for one in self.low_passes], axis=0).tolist()
         return before, behind
 
     def at(self, filtered: Filtered, start: int, count: int) -> dict[str, FloatArray]:
@@ -53,13 +58,16 @@ class KernelLines:
 
         `filtered` takes a channel, an operator, the first sample and how many to what the operator makes.
         """
-        before, behind = self.low_pass.margins
+        before, behind = self._outer
         low = start - before
-        inside = before + (count - 1) * self.low_pass.factor + 1 + behind
+        inside = before + (count - 1) * self.low_passes[0].factor + 1 + behind
         made = {channel: filtered(channel, one, low, inside) for channel, one in self.operators.items()}
         read = {key: made[channel][:, column] for key, (channel, column) in self.inputs.items()}
-        lines = self._lines(read)
-        return {key: self.low_pass.apply(line, before, count)[:, 0] for key, line in lines.items()}
+        lines, orders = self._lines(read), self.kernel.orders
+        return {
+            key: self.low_passes[orders.get(key, 0)].apply(line, before, count)[:, 0]
+            for key, line in lines.items()
+        }
 
     def _lines(self, read: Mapping[Read, FloatArray]) -> Mapping[str, FloatArray]:
         if isinstance(self.kernel, DeflectedKernel):
@@ -81,7 +89,10 @@ def kernel_lines(model: Model, filtering: Filtering, fast: bool | None) -> Kerne
         channel: fused_operator(filtering.signals, filtering.fs, tuple(of), 1, filtering.stencil, fast=fast)
         for channel, of in orders.items()
     }
-    low_pass = fused_operator(
-        filtering.low_pass, filtering.fs, (0,), filtering.factor, filtering.stencil, fast=fast
+    low_passes = tuple(
+        fused_operator(
+            filtering.low_pass, filtering.fs, (order,), filtering.factor, filtering.stencil, fast=fast
+        )
+        for order in range(1 + max(kernel.orders.values(), default=0))
     )
-    return KernelLines(kernel, operators, inputs, low_pass)
+    return KernelLines(kernel, operators, inputs, low_passes)

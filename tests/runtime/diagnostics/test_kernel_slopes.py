@@ -1,0 +1,64 @@
+"""The bias that noise gives columns nonlinear in the signals: as predicted, and counted."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from modelgen import CheckOptions, Filters, identify
+from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.methods import WLS
+from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.model.power.power_model import power_model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import observe
+from tests.runtime.made_arm_records import catalogued, model_of, record_of, values_of
+
+
+@cache
+def arm() -> tuple[Model, dict[str, float], Record]:
+    model = model_of(catalogued("two_link"))
+    values = values_of(model)
+    return model, values, record_of(model, values, 10.0)
+
+
+def noisy(level: float, seed: int) -> Record:
+    clean, rng = arm()[2], np.random.default_rng(seed)
+    read = {
+        k: x + level * k.startswith("q_") * rng.standard_normal(clean.n) for k, x in clean.signals.items()
+    }
+    return Record(read, clean.fs)
+
+
+@pytest.mark.parametrize("rows", ["force", "power"])
+def test_it_is_what_simulations_show(rows: str) -> None:
+    model, values, clean = arm()
+    used = power_model(model) if rows == "power" else model
+    choice = choose_filter(used, [clean], cutoff_hz=60.0, signal_cutoff_hz=200.0)
+    found, predicted = [], []
+    for seed in range(2):
+        record = noisy(1e-5, seed)
+        fit = fit_matched(observe(used, [record], choice))
+        found.append(fit.solution.x - model.base_from_physical(values))
+        predicted.append(noise_bias(used, [record], choice, fit))
+    one, other = np.mean(found, axis=0), np.mean(predicted, axis=0)
+    scale = np.std(found, axis=0) + 0.05 * np.abs(one)
+    assert np.abs(one).max() > 0.1  # there is something to predict
+    assert np.linalg.norm(one - other) < 0.25 * np.linalg.norm(one)
+    assert np.median(np.abs(one - other) / scale) < 3.0
+
+
+def test_intervals_count_it_and_what_is_nothing_but_noise_is_refused() -> None:
+    model, values, _ = arm()
+    exact = dict(zip(model.base_parameters, model.base_from_physical(values), strict=True))
+    filters, quick = Filters(cutoff_hz=60.0, signal_cutoff_hz=200.0), CheckOptions(tests=True)
+    biased = identify(model, noisy(1e-5, 1), WLS(), filters, quick)
+    assert any(one.kind == "biased by noise" for one in biased.checks.advice)
+    for name, value in biased.params.items():
+        assert abs(value - exact[name]) < 2.5 * biased.bse[name]
+    drowned = identify(model, noisy(3e-4, 1), WLS(), filters, quick)
+    assert {"Izz_1_R", "my_1", "mx_2", "my_2", "Izz_2"} <= {*drowned.not_identifiable}
