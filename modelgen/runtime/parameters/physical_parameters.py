@@ -142,7 +142,9 @@ def _from_composites(
     best = _best(model, base, covariances, starts)
     if near is None and _astray(model, base, covariances, best):
         # one composite that noise has bent can lead all starts astray
-        best = _best(model, base, covariances, robust_starts(model, filled), best)
+        std = np.zeros_like(filled)
+        std[np.isfinite(base)] = np.sqrt(np.maximum(np.diag(covariances.noise), 0.0))
+        best = _best(model, base, covariances, robust_starts(model, filled, std), best)
     return best, 1.0 if best is None else best.contradiction(covariances.total)
 
 

@@ -13,10 +13,12 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.nearest_parameters import alike
 from modelgen.runtime.parameters.thresholds import (
     LARGEST_LOG_STEP,
-    NEAREST,
+    LEAST_SHARE,
     NEAREST_STARTS,
+    OPTIMISM,
     ROBUST_DAMPING,
     ROBUST_SHARE,
     ROBUST_STEPS,
@@ -27,57 +29,61 @@ from modelgen.runtime.parameters.thresholds import (
 SEED = 2002
 
 
-def robust_starts(model: Model, base: FloatArray) -> tuple[Mapping[str, float], ...]:
-    """Return sets of all physical parameters (SI) to start a weighted fit from, nearest first.
+def robust_starts(model: Model, base: FloatArray, std: FloatArray) -> tuple[Mapping[str, float], ...]:
+    """Return sets of all physical parameters (SI) to start a weighted fit from.
 
     Parameters
     ----------
     model : Model
         With composites.
-    base : array, shape (columns,)
-        All its base parameters.
+    base, std : array, shape (columns,)
+        All its base parameters, and their standard deviations, zero where there is none.
     """
     rng = np.random.default_rng(SEED)
-    found: list[tuple[float, FloatArray]] = []
+    # one is bent and the others are good, or all are as good as they say, but for a factor
+    relative = std / np.where(base == 0.0, 1.0, np.abs(base))
+    shares = (np.full(base.shape, ROBUST_SHARE), np.maximum(LEAST_SHARE, OPTIMISM * relative))
+    found: list[dict[str, float]] = []
     # a trial far off may leave the range of numbers: its loss is not finite, and the step is shortened
     with np.errstate(all="ignore"):
-        for _ in range(NEAREST_STARTS):
-            loss, x = _descended(model, base, rng.normal(0.0, SPREAD, len(model.parameters)))
-            if np.isfinite(loss) and not any(abs(loss - one) <= SAME_MISFIT * one for one, _ in found):
-                found.append((loss, x))
-        nearest = sorted(found, key=lambda one: one[0])[:NEAREST]
-        sets = [_values(model, x) for _, x in nearest]
-    return tuple(dict(zip(model.parameters, values.tolist(), strict=True)) for values in sets)
+        for share in shares:
+            for _ in range(NEAREST_STARTS):
+                start = rng.normal(0.0, SPREAD, len(model.parameters))
+                values = _values(model, _descended(model, base, share, start))
+                one = dict(zip(model.parameters, values.tolist(), strict=True))
+                if np.isfinite(values).all() and not any(alike(one, other) for other in found):
+                    found.append(one)
+    return tuple(found)
 
 
-def _descended(model: Model, base: FloatArray, x: FloatArray) -> tuple[float, FloatArray]:
-    """Return the loss and the variables that Levenberg and Marquardt's steps lead to from a start."""
+def _descended(model: Model, base: FloatArray, share: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the variables that Levenberg and Marquardt's steps lead to from a start."""
     error, slope = _errors(model, base, x)
-    loss, damping = _loss(error), ROBUST_DAMPING
+    loss, damping = _loss(error / share), ROBUST_DAMPING
     for _ in range(ROBUST_STEPS):
-        weighted = slope.T / (1.0 + (error / ROBUST_SHARE) ** 2)
+        weighted = slope.T / (share**2 + error**2)
         A, b = weighted @ slope, -weighted @ error
         if not np.isfinite(loss) or not np.isfinite(A).all():
-            return np.inf, x
+            return np.full_like(x, np.nan)
         while damping < 1.0 / np.finfo(float).eps:
             stiffer = A + damping * np.diag(np.diag(A) + ROBUST_DAMPING * np.trace(A))
             step = np.linalg.lstsq(stiffer, b, rcond=None)[0]
             trial = x + np.clip(step, -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
             error, slope = _errors(model, base, trial)
-            if _loss(error) < loss:
+            if _loss(error / share) < loss:
                 break
             damping *= 4.0
         else:
-            return loss, x
-        before, loss, x = loss, _loss(error), trial
+            return x
+        before, loss, x = loss, _loss(error / share), trial
         damping /= 6.0
         if before - loss < SAME_MISFIT**2 * loss:
             break
-    return loss, x
+    return x
 
 
 def _loss(error: FloatArray) -> float:
-    return float(np.sum(np.log1p((error / ROBUST_SHARE) ** 2)))
+    return float(np.sum(np.log1p(error**2)))
 
 
 def _errors(model: Model, base: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:

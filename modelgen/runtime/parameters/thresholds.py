@@ -34,9 +34,11 @@ NEAREST_SPREADS = (0.1, 3.0)
 # A misfit (sum of squared relative errors) below this is none; the same optimum agrees by this share.
 EXACT = 1e-20
 SAME_MISFIT = 1e-6
-# Relative errors beyond this count less and less in the search that a few bent composites do not mislead; its
-# first damping, its steps at most, and how far one goes in a logarithm.
+# Relative errors beyond this count less and less in the search that a few bent composites do not mislead; in
+# another, those beyond this multiple of their standard deviation, but not below that share. First damping,
+# steps at most, and how far one goes in a logarithm.
 ROBUST_SHARE = 0.1
+OPTIMISM, LEAST_SHARE = 100.0, 0.01
 ROBUST_DAMPING = 1e-3
 ROBUST_STEPS = 60
 LARGEST_LOG_STEP = 3.0

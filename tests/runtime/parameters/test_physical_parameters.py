@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from generated import emps_rigid_qm
+from modelgen.runtime.model.mechanical_parts import Role
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.parameters.physical_parameters import Covariances, physical_parameters
 from tests.broken_sentences import hole
@@ -45,6 +46,7 @@ def composite_model() -> Model:
         identifiable=("J", "K"),
         base_parameters=("J", "J*K", "J/K"),
         composites={"J*K": "J*K", "J/K": "J/K"},
+        roles={"J": Role("inertia", ("m",)), "K": Role("stiffness", ("m",))},
     )
 
 
