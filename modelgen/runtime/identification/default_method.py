@@ -33,6 +33,7 @@ from modelgen.runtime.identification.thresholds import (
 from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import ESTIMATED, HELD, estimated
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
@@ -111,8 +112,7 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     worse = max(fit.left_shares) > max(LEFT_SHARE, *iv.fit.left_shares)
     if worse or fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
         return _with_note(first, "method iv; the residual is more than noise of the sensors")
-    move = fit.solution.x - iv.fit.solution.x
-    move = np.where(np.abs(move) > DISAGREEMENT * spread, move, 0.0)
+    move = contradiction(fit, iv.fit)
     note = (
         "method wls: the residual is more than noise of the sensors, which hardly biases least squares here"
     )
@@ -128,6 +128,17 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     found = replace(plain.found, advice=told)
     weighed, _ = other_weights(task.job, fit)
     return _with_note(replace(plain, found=found), note, np.outer(move, move) + weighed)
+
+
+def contradiction(fit: Fit, other: Fit) -> FloatArray:
+    """Return by how much two fits to the same columns differ where noise does not explain it, else 0, (c,).
+
+    What one of them hardly determines (friction of two bodies that a simulation moves as one) is no
+    contradiction.
+    """
+    move = fit.solution.x - other.solution.x
+    variance = np.diag(hac_covariance(fit)) + np.diag(hac_covariance(other))
+    return np.where(np.abs(move) > DISAGREEMENT * np.sqrt(np.maximum(variance, 0.0)), move, 0.0)
 
 
 def _instrumental(task: Task, method: IV) -> Begun:

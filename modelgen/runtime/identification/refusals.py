@@ -110,15 +110,16 @@ def dependent_columns(
     for group in dependences(fit, covariance, HIGHEST_INDEX) if lost else ():
         for name in group.columns:
             if name in lost:
-                found[name] = f"cannot be told from {group.others(name)} (W is short of rank)"
+                told = "; ".join(part for part in ("W is short of rank", group.known_with(name)) if part)
+                found[name] = f"cannot be told from {group.others(name)} ({told})"
     for group in dependences(fit, covariance):
         for name in group.columns:
             index = fit.columns.index(name)
             spread = 100.0 * float(np.sqrt(max(covariance[index, index], 0.0)))
             uncertain = spread > WITHOUT_NUMBER_PERCENT * abs(float(fit.solution.x[index]))
             if uncertain and name not in otherwise and name not in lost:
-                others = group.others(name)
-                found[name] = f"cannot be told from {others} in these records ({group.index_said})"
+                told = "; ".join(part for part in (group.index_said, group.known_with(name)) if part)
+                found[name] = f"cannot be told from {group.others(name)} in these records ({told})"
     return found
 
 

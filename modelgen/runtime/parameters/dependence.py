@@ -10,13 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.parameters.thresholds import (
     HIGHEST_INDEX,
+    KNOWN_SHARE,
     LARGEST_INDEX,
     PIVOT_SHARE,
     SMALLEST_SHARE,
@@ -43,6 +46,21 @@ class Combination:
             said += f"{sign}{size}{name}" if said else f"{'-' if coefficient < 0.0 else ''}{size}{name}"
         return said
 
+    @property
+    def known(self) -> bool:
+        """Whether its 95 % interval is small against its value."""
+        return self._half < KNOWN_SHARE * abs(self.value)
+
+    @property
+    def said(self) -> str:
+        """The sum with its 95 % interval."""
+        shown = with_interval(self.value, self.value - self._half, self.value + self._half)
+        return f"{self.text} = {shown} (95 %)"
+
+    @property
+    def _half(self) -> float:
+        return NormalDist().inv_cdf(0.975) * self.std
+
 
 @dataclass(frozen=True)
 class Dependence:
@@ -68,6 +86,13 @@ class Dependence:
     def index_said(self) -> str:
         """The condition index in words, to two digits: more of them are rounding where it is large."""
         return f"condition index {float(f'{self.condition_index:.2g}'):.0f}"
+
+    def known_with(self, name: str) -> str:
+        """The sums with this column that are known well, in words; empty where there are none."""
+        sums = [
+            one.said for one in self.combinations if one.known and name in [term for _, term in one.terms]
+        ]
+        return f"known is {joined(sums)}" if sums else ""
 
     def others(self, name: str) -> str:
         """The other columns, in words."""

@@ -15,6 +15,8 @@ VARIANCE_SHARE = 0.5
 SMALLEST_SHARE = 0.05
 # The parameter that the others are combined with is the first one of at least this share in a direction.
 PIVOT_SHARE = 0.3
+# A sum of parameters without numbers of their own is told where its interval is within this share of it.
+KNOWN_SHARE = 0.3
 # Beyond this the columns are as good as equal, and no variance can be worked out from them.
 HIGHEST_INDEX = 1e9
 

@@ -10,16 +10,21 @@ import pytest
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.identification import default_method
+from modelgen.runtime.identification.default_method import contradiction
 from modelgen.runtime.identification.explanation.explained import Begun
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import IV, Auto, Method
 from modelgen.runtime.identification.options import CheckOptions
 from modelgen.runtime.identification.task import Task
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime import measured_records
+from tests.runtime.identification.test_assemble_estimate import TRUTH as NUMBERS
+from tests.runtime.identification.test_assemble_estimate import observation
 from tests.runtime.two_mass_records import (
     FS,
     GEARED,
@@ -140,6 +145,21 @@ def test_least_squares_does_not_stand_in_where_noise_pulls_it(monkeypatch: pytes
     monkeypatch.setattr(default_method, "_instrumental", without_instruments)
     with pytest.raises(IdentifiabilityError, match="nothing of 2 records"):
         identify(SMALL, two_mass_records(noise=30.0), cutoff_hz=1000.0)
+
+
+def test_what_a_method_hardly_determines_contradicts_nothing() -> None:
+    rows = observation()
+    rng = np.random.default_rng(5)
+    noise = 1e-3 * np.std(rows.blocks[0].Y) * rng.standard_normal(rows.blocks[0].Y.shape)
+    W = rows.blocks[0].W.copy()
+    plain = fit_matched(replace(rows, blocks=(replace(rows.blocks[0], Y=W @ NUMBERS + noise),)))
+    W[:, 4] = 0.3 * W[:, 3] + 1e-7 * W[:, 4]
+    wild = fit_matched(replace(rows, blocks=(replace(rows.blocks[0], W=W, Y=W @ NUMBERS + noise),)))
+    assert np.max(np.abs(wild.solution.x / plain.solution.x)) > 100.0
+    assert not np.any(contradiction(plain, wild))
+    spread = np.sqrt(np.diag(hac_covariance(plain)))
+    moved = replace(plain.solution, x=plain.solution.x + np.array([0.0, 0.0, 9.0, 0.0, 0.0, 0.0]) * spread)
+    assert np.flatnonzero(contradiction(plain, replace(plain, solution=moved))).tolist() == [2]
 
 
 def test_both_of_its_kinds_have_its_options() -> None:

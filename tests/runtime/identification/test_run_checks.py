@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -119,6 +120,10 @@ def test_what_only_the_drift_leaves_without_a_value_is_refused_late() -> None:
     late = late_refusals(fit, {}, drift, ())
     assert set(late) == {"J_c", "F_vmc"}
     assert "cannot be told from F_vmc" in late["J_c"]
+    # their sum does not drift: it is told with its interval
+    said = re.search(r"known is (?P<sum>J_c \+ 0\.3 F_vmc) = (?P<value>\S+)", late["J_c"])
+    assert said and said["sum"] in late["F_vmc"]
+    assert float(said["value"]) == pytest.approx(TRUTH[3] + 0.3 * TRUTH[4], rel=1e-3)
     assert set(late_refusals(fit, {}, drift, ("J_c",))) == {"F_vmc"}
     # the last parameters stay, whatever drifts
     others = dict.fromkeys(("J_m", "F_vm", "F_sm", "K"), "for a reason")
