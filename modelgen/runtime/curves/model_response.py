@@ -24,11 +24,18 @@ from modelgen.runtime.curves.equivalent_gains import (
 )
 from modelgen.runtime.curves.thresholds import OPEN_SHARE, RELATIVE_STEP, Z_95
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.modes.uncertain_chain import UncertainChain, dissipative, uncertain_chain
+from modelgen.runtime.modes.uncertain_chain import (
+    UncertainChain,
+    dissipative,
+    uncertain_chain,
+    without_inertia,
+)
 from modelgen.runtime.parameters.physical_parameters import NO_CHAIN
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.plant import Plant, make_plant
+
+WEIGH = "give it if it is known (--set NAME=VALUE), or record a motion that tells it from the others"
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +85,15 @@ class EstimatedChain:
     chain: UncertainChain
 
     def plant(self, values: Mapping[str, float] | None = None) -> Plant:
-        """Return the chain with these values, or its own; frictions that nothing is known of are zero."""
+        """Return the chain with these values, or its own; frictions that nothing is known of are zero.
+
+        Raises
+        ------
+        DataError
+            When a body of its own comes out without an inertia.
+        """
+        if values is None and (why := without_inertia(self.model, self.chain)):
+            raise DataError.at("estimate", why, WEIGH)
         moved = dict(self.chain.by_name if values is None else values)
         for name, row in zip(self.chain.names, self.chain.open, strict=True):
             role = self.model.roles[name].role if name in self.model.roles else ""

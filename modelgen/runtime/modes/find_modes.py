@@ -16,7 +16,7 @@ from modelgen.runtime.modes.mode_values import PairValues, pair_values
 from modelgen.runtime.modes.modes import Antiresonance, Mode, Modes
 from modelgen.runtime.modes.pole_pairs import PolePair, UndampedModes, pair_slopes, pole_pairs, undamped_modes
 from modelgen.runtime.modes.thresholds import LOOSE_PART, LOOSE_SIZE, OPEN_SHARE, ROUNDING, TRIED
-from modelgen.runtime.modes.uncertain_chain import UncertainChain
+from modelgen.runtime.modes.uncertain_chain import UncertainChain, without_inertia
 
 LINEAR = "Linear about rest: {names} is the cube of a deflection and has no part there."
 BOTH_WAYS = "Friction that depends on the direction counts with the mean of both."
@@ -26,7 +26,7 @@ UNDAMPED = (
     "{taken}."
 )
 DECAY = "The time constant needs {names}, which the records leave open."
-IMPOSSIBLE = "No modes: {names} must be above zero."
+IMPOSSIBLE = "No modes: {why}."
 PUSHED = "{count} of {total} modes would run away: stiffnesses below zero."
 
 
@@ -54,9 +54,9 @@ def find_modes(
         not depend on what they leave open. Needed where `chain.open` is not empty.
     """
     matrices = chain_matrices(model)
-    weightless = [name for name in dict.fromkeys(matrices.inertias) if not _values(model, chain)[name] > 0.0]
+    weightless = without_inertia(model, chain)
     if weightless:
-        return Modes(notes=(IMPOSSIBLE.format(names=listed(weightless)),))
+        return Modes(notes=(IMPOSSIBLE.format(why=weightless),))
     other = None
     if chain.open.shape[1] and again is not None:
         other = again(_moved_along(chain))

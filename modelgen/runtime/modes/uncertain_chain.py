@@ -11,6 +11,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.thresholds import FARTHEST, FULLY_OPEN, LOOSE_PART, LOOSE_SHARE, MOST_LOG, Z95
 from modelgen.runtime.parameters.composite_fit import fit_composites
+from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.parameters.thresholds import RANK_TOLERANCE
 
 
@@ -123,6 +124,19 @@ def chain_around(
         open_directions(model, base, values, dissipative(model)),
         loose_part(sizes, root) if model.composites else None,
     )
+
+
+def without_inertia(model: Model, chain: UncertainChain) -> str:
+    """Return in words which bodies come out without an inertia above zero, empty if none does."""
+    told = []
+    for name, value, row in zip(chain.names, chain.values.tolist(), chain.root, strict=True):
+        if value > 0.0 or name not in model.roles or model.roles[name].role != "inertia":
+            continue
+        reach, unit = Z95 * float(np.linalg.norm(row)), model.units.get(name, "")
+        how = "is zero within its interval" if value + reach > 0.0 else "comes out below zero"
+        size = with_interval(value, value - reach, value + reach) if reach else f"{value:.4g}"
+        told.append(f"{name} {how} ({size} {unit})")
+    return f"{', '.join(told)}, and no body is without inertia" if told else ""
 
 
 def loose_part(values: FloatArray, root: FloatArray) -> FloatArray:
