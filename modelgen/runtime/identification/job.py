@@ -111,9 +111,12 @@ class Job:
         gains = gain_columns(self.model)
         if not gains:
             return fit
-        return with_gain_instruments(
-            fit, gains, lambda record, key: records[record].facts.spectrum(key).noise
-        )
+
+        def noise(record: int, key: str) -> float:
+            facts = records[record].facts
+            return facts.spectrum(key).noise / (facts.extent(key).span ** 2 or 1.0)
+
+        return with_gain_instruments(fit, gains, noise)
 
     def _first_delays(self, fit: Fit) -> Mapping[str, float]:
         return coarse_delays(fit, self.model, self.records, self.choice, self.late)

@@ -24,14 +24,9 @@ Noise = Callable[[int, str], float]
 
 def gain_columns(model: Model) -> dict[str, str]:
     """Return the columns of drives' gains, each with the channel of its drive."""
-    forces = {actuator.key for actuator in model.actuators}
-    return {
-        model.base_parameters[column]: key
-        for touched in model.regressor_columns
-        for column, terms in touched.items()
-        for _, key in terms
-        if key in forces
-    }
+    of_body = {actuator.body: actuator.key for actuator in model.actuators}
+    gains = [name for name in model.base_parameters if name in model.roles]
+    return {name: of_body[model.roles[name].bodies[0]] for name in gains if model.roles[name].role == "gain"}
 
 
 def with_gain_instruments(fit: Fit, gains: Mapping[str, str], noise: Noise) -> Fit:
@@ -46,7 +41,7 @@ def with_gain_instruments(fit: Fit, gains: Mapping[str, str], noise: Noise) -> F
     gains : mapping of str to str
         As `gain_columns` has them.
     noise : callable
-        Power of the noise of a channel in a record, by the record's index and the channel.
+        Power of a channel's noise as a share of that of its readings, by the record's index and the channel.
     """
     columns = {fit.columns.index(name): key for name, key in gains.items() if name in fit.columns}
     if not columns or not all(block.in_memory for block in fit.blocks):
@@ -62,10 +57,11 @@ def with_gain_instruments(fit: Fit, gains: Mapping[str, str], noise: Noise) -> F
 
 
 def _instruments(block: RowBlock, x: FloatArray, columns: Mapping[int, str], noise: Noise) -> FloatArray:
-    """Return W with what the row leaves taken out of its columns of gains, by the noise of each: (n, c)."""
+    """Return W with what the row leaves taken out of its columns of gains, by the noise of each, (n, c)."""
     W = block.W
     own = [column for column in columns if np.any(W[:, column])]
-    share = np.array([x[column] * noise(block.record, columns[column]) for column in own])
+    power = [noise(block.record, columns[column]) * float(W[:, column] @ W[:, column]) for column in own]
+    share = x[own] * np.array(power)
     total = float(share @ x[own])
     if not total > 0.0:
         return W

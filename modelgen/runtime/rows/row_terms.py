@@ -46,15 +46,13 @@ def holds_force(model: Model, row: int, measured: float, forces: float) -> bool:
     Rows of an arm hold a force each, however small that of a wrist is against a shoulder's; some hold it as
     the column of a drive's gain.
     """
-    if holds_gain(model, row):
-        return max(measured, forces) > 0.0
-    return measured > (0.0 if model.is_arm else LEAST_FORCE * forces)
+    return holds_gain(model, row) or measured > (0.0 if model.is_arm else LEAST_FORCE * forces)
 
 
 def holds_gain(model: Model, row: int) -> bool:
     """Tell whether a force of the row is a column, of a drive's gain; the left side is what is known."""
-    forces = {actuator.key for actuator in model.actuators}
-    return any(key in forces for terms in model.regressor_columns[row].values() for _, key in terms)
+    names = (model.base_parameters[column] for column in model.regressor_columns[row])
+    return any(name in model.roles and model.roles[name].role == "gain" for name in names)
 
 
 def _sum_into(line: FloatArray, terms: Terms, signals: Mapping[str, FloatArray]) -> None:

@@ -72,6 +72,7 @@ def test_without_noise_gains_and_payloads_are_exact() -> None:
     assert np.abs(errors(estimate)[0]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_light_payload_and_noisy_currents_leave_no_bias() -> None:
     model, _ = arm()
     found = [identify(model, records(0.05, seed), checks=QUICK) for seed in range(3)]
@@ -102,6 +103,7 @@ def test_what_has_no_scale_is_refused_with_both_remedies(loads: tuple[str, ...])
         identify(arm()[0], records(0.01, 1, loads), checks=QUICK)
 
 
+@pytest.mark.slow
 def test_records_in_stretches_say_what_they_carry() -> None:
     made = records(0.01, 1)
     whole = identify(arm()[0], made, checks=QUICK)

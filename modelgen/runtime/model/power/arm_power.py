@@ -114,13 +114,16 @@ def arm_power(model: Model) -> ArmPower:
     Raises
     ------
     DataError
-        For an arm with springs in its joints.
+        For an arm with springs in its joints, or with gains to be found.
     """
     module, channels = model.module, arm_channels(model.module)
     joints = {joint["name"] for joint in module.JOINTS}
     if any(row not in joints and not row.startswith("base_") for row in module.ROWS):
         what = "has springs or measured torques in its joints, and rows of power take rigid ones"
         raise DataError.at(model.chain, what, "leave rows = power out")
+    if any(role.role == "gain" for name, role in model.roles.items() if name in model.base_parameters):
+        what = "has drives whose gains are to be found, and one row of power cannot tell their noises apart"
+        raise DataError.at(model.chain, what, "find the gains from rows of force, and give them in [known]")
     orders = {one.key: one.order for one in model.sensors}
     read = {s.key: orders[s.sensor] + s.derivative for s in model.signals if s.sensor is not None}
     places = {(s.sensor, s.derivative): s.key for s in model.signals}

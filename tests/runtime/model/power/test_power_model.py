@@ -128,7 +128,11 @@ def test_speeds_that_are_measured_take_the_place_of_derivatives() -> None:
 
 @pytest.mark.parametrize(
     ("module", "chosen"),
-    [(emps300_qm_qc, "table_2"), (emps_rigid_asymmetric_qm, "published_2019"), (tree_positions, None)],
+    [
+        pytest.param(emps300_qm_qc, "table_2", marks=pytest.mark.slow),
+        (emps_rigid_asymmetric_qm, "published_2019"),
+        (tree_positions, None),
+    ],
 )
 def test_a_chain_without_noise(module: object, chosen: str | None) -> None:
     model = model_from_module(module)
@@ -145,6 +149,9 @@ def test_what_has_no_balance_of_power_is_refused() -> None:
         power_model(model_from_module(three_mass_va_vb_vc))
     with pytest.raises(DataError, match="take rigid ones"):
         power_model(model_of(catalogued("elastic_two_link"), sensor_set="encoders"))
+    gained = written(SENSED.partition("[sensors")[0].replace("gear = 50", "gain = true"))
+    with pytest.raises(DataError, match="gains are to be found"):
+        power_model(model_of(gained))
     model = model_from_module(emps300_qm_qc)
     record = simulate(model, model.parameter_sets["table_2"], "chirp", duration_s=0.5).record
     for method, message in ((IV(rows="power"), "rows"), (WLS(rows="both"), "choose one of force, power")):
