@@ -48,8 +48,11 @@ class ArmSkeleton:
     joints: tuple[DrawnJoint, ...]
 
 
-def arm_svg(skeleton: ArmSkeleton) -> str:
-    """Return the picture; texts in it are escaped, and the same skeleton gives the same bytes."""
+def arm_svg(skeleton: ArmSkeleton, alone: bool = True) -> str:
+    """Return the picture; texts in it are escaped, and the same skeleton gives the same bytes.
+
+    `alone` makes it a file of its own; without it, it is an element of a page.
+    """
     every = [(0.0, 0.0), *(_flat(point) for joint in skeleton.joints for point in joint.way)]
     lower = [min(place[k] for place in every) for k in (0, 1)]
     upper = [max(place[k] for place in every) for k in (0, 1)]
@@ -74,12 +77,14 @@ def arm_svg(skeleton: ArmSkeleton) -> str:
     pieces += _labels(skeleton.joints, places)
     wide, high = 2 * side + scale * (upper[0] - lower[0]), 2 * edge + scale * (upper[1] - lower[1])
     pieces.append(_triad((40.0, high - 30.0)))
-    return _page(skeleton.title, wide, high, pieces)
+    return _page(skeleton.title, wide, high, pieces, alone)
 
 
-def _page(title: str, wide: float, high: float, pieces: Sequence[str]) -> str:
+def _page(title: str, wide: float, high: float, pieces: Sequence[str], alone: bool) -> str:
     size = f'viewBox="0 0 {number(wide)} {number(high)}" width="{number(wide)}" height="{number(high)}"'
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" class="chain" role="img" {size}>'
+    space = 'xmlns="http://www.w3.org/2000/svg" ' if alone else ""
+    widest = "" if alone else f' style="max-width:{number(wide)}px"'
+    head = f'<svg {space}class="chain" role="img" {size}{widest}>'
     bones = ".chain path.bone{stroke-width:6;stroke-linecap:round;stroke:var(--c-faint)}"
     drums = ".chain path.drum{fill:var(--c-body);stroke-width:1.6}"
     halo = ".chain text.sensor{paint-order:stroke;stroke:var(--c-paper);stroke-width:4px}"

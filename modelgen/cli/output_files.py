@@ -35,8 +35,10 @@ class OutputFiles:
         asked = (self.estimate, self.report, self.figure, self.project)
         return [path for path in asked if path is not None]
 
-    def check(self, spec: str | None = None, controller: Path | None = None) -> None:
+    def check(self, spec: str | None = None, controller: Path | None = None, arm: bool = False) -> None:
         """Check that every file can be written, and read what the report is to be made with.
+
+        The controller is that of an arm, or of a chain.
 
         Raises
         ------
@@ -49,7 +51,7 @@ class OutputFiles:
         if self.report is not None:
             from modelgen.cli.write_report import check_inputs
 
-            check_inputs(spec, controller)
+            check_inputs(spec, controller, arm)
 
     def write(
         self,

@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modelgen.cli.arguments import compared_sensor_sets, load_chain
+from modelgen.cli.arguments import compared_sensor_sets, load_chain_or_arm
 from modelgen.errors import ModelgenError
 from modelgen.optional_library import optional_library
+from modelgen.report.arm_drawing import arm_section
 from modelgen.report.page import report_page
 from modelgen.report.unmade import Unmade
+from modelgen.spec.arms.arm import ArmSpec
 from modelgen.spec.chain import ChainSpec
-from modelgen.spec.load import catalog_path, load_spec
+from modelgen.spec.description import load_description
+from modelgen.spec.load import catalog_path
 
 if TYPE_CHECKING:
     from modelgen.cli.figure import Panel
@@ -48,23 +51,30 @@ def report_text(
         return joint_page(found.joint, given)
     (model,), readings, estimate = found.models.values(), found.readings, found.estimate
     unmade = Unmade()
-    chain = load_chain(spec) if spec else _spec_of(model, module)
+    described = load_chain_or_arm(spec) if spec else _spec_of(model, module)
     sets: Sequence[Mapping[str, Any]] = ()
-    if chain is not None:
+    picture = None
+    if isinstance(described, ChainSpec):
+        chain = described
         sets = unmade.attempt("sensors", lambda: sensor_set_rows(chain), ())
+    elif described is not None:
+        picture = arm_section(described)
     loops: tuple[Validation, ...] = ()
     if controller:
         loops = unmade.attempt("loop", lambda: closed_loops(model, readings, estimate, controller), loops)
-    return report_page(model, readings, estimate, given, sets, loops, unmade)
+    return report_page(model, readings, estimate, given, sets, loops, unmade, picture)
 
 
-def check_inputs(spec: str | None, controller: Path | None) -> None:
+def check_inputs(spec: str | None, controller: Path | None, arm: bool) -> None:
     """Read what a report is to be made with, before the work; raises as `report_text` would after it."""
+    from modelgen.runtime.simulation.arms.joint_controller import load_joint_controller
     from modelgen.runtime.simulation.controller_file import load_controller
 
     if spec:
-        load_chain(spec)
-    if controller:
+        load_chain_or_arm(spec)
+    if controller and arm:
+        load_joint_controller(controller)
+    elif controller:
         load_controller(controller)
 
 
@@ -108,12 +118,17 @@ def closed_loops(
     model: Model, readings: Sequence[Reading], estimate: Estimate, controller: Path
 ) -> tuple[Validation, ...]:
     """Return the records' closed loops, measured and simulated with the estimate's parameters."""
+    from modelgen.runtime.simulation.arms.joint_controller import load_joint_controller
+    from modelgen.runtime.simulation.arms.validate_arm import validate_arm
     from modelgen.runtime.simulation.controller_file import load_controller
     from modelgen.runtime.simulation.validate import parameters_of, validate
 
-    loop, drive = load_controller(controller)
     records = [reading.record for reading in readings]
     parameters = parameters_of(estimate.to_dict(), model)
+    if model.is_arm:
+        law = load_joint_controller(controller)
+        return validate_arm(model, parameters, records, law, used=estimate.records)
+    loop, drive = load_controller(controller)
     return validate(model, parameters, records, loop, drive=drive, used=estimate.records)
 
 
@@ -131,14 +146,14 @@ def sensor_set_rows(chain: ChainSpec) -> list[dict[str, str]]:
     return rows
 
 
-def _spec_of(model: Model, module: Path) -> ChainSpec | None:
-    """Return the chain a module was generated from, if its file is near or in the catalogue, unchanged."""
+def _spec_of(model: Model, module: Path) -> ChainSpec | ArmSpec | None:
+    """Return what a module was generated from, if its file is near or in the catalogue, unchanged."""
     candidates = [folder / f"{model.chain}.toml" for folder in (module.parent, module.parent.parent, Path())]
     with suppress(ModelgenError):
         candidates.append(catalog_path(model.chain))
     for path in candidates:
         try:
-            chain = load_spec(path)
+            chain = load_description(path)
         except (ModelgenError, OSError):
             continue
         if chain.sha256 == model.spec_sha256:

@@ -20,6 +20,11 @@ def draw_arm(arm: ArmSpec) -> str:
     return arm_svg(skeleton_of(arm))
 
 
+def arm_section(arm: ArmSpec) -> str:
+    """Return the picture as an element of the report."""
+    return arm_svg(skeleton_of(arm), alone=False)
+
+
 def skeleton_of(arm: ArmSpec) -> ArmSkeleton:
     """Return what the picture of an arm shows."""
     ways = {name: [frame.tolist() for frame in frames] for name, frames in zero_ways(arm).items()}

@@ -106,6 +106,10 @@ def _signal(model: Model, key: str) -> Markup:
 
 
 def _feature(model: Model, feature: Feature) -> Markup:
+    if feature.function == "kernel":  # of an arm: a line of its module
+        letter, _, number = feature.key.partition(" ")
+        line = Markup("<msub><mi>{}</mi><mn>{}</mn></msub>").format({"entry": "w"}.get(letter, "k"), number)
+        return line + Markup("<mo>(</mo><mi>q</mi><mo>)</mo>")
     inner = _signal(model, feature.of) if isinstance(feature.of, str) else _sum(model, feature.of)
     if feature.function == "cube":
         text = Markup("<msup><mrow><mo>(</mo>{}<mo>)</mo></mrow><mn>3</mn></msup>").format(inner)

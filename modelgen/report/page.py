@@ -51,6 +51,7 @@ def report_page(
     sensor_sets: Sequence[Mapping[str, Any]] = (),
     validations: Sequence[Validation] = (),
     unmade: Mapping[str, str] | None = None,
+    picture: str | None = None,
 ) -> str:
     """Return the report as HTML; the same inputs give the same bytes.
 
@@ -68,8 +69,9 @@ def report_page(
         Closed loops, measured and simulated.
     unmade : mapping of str to str, optional
         Ids of sections that could not be made, with a sentence to stand in their place.
+    picture : str, optional
+        That of an arm, see `modelgen.report.arm_drawing.arm_section`; a chain's is made from its model.
     """
-    model.refuse_arm("a report")
     left = Unmade(unmade or {})
     records = [item.record if isinstance(item, Reading) else item for item in readings]
     rows, singular = rebuild(model, records, estimate)
@@ -80,7 +82,7 @@ def report_page(
         .get_template("report.html.j2")
         .render(
             title=str(estimate.model),
-            picture=Markup(left.attempt("chain", lambda: chain_section(model), "")),
+            picture=Markup(left.attempt("chain", lambda: _picture(model, picture), "")),
             estimate=estimate,
             model=model,
             verdict=estimate.verdict,
@@ -101,7 +103,9 @@ def report_page(
             residuals=left.attempt("residuals", lambda: _residuals(rows, estimate, records), []),
             checks=check_tables(estimate.checks),
             scans=left.attempt("checks", lambda: scan_plots(estimate.checks.scan), []),
-            frequency=left.attempt("frequency", lambda: _frequency(model, records, estimate), []),
+            frequency=()
+            if model.is_arm  # it depends on the posture
+            else left.attempt("frequency", lambda: _frequency(model, records, estimate), []),
             correlation=left.attempt("conditioning", lambda: correlation_plot(estimate), None),
             singular=left.attempt("conditioning", lambda: singular_value_plot(singular), None),
             unmade=left,
@@ -111,6 +115,15 @@ def report_page(
             provenance=_provenance(model, estimate, options or {}),
         )
     )
+
+
+def _picture(model: Model, given: str | None) -> str:
+    """Return the picture, or the sentence that says why there is none."""
+    if given is not None:
+        return given
+    if model.is_arm:
+        return "<p>The arm's file was not at hand to draw it: give it with --spec.</p>"
+    return chain_section(model)
 
 
 def _physical_rows(estimate: Estimate) -> Sequence[Parameter]:

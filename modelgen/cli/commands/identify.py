@@ -8,9 +8,8 @@ from typing import Annotated
 import typer
 
 from modelgen.cli.arguments import amounts, given_options
+from modelgen.cli.arms.compared_arm import inputs_of_loop
 from modelgen.cli.data_arguments import (
-    FURTHER_INPUTS,
-    REFERENCE,
     DataOptions,
     reading_lines,
 )
@@ -113,10 +112,9 @@ def identify(
     wanted, of_records = sensors_from(sensors or ())
     models = models_of(module or (), spec, wanted, amounts("--set", value or ()), trust)
     outputs = OutputFiles(output, report_file, figure, overwrite, project_file)
-    for model in models.values() if report_file or figure or controller else ():
-        model.refuse_arm("--report, --figure or --controller")
-    outputs.check(spec, controller)  # before the work, not after it
-    inputs = (REFERENCE, FURTHER_INPUTS) if controller and report_file else ()
+    of_arm = any(model.is_arm for model in models.values())
+    outputs.check(spec, controller, of_arm)  # before the work, not after it
+    inputs = inputs_of_loop(next(iter(models.values()))) if controller and report_file else ()
     read = read_for(data, models, given, tag or (), of_records, inputs, payload or ())
     refuse_several({title for title, _ in read}, {"--controller": controller})
     settings = settings_typed(estimation, given, context.params)

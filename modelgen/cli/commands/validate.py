@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from modelgen.cli.data_arguments import FURTHER_INPUTS, REFERENCE, DataOptions, read_files, reading_lines
+from modelgen.cli.arms.compared_arm import arm_comparison, inputs_of_loop
+from modelgen.cli.data_arguments import DataOptions, read_files, reading_lines
 from modelgen.cli.estimation_options import EstimationOptions, MethodName
 from modelgen.cli.options import Data, Module, ResultOptions, Trust, Values, refuse_given
 from modelgen.cli.output import deliver, note
@@ -69,7 +70,8 @@ def validate(
     """Validate an estimate: simulate the records with it, and compare all signals.
 
     With a controller its loop follows the records' reference; without one the chain moves under the measured
-    forces, in open loop over the whole record, or --horizon samples ahead.
+    forces, in open loop over the whole record, or --horizon samples ahead. Of an arm the forces that
+    its motion needs are compared then.
     A record is held out if its name is none of those that the estimate was identified from.
     """
     from modelgen.cli.arguments import amounts
@@ -89,7 +91,7 @@ def validate(
     saved = load_estimate(estimate)
     given_values = amounts("--set", value or ())
     parameters = {**parameters_of(saved, model), **given_values}
-    readings = read_files(data, [model], given, *((REFERENCE, FURTHER_INPUTS) if controller else ()))
+    readings = read_files(data, [model], given, *(inputs_of_loop(model) if controller else ()))
     note(reading_lines(data, readings))
     records = [reading.record for reading in readings]
     step("simulating")
@@ -102,7 +104,7 @@ def validate(
         settings = estimation.settings(method or saved["method"], given, cutoff_hz=identify_cutoff_hz)
         held = {**saved.get("known", {}), **given_values}
         again = identify(as_identified(model, held), first, **settings)
-        found += compared({**parameters, **again.physical}, rest)
+        found += compared({**parameters, **parameters_of(again, model)}, rest)
     described = describe(found)
     deliver(described, lambda: console().print(validation_tables(described)), result)
     title = f"{model.chain}, sensors {model.sensor_set}: measured and simulated"
@@ -118,6 +120,8 @@ def _comparison(
     from modelgen.runtime.simulation.controller_file import load_controller
     from modelgen.runtime.simulation.validate import validate as run
 
+    if model.is_arm:
+        return arm_comparison(model, controller, {"--horizon": horizon, **options})
     if controller is None:
         if any(value is not None for value in options.values()):
             remedy = "give --controller, or leave them out"

@@ -1,5 +1,7 @@
 """A lower cut-off where noise of the sensors would drown the estimate at the one that the spectra ask for.
 
+And a higher one for instruments of arms, where turns of the joints fill a record.
+
 Spectra do not tell which frequencies an estimate can use: a feedback carries the sensor's noise into the
 force, and lines of the electronics count as motion. So least squares is tried at lower cut-offs, its error
 predicted from its covariance, its bias by noise, and how far the neighbouring cut-offs move it.
@@ -16,9 +18,14 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
+from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF, SIGNAL_CUTOFF
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.options import Filters
+from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
+    CALM_CUTOFFS,
+    CALM_SHARE,
+    CALM_STEP,
     CLEARLY_BETTER,
     CUTOFF_STEPS,
     FULLY_KNOWN,
@@ -31,6 +38,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.row_block import RowBlock
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,3 +139,54 @@ def _explained(choice: FilterChoice, first: FilterChoice) -> FilterChoice:
     )
     kept = tuple(one for one in choice.sentences if not one.startswith("Cut-off"))
     return replace(choice, bands=first.bands, sentences=(sentence, *kept))
+
+
+def with_calm_turns(task: Task) -> Task:
+    """Return a task with the lowest cut-off at which rows with a force leave turns out and keep enough.
+
+    While a joint sticks its friction is no sign of a speed, and the low-pass of the rows spreads that around
+    every turn. The rows of least squares see little of noise behind a low cut-off; noise does not bias
+    instruments, so these may see a wider band, in which a turn is short. It is the same task where there is
+    no such cut-off. What was given stays as it is.
+    """
+    filters, job = task.filters, task.job
+    if filters.cutoff_hz is not None or filters.directions:
+        return task
+    choice, lowest_fs = task.choice, min(record.fs for record in task.records)
+    for _ in range(CALM_CUTOFFS):
+        try:
+            blocks = replace(job, choice=choice).calm(job.records).blocks
+        except (DataError, IdentifiabilityError):
+            return task
+        if all(_calm(block, job, choice) for block in blocks if block.has_force):
+            break
+        cutoff_hz = CALM_STEP * choice.cutoff_hz
+        if cutoff_hz * SIGNAL_CUTOFF > HIGHEST_CUTOFF * lowest_fs:
+            return task
+        choice = choose_filter(
+            job.model,
+            job.records,
+            cutoff_hz=cutoff_hz,
+            filter_order=filters.filter_order,
+            decimation=filters.decimation,
+            direction_cutoff_hz=filters.direction_cutoff_hz,
+            signal_cutoff_hz=filters.signal_cutoff_hz,
+        )
+        choice = replace(choice, slow_speeds=task.choice.slow_speeds)
+    else:
+        return task
+    if choice is task.choice:
+        return task
+    sentence = (
+        f"Cut-off {choice.cutoff_hz:.4g} Hz in place of {task.choice.cutoff_hz:.4g} Hz: rows that leave out "
+        "the turns of their joints keep enough samples there."
+    )
+    kept = tuple(one for one in choice.sentences if not one.startswith("Cut-off"))
+    choice = replace(choice, bands=task.choice.bands, sentences=(sentence, *kept))
+    return replace(task, choice=choice, job=replace(job, choice=choice))
+
+
+def _calm(block: RowBlock, job: Job, choice: FilterChoice) -> bool:
+    """Tell whether a block leaves turns out, and keeps enough of its record."""
+    every = job.records[block.record].n / choice.decimation[block.record]
+    return not block.turning and block.count >= CALM_SHARE * every

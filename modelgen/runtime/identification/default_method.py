@@ -11,7 +11,7 @@ from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.progress import step
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
-from modelgen.runtime.identification.choose_cutoff import usable_cutoff
+from modelgen.runtime.identification.choose_cutoff import usable_cutoff, with_calm_turns
 from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import explained_by_stretches
@@ -25,6 +25,8 @@ from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     BIAS_SHARE,
     DISAGREEMENT,
+    FAR_OVER_NOISE,
+    LEFT_BY_ARMS,
     LEFT_SHARE,
     OVER_NOISE,
     SEARCHED,
@@ -37,6 +39,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
+from modelgen.runtime.simulation.arms.arm_plant import follows
 
 
 def default_method(task: Task, method: Auto) -> Begun:
@@ -53,9 +56,7 @@ def default_method(task: Task, method: Auto) -> Begun:
         begun = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
         return _with_note(begun, "method wls: rows of power have no instruments; delays are not estimated")
     if task.model.is_arm:
-        job = replace(task.job, late=())
-        begun = run_method(replace(task, job=job), method.least_squares)
-        return _with_note(begun, "method wls: arms have no instruments; delays are not estimated")
+        return _of_arm(task, method)
     beyond = beyond_limit(task.job, method.instrumental)
     if beyond is not None:
         why = "instruments take more than memory_limit_mb; delays are not estimated"
@@ -78,6 +79,27 @@ def default_method(task: Task, method: Auto) -> Begun:
     return _least_squares_instead(task, method, first)
 
 
+def _of_arm(task: Task, method: Auto) -> Begun:
+    """Return instruments of an arm; least squares where they find nothing, or noise is not what is left."""
+    plain = replace(task, job=replace(task.job, late=()))
+    begun = run_method(plain, method.least_squares)
+    why = "instruments take more than memory_limit_mb"
+    if not follows(task.model):
+        why = "instruments take arms with rigid joints"
+    elif _exceeding(begun, LEFT_BY_ARMS, FAR_OVER_NOISE):
+        why = "the residual is far more than noise of the sensors"
+    elif beyond_limit(task.job, method.instrumental) is None:
+        try:
+            found = run_method(with_calm_turns(task), method.instrumental)
+        except (IdentifiabilityError, DataError) as error:
+            why = f"instruments find nothing ({error.problems[0].what})"
+        else:
+            if not _exceeding(found):
+                return _with_note(found, "method iv: noise of the sensors does not bias instruments")
+            why = "the residual is more than noise of the sensors"
+    return _with_note(begun, f"method wls: {why}; delays are not estimated")
+
+
 def _with_usable_cutoff(task: Task) -> Task:
     """Return a task with a cut-off at which noise does not drown the estimate; the same if it has one."""
     # directions that were made of other channels belong to the first cut-off
@@ -89,10 +111,10 @@ def _with_usable_cutoff(task: Task) -> Task:
     return replace(task, choice=choice, job=replace(task.job, choice=choice))
 
 
-def _exceeding(one: Begun, share: float = 0.0) -> bool:
+def _exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> bool:
     """Tell whether a row leaves clearly more than noise, and more than that share of its largest term."""
     job = one.task.job
-    return bool(exceeding_noise(job.model, job.records, job.choice, one.found.fit, OVER_NOISE, share))
+    return bool(exceeding_noise(job.model, job.records, job.choice, one.found.fit, multiple, share))
 
 
 def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:

@@ -131,5 +131,11 @@ class Job:
         )
 
     def rates(self, fit: Fit, records: tuple[Record, ...], channel: str) -> tuple[FloatArray, ...]:
-        """Return how the mismatch of a fit's rows changes with the delay of a force channel."""
+        """Return how the mismatch of a fit's rows changes with the delay of a force channel.
+
+        Of arms it is taken of the noise-free forces of the instruments, where there are any: rows of a wide
+        band hold more of the derivative of noise than of that of a slow joint's force.
+        """
+        if self.model.is_arm and fit.simulated is not None:
+            records = tuple(fit.simulated.get(index, record) for index, record in enumerate(records))
         return delay_rates(fit, self.model, records, self.choice, self.drop, channel)

@@ -156,6 +156,10 @@ def _run(task: Task) -> Begun:
     beyond = beyond_limit(task.job, task.method)
     if beyond is not None:
         raise DataError(beyond)
+    if task.model.is_arm and isinstance(task.method, IV):
+        from modelgen.runtime.identification.choose_cutoff import with_calm_turns
+
+        return run_method(with_calm_turns(task), task.method)
     begun = run_method(task, task.method)
     if not isinstance(task.method, IV) or not task.checks.drift_check:
         return begun

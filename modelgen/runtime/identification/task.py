@@ -125,12 +125,29 @@ def prepared(
 
 
 def _method_problems(model: Model, method: Method) -> list[Problem]:
-    """Return what is wrong with a method for an arm, or rows of power: others than least squares."""
+    """Return what is wrong with a method for a model: some need a chain, loops are of one or the other."""
     if method.rows == "power" and not isinstance(method, (Auto, WLS)):
         return [Problem("rows", f"are power, and the method is {method.name}", "use wls, or leave one out")]
+    loop = method.loop if isinstance(method, (IV, Auto)) else None
+    if loop is not None:
+        from modelgen.runtime.simulation.arms.joint_controller import JointController
+
+        if isinstance(loop.controller, JointController) != model.is_arm:
+            wanted = "JointController" if model.is_arm else "PositionVelocityController"
+            kind = "a chain" if model.is_arm else "an arm"
+            return [Problem("loop", f"has the controller of {kind}", f"give Loop({wanted}(...))")]
     if not model.is_arm or isinstance(method, (Auto, WLS, Pham2002)):
         return []
-    return [Problem("method", f"is {method.name}, which takes chains", "use wls, or leave it out")]
+    if not isinstance(method, IV):
+        return [Problem("method", f"is {method.name}, which takes chains", "use iv or wls, or leave it out")]
+    # least squares needs no simulation
+    from modelgen.runtime.simulation.arms.arm_plant import follows
+
+    if not follows(model):
+        return [Problem("method", "is iv, which takes arms with rigid joints", "use wls, or leave it out")]
+    if method.start is not None:
+        return [Problem("start", "is given for an arm, whose instruments need none", "leave it out")]
+    return []
 
 
 def _begin(model: Model, method: Method) -> Mapping[str, float] | None:

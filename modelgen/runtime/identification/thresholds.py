@@ -98,3 +98,12 @@ SETTLING_STEPS = 3
 MOST_STEPS = 30
 POINT_TOLERANCE = 1e-4
 ROUNDING = 1e-11
+
+# Cut-offs at which turns of arms are to be short enough: so many, each so many times the one before;
+CALM_CUTOFFS, CALM_STEP = 6, 1.6
+# and the share of a record that every row is to keep there: with half of it and gaps, intervals are a
+# fifth too narrow in simulations.
+CALM_SHARE = 0.75
+# Least squares of an arm that leave this share of a row, and this multiple of the noise, lack what no
+# instruments would cure; in simulations stick and slip alone leaves up to four times the noise.
+LEFT_BY_ARMS, FAR_OVER_NOISE = 0.01, 6.0

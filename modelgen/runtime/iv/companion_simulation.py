@@ -29,6 +29,7 @@ from modelgen.runtime.iv.thresholds import (
 )
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation, excitation_from_record
@@ -63,7 +64,7 @@ class Simulated:
 class Loop:
     """The controller that was at work during the records, where it is known; see `modelgen.simulate`."""
 
-    controller: PositionVelocityController
+    controller: PositionVelocityController | JointController
     drive: Drive = field(default_factory=Drive)
 
 
@@ -94,6 +95,11 @@ def run_beside(
     DataError
         When the model cannot be simulated, the record lacks a force, or the motion grows without bound.
     """
+    if model.is_arm:
+        from modelgen.runtime.iv.arms.companion_motion import arm_beside, joint_controller
+
+        law = joint_controller(loop.controller) if loop is not None else None
+        return _as_read(record, arm_beside(model, parameters, record, choice, law))
     plant, motion = _beside(model, parameters, record, choice, loop)
     return _as_read(record, readings(plant, motion))
 
@@ -120,8 +126,12 @@ def _beside(
     plant = make_plant(model, parameters)
     start = _initial_state(plant, record, choice)
     if loop is not None and REFERENCE in record.signals:
+        controller = loop.controller
+        if not isinstance(controller, PositionVelocityController):
+            remedy = "give Loop(PositionVelocityController(...))"
+            raise DataError.at("loop", "has the controller of an arm", remedy)
         excitation = replace(excitation_from_record(record, 1), forces=measured_forces(plant, record)[1])
-        return plant, move(plant, loop.controller, loop.drive, excitation, start, 1)
+        return plant, move(plant, controller, loop.drive, excitation, start, 1)
     return plant, move(plant, *_weak_feedback(plant, record, choice), start, 1)
 
 

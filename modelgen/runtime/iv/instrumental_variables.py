@@ -179,6 +179,8 @@ def simulation_parameters(
     Where there are more composites than physical parameters, `covariance_of` weighs them.
     """
     base = fit.all_parameters(model.base_parameters)
+    if model.is_arm:  # its sums say all that moves it
+        return dict(zip(model.base_parameters, base.tolist(), strict=True))
     if not model.composites:
         found = dict(model.physical_from_base(base))
     else:

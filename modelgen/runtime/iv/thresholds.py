@@ -9,6 +9,9 @@ SMOOTHING = 4.0
 SMOOTHING_ORDER = 2
 # What the start of the motion may differ by for looking at the start of the record only.
 START_TOLERANCE = 1e-9
+# What arms follow of a record, as a multiple of their motion's band, where their controller is not known:
+# noise of accelerations grows with the band to the power of five, and rows look at five times the motion's.
+ARM_SMOOTHING, ARM_SMOOTHING_ORDER = 2.0, 4
 # An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
 LEAST_INERTIA = 1e-6
 

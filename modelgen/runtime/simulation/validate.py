@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
-from typing import Any, Protocol, TypedDict, Unpack
+from typing import Any, Protocol, TypedDict, Unpack, cast
 
 import numpy as np
 
@@ -218,6 +218,8 @@ class Documented(Protocol):
 def parameters_of(estimate: Mapping[str, object] | Documented, model: Model) -> dict[str, float]:
     """Return the physical parameters of an estimate, or of its document (`to_dict`), for this model.
 
+    Of an arm these are its base parameters, which say all that moves it.
+
     Raises
     ------
     DataError
@@ -231,6 +233,8 @@ def parameters_of(estimate: Mapping[str, object] | Documented, model: Model) -> 
     if estimate.get("chain") != model.chain:
         what = f"is of the chain {estimate.get('chain')}, the model of {model.chain}"
         raise DataError.at("estimate", what, "give an estimate of the same chain")
+    if model.is_arm and isinstance(estimate.get("params"), Mapping):
+        physical = cast("Mapping[str, Any]", estimate["params"])
     values = {str(name): value for name, value in physical.items()}
     known = estimate.get("known")
     if isinstance(known, Mapping):  # what was not estimated is part of the chain all the same

@@ -158,6 +158,23 @@ class ArmPlant:
         found[np.abs(found) < LEAST_FRICTION * np.max(np.abs(at_rest), initial=np.abs(found).max())] = 0.0
         return found[:, : len(levers)], found[:, len(levers) :]
 
+    def driving_forces(self, q: FloatArray, v: FloatArray, a: FloatArray) -> dict[str, FloatArray]:
+        """Return what the drives report (and the base feels) along a motion, shape (N,) each, by key."""
+        found = self.rows(q, v, a)
+        tau = np.asarray(np.linalg.solve(self.gears, found[list(self.moving)]), dtype=float)
+        return dict(zip(self.forces, tau, strict=True)) | self.base_forces(q, v, a, tau)
+
+    def base_forces(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray
+    ) -> dict[str, FloatArray]:
+        """Return what the base feels, where the module has rows of it, shape (N,) each, by key."""
+        further = [one.key for one in self.model.actuators if one.key not in self.forces]
+        if not further:
+            return {}
+        names = [row.name for row in self.model.rows]
+        rows = self.rows(q, v, a, tau)
+        return {key: rows[names.index(key)] for key in further}
+
     @cached_property
     def rubbing(self) -> Rubbing:
         """Coulomb friction, of the speeds that have any."""
@@ -218,12 +235,10 @@ def arm_plant(model: Model, base: FloatArray, tame: bool = False) -> ArmPlant:
     DataError
         When rows and forces of the module are not those of its joints.
     """
-    joints = tuple(str(s.body) for s in model.sensors if s.key not in model.derived)
-    forces = tuple(one.key for one in model.actuators if one.key.startswith("tau_"))
-    names = {row.name for row in model.rows}
-    if len(forces) != len(joints) or not names.issuperset(joints):
-        what = "has not one force and one row a joint, so nothing can move it"
-        raise DataError.at(model.chain, what, "generate the module anew, with a drive a joint")
+    joints, forces = _joints(model), _forces(model)
+    if not follows(model):
+        what = "has not a position, a force and a row a joint: an arm with springs, say"
+        raise DataError.at(model.chain, what, "give the module of an arm with rigid joints")
     plant = ArmPlant(model, np.asarray(base, dtype=float), joints, forces)
     if not tame:
         return plant
@@ -231,6 +246,23 @@ def arm_plant(model: Model, base: FloatArray, tame: bool = False) -> ArmPlant:
     postures = np.random.default_rng(0).uniform(-np.pi, np.pi, (n, PROBES * n))
     own = np.abs(np.diagonal(plant.mass(postures, np.zeros_like(postures)), axis1=1, axis2=2)).mean(axis=0)
     return ArmPlant(model, plant.base, joints, forces, LEAST_SHARE * np.maximum(own, LEAST_SHARE * own.max()))
+
+
+def _joints(model: Model) -> tuple[str, ...]:
+    return tuple(str(one.body) for one in model.sensors if one.key not in model.derived)
+
+
+def _forces(model: Model) -> tuple[str, ...]:
+    return tuple(one.key for one in model.actuators if one.key.startswith("tau_"))
+
+
+def follows(model: Model) -> bool:
+    """Tell whether an arm's motion follows from its rows: a position, a force and a row a joint."""
+    joints = _joints(model)
+    read = {f"{order}_{name}" for order in ("q", "d1_q", "d2_q") for name in joints}
+    read |= {one.key for one in model.actuators}
+    rows = {row.name for row in model.rows}
+    return len(_forces(model)) == len(joints) and rows >= {*joints} and read >= {*model.module.SIGNALS}
 
 
 def checked_base(model: Model, parameters: Mapping[str, float]) -> FloatArray:

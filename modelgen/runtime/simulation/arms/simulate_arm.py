@@ -178,11 +178,7 @@ def true_signals(plant: ArmPlant, motion: ArmMotion, stride: int = 1) -> dict[st
         true[key] = np.sum([weight * true[of] for weight, of in terms], axis=0)
     for k, name in enumerate(plant.joints):
         true |= {f"d1_q_{name}": v[k], f"d2_q_{name}": a[k]}
-    further = [one.key for one in model.actuators if one.key not in plant.forces]
-    if further:  # what the base feels follows from the motion
-        names = [row.name for row in model.rows]
-        rows = plant.rows(q, v, a, tau)
-        true |= {key: rows[names.index(key)] for key in further}
+    true |= plant.base_forces(q, v, a, tau)
     for c, name in enumerate(plant.rubbing.names):
         true[f"mode_{name}"] = motion.modes[c, ::stride].astype(float)
     return true
