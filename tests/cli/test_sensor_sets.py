@@ -8,8 +8,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from modelgen.cli.candidates import spec_model
+from modelgen.cli.data_arguments import DataOptions
 from modelgen.cli.main import app
+from modelgen.cli.sensor_sets.read_by_sensors import read_by_sensors
 from modelgen.runtime.results.estimate import Estimate
+from modelgen.spec.load import parse_spec
 from tests.runtime.joining.test_identify_jointly import TOWER
 
 SETS = ("low", "ends")
@@ -119,3 +123,24 @@ def test_what_fits_no_set_or_two_is_explained(folder: Path) -> None:
     files = [str(folder / f"{name}.csv") for name in SETS]
     several = run("identify", *files, "--spec", spec, "--sensors", "low", "--sensors", "ends", *loop, code=2)
     assert "is of one sensor set" in several
+
+
+def test_a_direction_that_one_set_asks_for_is_not_asked_of_another(tmp_path: Path) -> None:
+    spec = parse_spec(
+        'chain = { name = "axis", motion = "rotation" }\n'
+        'bodies = [{ name = "m", inertia = "J_m", actuator = "T" },\n'
+        '    { name = "c", inertia = "J_c", coulomb = "F_sc" }]\n'
+        'links = [{ bodies = ["m", "c"], stiffness = "K" }]\n'
+        'sensors.both.q_m = { body = "m", measures = "position" }\n'
+        'sensors.both.q_c = { body = "c", measures = "position" }\n'
+        'sensors.motor.q_m = { body = "m", measures = "position" }\n',
+        "axis.toml",
+    )
+    models = {name: spec_model(spec, name) for name in ("both", "motor")}
+    assert "sign_c" in models["motor"].channels and "sign_c" not in models["both"].channels
+    columns = {"both": ("q_m", "q_c", "T"), "motor": ("q_m", "sign_c", "T")}
+    for name, keys in columns.items():
+        lines = [",".join(("t", *keys)), *(f"{k / 1e3},{k}.5,1,{k}.25" for k in range(40))]
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines), encoding="utf-8")
+    found = read_by_sensors([tmp_path / f"{name}.csv" for name in columns], models, DataOptions())
+    assert [title for title, _ in found] == ["both", "motor"]

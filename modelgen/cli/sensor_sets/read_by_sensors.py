@@ -64,7 +64,8 @@ def by_set(
 def _options(model: Model, models: Mapping[str, Model], options: DataOptions) -> dict[str, Any]:
     """Return the options of `read` for one set; what is mapped for the others does nothing here."""
     every = reading_options(list(models.values()), options)
-    others = {key for other in models.values() for key in channel_units(other)} - {*model.channels}
+    others = {key for other in models.values() for key in (*channel_units(other), *other.channels)}
+    others -= {*model.channels}
     # what is no channel of the chain is where a direction comes from
     wanted = tuple(key for key in every["needed"] if key not in others)
     scales = {key: one for key, one in every["scales"].items() if key not in others}
