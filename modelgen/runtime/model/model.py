@@ -157,7 +157,7 @@ class Model:
     def refuse_arm(self, what: str) -> None:
         """Raise DataError for an arm, where `what` takes chains alone."""
         if self.is_arm:
-            remedy = "identify takes arms; give a chain's module here"
+            remedy = "identify, simulate and validate take arms; give a chain's module here"
             raise DataError.at(self.chain, f"is an arm; {what} takes chains", remedy)
 
     def column_terms(self, row: int, column: int) -> Terms:

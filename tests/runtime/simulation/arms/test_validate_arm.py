@@ -10,7 +10,9 @@ import pytest
 
 import modelgen
 from modelgen.errors import DataError
+from modelgen.render.arms.arm_writer import arm_module
 from modelgen.runtime.comparison.arm_forces import compare_forces
+from modelgen.runtime.fleet.worker import FleetRecord, identify_machine
 from modelgen.runtime.iv.companion_simulation import Loop
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
@@ -18,6 +20,8 @@ from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.arms.simulate_arm import record_with_joint_references, simulate_arm
 from modelgen.runtime.simulation.arms.validate_arm import validate_arm
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController
+from modelgen.symbolic.arms.arm_rows import arm_rows
+from modelgen.symbolic.arms.base_parameters import arm_base_model
 from tests.runtime.made_arm_records import catalogued, model_of
 
 MODEL = model_of(catalogued("two_link"))
@@ -123,3 +127,19 @@ def test_a_record_with_more_than_noise_is_left_to_least_squares() -> None:
 def test_methods_that_an_arm_has_not_are_told(method: modelgen.WLS, what: str) -> None:
     with pytest.raises(modelgen.ModelgenError, match=what):
         modelgen.identify(MODEL, record(), method)
+
+
+def test_a_record_that_was_held_out_agrees() -> None:
+    checks = modelgen.CheckOptions(hold_out=["run_1"])
+    found = modelgen.identify(MODEL, [record(), record(1)], checks=checks)
+    assert found.fit.method == "iv" and found.checks.held_out is not None
+    assert found.checks.held_out.records == ("run_1",)
+    assert all(row.relative_error < 1.3 * row.fitted_error for row in found.checks.held_out.rows)
+
+
+def test_a_machine_of_a_fleet_is_identified_as_alone() -> None:
+    text = arm_module(arm_base_model(arm_rows(catalogued("two_link"))))
+    report = identify_machine(text, [FleetRecord("robot", record())], {})
+    assert report.document is not None and not report.failed
+    alone = estimate("auto").params
+    assert report.document["params"] == pytest.approx(alone, rel=1e-9)
