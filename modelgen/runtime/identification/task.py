@@ -144,7 +144,13 @@ def _method_problems(model: Model, method: Method) -> list[Problem]:
     from modelgen.runtime.simulation.arms.arm_plant import follows
 
     if not follows(model):
-        return [Problem("method", "is iv, which takes arms with rigid joints", "use wls, or leave it out")]
+        return [
+            Problem(
+                "method",
+                "is iv, which takes arms with rigid joints that carry nothing",
+                "use wls, or leave it out",
+            )
+        ]
     if method.start is not None:
         return [Problem("start", "is given for an arm, whose instruments need none", "leave it out")]
     return []
