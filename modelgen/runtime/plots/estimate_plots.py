@@ -105,7 +105,7 @@ class EstimatePlots:
         axes = panels(axes, len(rows), sharex=False)
         for axis, row in zip(axes, rows, strict=True):
             draw_row(axis, row)
-        axes[0].legend(loc="upper right", ncols=3, frameon=False, fontsize=8)
+        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=8)
         return drawn(axes)
 
     def residuals(

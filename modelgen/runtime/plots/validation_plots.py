@@ -45,6 +45,6 @@ class ValidationPlot:
             axis.set_ylabel(f"{check.channel} in {check.unit}")
             axis.margins(x=0.0)
         axes[0].set_title(found.record, loc="right", fontsize=10)
-        axes[0].legend(frameon=False, fontsize=8, ncols=3, loc="upper right")
+        axes[0].legend(fontsize=8, ncols=3, loc="upper right", framealpha=0.8, edgecolor="none")
         axes[-1].set_xlabel("time in s")
         return drawn(axes)
