@@ -46,9 +46,9 @@ pandas.DataFrame(
 # %% [markdown]
 # ## How well, in slow and in fast motion
 #
-# Encoders of 5e-6 rad, torques of 0.1 N m (standard deviations), 1 kHz, 8 s. Half of a 95 % interval in %,
+# Encoders of 5e-6 rad, torques of 0.1 N m (standard deviations), 1 kHz, 12 s. Half of a 95 % interval in %,
 # and a dash where there is no number. Slow motion hardly deflects the springs: from the motors' encoders
-# alone it gives no stiffness at all.
+# alone it gives stiffness to some tens of percent, or not at all.
 
 # %%
 values = arm.parameter_sets["nominal"]
@@ -58,7 +58,7 @@ models = {}
 for name in arm.sensor_sets:
     ((file, text),) = arm_files(arm, name).items()
     models[name] = model_from_text(text, file)
-times = np.arange(0.0, 8.0, 1e-3)
+times = np.arange(0.0, 12.0, 1e-3)
 
 
 def motion(highest_hz: float) -> dict[str, np.ndarray]:
@@ -87,7 +87,8 @@ for label, highest_hz in (("slow, to 0.8 Hz", 0.8), ("fast, to 6 Hz", 6.0)):
             {"motion": label, "sensors": name.replace("_", " ")} | {n: percent(found, n) for n in wanted}
         )
 table = pandas.DataFrame(rows).set_index(["motion", "sensors"])
-assert table.loc[("slow, to 0.8 Hz", "motor encoders"), "K_1"] == "–"
+slow = table.loc[("slow, to 0.8 Hz", "motor encoders"), "K_1"]
+assert slow == "–" or float(slow) > 5.0
 assert float(table.loc[("fast, to 6 Hz", "motor encoders"), "K_1"]) < 0.2
 table
 

@@ -74,7 +74,8 @@ def test_motors_alone_find_damped_springs() -> None:
     model = model_of(spec, "motors")
     record = record_along(model, moved(spec, values, 3.0), QUIET)
     found, truth = identify(model, record, "wls", checks=QUICK).params, base_of(model, values)
-    off = {n: abs(found[n] - v) / max(abs(v), 0.05) for n, v in truth.items() if n in found}
+    # an offset of zero has no size of its own: that of the friction beside it
+    off = {n: abs(found[n] - v) / (abs(v) or values[f"Fs_{n[-1]}"]) for n, v in truth.items() if n in found}
     damping = [off.pop(name) for name in ("D_1", "D_2")]
     assert {"K_1", "K_2"} <= {*off} and max(off.values()) < 1e-3
     assert max(damping) < 5e-3  # a deflection that is late by D / K, to second order
@@ -84,9 +85,10 @@ def test_motors_alone_find_damped_springs() -> None:
 def test_slow_motion_gives_no_stiffness_from_motors_and_fast_motion_does() -> None:
     spec, values = damped()
     models = [model_of(spec, name) for name in ("encoders", "motors")]
-    slow = predicted_estimates(models[1:], moved(spec, values, 0.6, 8.0))
+    slow = predicted_estimates(models[1:], moved(spec, values, 0.6))
     fast = predicted_estimates(models, moved(spec, values, 6.0, 8.0))
-    assert isinstance(slow["motors"], IdentifiabilityError) or "K_2" not in slow["motors"].params
+    nothing = slow["motors"]
+    assert isinstance(nothing, IdentifiabilityError) and "how far the springs deflect" in str(nothing)
     for name, most in (("encoders", 1e-4), ("motors", 2e-3)):
         found = fast[name]
         assert not isinstance(found, Exception)
