@@ -137,6 +137,9 @@ def carrying(readings: Sequence[Reading], given: Sequence[str], models: Sequence
 
     names = [reading.record.name for reading in readings]
     payloads = [key.removeprefix("load_") for model in models for key in model.loads]
+    if given and not payloads:
+        remedy = "write a table [payload.NAME] into the arm's spec and generate its module again"
+        raise DataError.at("--payload", "the model has no payload", remedy)
     carried: dict[str, list[str]] = {name: [] for name in names}
     problems = []
     for item in given:
