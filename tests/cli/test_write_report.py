@@ -113,9 +113,12 @@ def test_what_cannot_be_made_is_a_sentence_in_its_place(
 def test_what_a_report_is_made_with_is_read_before_the_work(tmp_path: Path) -> None:
     (tmp_path / "loop.toml").write_text("[controller]\nkp = 1.0\n", encoding="utf-8")
     with pytest.raises(DataError, match="kv"):
-        check_inputs(None, tmp_path / "loop.toml")
+        check_inputs(None, tmp_path / "loop.toml", arm=False)
+    (tmp_path / "arm.toml").write_text("[controller]\nkp_x = 1.0\n", encoding="utf-8")
+    with pytest.raises(DataError, match="kp_x"):
+        check_inputs(None, tmp_path / "arm.toml", arm=True)
     with pytest.raises(ModelgenError, match="absent"):
-        check_inputs("absent.toml", None)
+        check_inputs("absent.toml", None, arm=False)
 
 
 def test_suspicions_stand_in_the_report(tmp_path: Path, readings: list[Reading]) -> None:
