@@ -13,6 +13,7 @@ NAMES = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(NAMES)
 def test_a_list_of_names_fits_into_a_sentence_whatever_its_length(names: list[str]) -> None:
     assert hole(f"choose from {listed(names)}, or leave it out") is None

@@ -159,6 +159,7 @@ def test_what_is_still_to_be_mended_exceeds_its_limit(sources: dict[str, str]) -
     assert len(set(STILL_TO_BE_MENDED)) == len(STILL_TO_BE_MENDED)
 
 
+@pytest.mark.slow
 def test_no_import_cycle(sources: dict[str, str]) -> None:
     cycles = [" <-> ".join(sorted(group)) for group in cycles_of(import_graph(sources))]
     assert not cycles, "modules that import each other:\n" + "\n".join(cycles)

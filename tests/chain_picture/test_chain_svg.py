@@ -61,6 +61,7 @@ def texts(svg: str) -> list[str]:
     return ["".join(element.itertext()) for element in ElementTree.fromstring(svg).iter(f"{SVG}text")]
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(diagrams())
 def test_everything_is_named_once_and_no_two_bodies_lie_on_each_other(diagram: ChainDiagram) -> None:
@@ -102,6 +103,7 @@ def test_everything_is_named_once_and_no_two_bodies_lie_on_each_other(diagram: C
     assert chain_svg(diagram) == svg
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(diagrams())
 def test_every_body_has_a_place_of_its_own(diagram: ChainDiagram) -> None:

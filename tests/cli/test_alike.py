@@ -107,6 +107,7 @@ def test_version() -> None:
     assert (done.exit_code, done.output) == (0, f"modelgen {modelgen.__version__}\n")
 
 
+@pytest.mark.slow
 def test_answers_are_saved_whole_and_never_over_a_file(tmp_path: Path) -> None:
     answer = tmp_path / "a.json"
     root = Path(__file__).resolve().parents[2]

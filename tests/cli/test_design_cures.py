@@ -82,6 +82,7 @@ def test_a_set_that_answers_everything_needs_no_cure(tmp_path: Path) -> None:
     assert found["cures"] == {}
 
 
+@pytest.mark.slow
 def test_beyond_the_limits_of_an_estimate_nothing_is_promised(tmp_path: Path) -> None:
     for noise in (3e-3, 3e-2):
         found = design(tmp_path, noise, "both")

@@ -51,6 +51,7 @@ def test_every_option_reaches_the_estimate(records: list[str]) -> None:
     assert found["periods"] is None
 
 
+@pytest.mark.slow
 def test_a_share_can_be_held_out(records: list[str]) -> None:
     found = checks(run(*records, "--hold-out", "0.3", "--json"))
     assert found["held_out"]["records"] == ["one (held out)", "two (held out)"]

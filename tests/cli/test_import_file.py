@@ -48,6 +48,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 LEAST_SQUARES = ("--method", "wls", "--json")
 
 
+@pytest.mark.slow
 def test_from_a_foreign_file_to_the_same_estimate_in_two_commands(bench: Path) -> None:
     module, mapped = bench / "emps300_qm_ac.py", bench / "chirp.toml"
     told = run("import", bench / "chirp.csv", "--model", module, "-o", mapped, "--overwrite", "--json")

@@ -349,12 +349,14 @@ def identify(bench: Path) -> tuple[str | Path, ...]:
 LIGHT = {"J_m": 9.93e-6, "F_vm": 2e-5, "F_sm": 5e-3, "J_c": 6.72e-7, "F_vmc": 3.9e-5, "K": 0.3795}
 
 
+@pytest.mark.slow
 def test_identify_finds_the_simulated_parameters(identify: tuple[str | Path, ...]) -> None:
     estimate = run_json(*identify)
     assert estimate["params"] == pytest.approx(LIGHT, rel=5e-3)
     assert estimate["records"] == ["chirp", "trapezoid"]
 
 
+@pytest.mark.slow
 def test_identify_tells_what_a_reader_needs(identify: tuple[str | Path, ...]) -> None:
     printed = run(*identify, "--cutoff-hz", "180", "--details").stdout
     for word in (
@@ -369,6 +371,7 @@ def test_identify_tells_what_a_reader_needs(identify: tuple[str | Path, ...]) ->
         assert word in printed
 
 
+@pytest.mark.slow
 def test_identify_passes_every_option_on(identify: tuple[str | Path, ...]) -> None:
     options = {
         "--method": "pham2002",
@@ -502,6 +505,7 @@ def test_generated_folder_is_up_to_date(repo_root: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_identify_takes_tags_a_pairing_and_named_directions(identify: tuple[str | Path, ...]) -> None:
     tags = ("--tag", "chirp=chirp", "--tag", "trapezoid=trapezoid")
     rows = run_json(*identify, "--pairing", "pham2002", *tags)["rows"]

@@ -64,6 +64,7 @@ def test_results_are_refused_before_any_work(tmp_path: Path) -> None:
         check_output(tmp_path / f"f{suffix}", FIGURES, overwrite=False)
 
 
+@pytest.mark.slow
 def test_the_report_is_the_same_twice_and_lists_what_was_asked(
     tmp_path: Path, readings: list[Reading], estimate: Estimate
 ) -> None:
@@ -76,6 +77,7 @@ def test_the_report_is_the_same_twice_and_lists_what_was_asked(
     assert report(tmp_path / "a.html", readings, estimate, overwrite=True) == first
 
 
+@pytest.mark.slow
 def test_what_cannot_be_made_is_a_sentence_in_its_place(
     tmp_path: Path, readings: list[Reading], estimate: Estimate, monkeypatch: pytest.MonkeyPatch
 ) -> None:

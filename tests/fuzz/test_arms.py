@@ -158,6 +158,7 @@ def test_any_tables(document: dict[str, Any]) -> None:
     explained(document_text(document))
 
 
+@pytest.mark.slow
 @FUZZ
 @given(st.integers(0, 20), st.data())
 def test_a_urdf_with_one_piece_replaced(seed: int, data: st.DataObject) -> None:

@@ -104,6 +104,7 @@ def test_any_text(text: str) -> None:
     explained(text)
 
 
+@pytest.mark.slow
 @FUZZ
 @given(st.data())
 def test_a_good_file_with_one_piece_replaced(data: st.DataObject) -> None:

@@ -73,6 +73,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(table=TABLES)
 def test_what_is_written_is_read_the_same(folder: Path, table: ProjectTable) -> None:

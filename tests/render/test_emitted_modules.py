@@ -53,6 +53,7 @@ def test_the_module_of_any_chain_is_accepted(seed: int) -> None:
     model_from_text(text)
 
 
+@pytest.mark.slow
 def test_most_random_chains_have_a_module() -> None:
     made = 0
     for seed in range(12):

@@ -69,6 +69,7 @@ class Outline(HTMLParser):
                 self.addresses.append(value or "")
 
 
+@pytest.mark.slow
 def test_every_part_is_there(page: str) -> None:
     outline = Outline(page)
     parts = ["answer", "chain", "forces", "frequency", "loop", "parameters", "residuals", "conditioning"]
@@ -130,6 +131,7 @@ def test_rebuilt_rows_are_those_of_the_estimate(case: tuple[Model, Record, Estim
         assert singular[0] / singular[-1] == pytest.approx(estimate.condition_number, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_rows_are_rebuilt_with_the_delays_that_were_found() -> None:
     records = two_mass_records(late={"Gamma_m": 7.0})
     estimate = identify(SMALL, records)
@@ -227,6 +229,7 @@ def test_chromium_runs_the_script_and_asks_nobody(chromium: str, tmp_path: Path,
     assert asked_by_the_page(log) == ["null"]
 
 
+@pytest.mark.slow
 def test_chromium_runs_no_name(chromium: str, tmp_path: Path, case: tuple[Model, Record, Estimate]) -> None:
     shown, _ = dom(chromium, tmp_path, hostile_page(case))
     assert 'data-ready="yes"' in shown

@@ -80,6 +80,7 @@ def test_a_statement_before_any_line_is_refused_there(text: str) -> None:
         assert inner or lines[place : place + 1] == ["}\n"] or problem.where == f"line {place + 1}", statement
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", TEXTS)
 def test_an_expression_in_place_of_any_value_is_refused(text: str) -> None:
     # numbers, keys and names that the generator writes too are no foreign code

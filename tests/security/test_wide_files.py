@@ -112,6 +112,7 @@ def work(path: Path) -> int:
     return calls
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", WIDE)
 def test_work_grows_with_the_columns_not_with_their_square(processes: Path, kind: str) -> None:
     name, write = WIDE[kind]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 from random import Random
 
+import pytest
+
 from generated import emps300_qm_ac, emps300_qm_qc, tree_mixed, tree_positions
 from modelgen.cli.formal_rows import exact, formal_regressor
 from modelgen.render.writer import generate
@@ -86,6 +88,7 @@ def test_coefficients_are_small_fractions_or_what_they_are() -> None:
     assert exact(2.0**0.5) == Fraction(2.0**0.5)
 
 
+@pytest.mark.slow
 def test_a_gear_of_many_digits_is_an_exact_fraction() -> None:
     ratio = Fraction("628.3")
     for power in (1, 2):

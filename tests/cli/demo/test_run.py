@@ -70,6 +70,7 @@ def test_the_demo_finds_the_printed_tables(demo: dict[str, Any]) -> None:
         assert found["filters"]["pham2002"]["cutoff_hz"] == pytest.approx(found["cutoff_rad_s"] / 6.283185307)
 
 
+@pytest.mark.slow
 def test_the_demo_prints_the_papers_digits_without_matplotlib(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -105,6 +105,7 @@ def test_a_further_group_is_one_further_line(here: Path) -> None:
     assert len(after.splitlines()) == 3
 
 
+@pytest.mark.slow
 def test_a_record_that_has_changed_is_refused_with_both_hashes(here: Path) -> None:
     run(here)
     before = contents(here)
@@ -130,6 +131,7 @@ def test_what_somebody_else_wrote_is_not_written_over(here: Path) -> None:
     assert (here / "axis.report.html").read_text() == "edited"
 
 
+@pytest.mark.slow
 def test_other_options_are_another_estimate_of_the_same_records(here: Path) -> None:
     run(here)
     write(here, 1, 2, head=HEAD.replace('"wls"', '"wls"\ncutoff_hz = 60.0'))
@@ -205,6 +207,7 @@ def test_identify_saves_what_was_typed_as_a_project(
     assert "exists already" in refused.stderr
 
 
+@pytest.mark.slow
 def test_a_month_without_an_answer_does_not_cost_the_others(here: Path) -> None:
     rest = np.zeros(2000)
     force = next(actuator.key for actuator in MODEL.actuators)

@@ -81,6 +81,7 @@ def test_saved_estimates_in_their_order(tmp_path: Path) -> None:
     assert machine["changed"] == ["K"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
 def test_the_picture_is_the_same_bytes(history: Path, tmp_path: Path, suffix: str) -> None:
     paths = [tmp_path / f"{name}{suffix}" for name in "ab"]

@@ -141,6 +141,7 @@ def test_a_named_length_needs_a_value() -> None:
     assert any("d3**2*m3" in name for name in names)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", ARMS[:5])
 def test_module_is_readable_sealed_and_needs_numpy_only(spec: ArmSpec) -> None:
     text = arm_module(arm_base_model(arm_rows(spec)))

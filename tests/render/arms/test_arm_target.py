@@ -80,6 +80,7 @@ int main(void) {{
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", ARMS)
 def test_c99_gives_the_same_numbers(tmp_path: Path, spec: ArmSpec) -> None:
     compiler = shutil.which("cc")
@@ -137,6 +138,7 @@ def test_octave_gives_the_same_numbers(tmp_path: Path) -> None:
             np.testing.assert_allclose(found[key].reshape(array.shape), array, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["c", "matlab"])
 def test_a_block_a_joint_and_names_that_are_none_of_the_language(target: str, tmp_path: Path) -> None:
     spec = replace(tx40(), name="cos", title="a */ int evil; /* \\\n#include <x>")

@@ -36,6 +36,7 @@ TACHOMETERS = model_from_module(three_mass_va_vb_vc)
 ASYMMETRIC = model_from_module(emps_rigid_asymmetric_qm)
 
 
+@pytest.mark.slow
 def test_a_sound_experiment_is_left_alone() -> None:
     for seed in range(3):
         estimate = identify(RIGID, rigid_record(seed=seed), **values_of(**SETTINGS))

@@ -32,6 +32,7 @@ def noisy(clean: Record, seed: int) -> Record:
     return Record(signals, clean.fs, clean.name)
 
 
+@pytest.mark.slow
 def test_the_pull_of_noise_is_what_many_records_show() -> None:
     truth = MODEL.parameter_sets["table_1"]
     base = MODEL.base_from_physical(truth)

@@ -88,6 +88,7 @@ def test_it_moves_as_our_own_simulation(name: str, tmp_path: Path) -> None:
         assert error(rows[:, column], expected[sensor.key]) < 1e-6, sensor.key
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_random_chains_move_as_our_own_simulation(seed: int, tmp_path: Path) -> None:
     random = Random(seed)

@@ -43,6 +43,7 @@ def write_mdf(path: Path) -> None:
 
 
 # asammdf complains in its finaliser of a file that it could not open
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize(
     ("suffix", "write"), [(".h5", write_hdf5), (".parquet", write_parquet), (".mf4", write_mdf)]

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -54,6 +55,7 @@ def test_widen_marks_the_neighbours_and_stops_at_the_ends() -> None:
 SPEEDS = st.lists(st.sampled_from([-2.0, -0.1, 0.0, 0.1, 2.0]), min_size=1, max_size=40).map(np.array)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(SPEEDS, st.integers(1, 5), st.integers(0, 6), st.sampled_from([0.0, 0.5]))
 def test_marks_are_those_that_one_would_make_by_hand(

@@ -42,6 +42,7 @@ def told(estimate: Estimate) -> list[tuple[str, str, str]]:
     return [(one.kind, one.where, one.what) for one in estimate.checks.advice]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_of_a_right_model_nothing_is_said(seed: int) -> None:
     estimate = identify(SMALL, two_mass_records(seed=seed))
@@ -75,6 +76,7 @@ def test_a_chirp_about_rest_gives_no_delay_and_intervals_that_hold(method: Metho
     assert any("direction of m changes" in what for _, _, what in told(estimate))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [7.0, -6.0, 25.0])
 def test_a_force_late_by_whole_samples_is_found(samples: float) -> None:
     estimate = identify(SMALL, two_mass_records(late={"Gamma_m": samples}))

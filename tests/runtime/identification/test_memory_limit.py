@@ -82,6 +82,7 @@ def test_nor_with_options(options: dict[str, Any], made_again: list[int]) -> Non
     assert made_again
 
 
+@pytest.mark.slow
 def test_periodic_records_and_wide_chains(monkeypatch: pytest.MonkeyPatch, made_again: list[int]) -> None:
     model, records = bench()
     again = [Record({k: np.tile(v[:2500], 8) for k, v in r.signals.items()}, r.fs, r.name) for r in records]

@@ -234,6 +234,7 @@ def everything() -> Estimate:
     )
 
 
+@pytest.mark.slow
 def test_everything_at_once_is_printed_and_written_alike_every_time() -> None:
     first, second = everything(), everything()
     assert first.to_json() == second.to_json()

@@ -52,6 +52,7 @@ def advice(model: Model, records: Sequence[Record]) -> tuple[Advice, ...]:
     return swapped_channels(job, METHODS["wls"].run(job)[1])
 
 
+@pytest.mark.slow
 def test_right_channels_are_not_suspected(bench: Record) -> None:
     assert advice(BENCH, [bench]) == ()
     assert advice(QC, experiments("qc")) == ()
@@ -59,6 +60,7 @@ def test_right_channels_are_not_suspected(bench: Record) -> None:
     assert advice(THREE, experiments("three")) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensors", "one", "other"),
     [

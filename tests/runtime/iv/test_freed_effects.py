@@ -93,6 +93,7 @@ def test_effects_that_do_not_come_to_rest_are_an_error(monkeypatch: pytest.Monke
         freed(0.25, LATE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [60.0, -60.0])
 def test_an_encoder_that_is_far_out_of_step_is_no_small_effect(samples: float) -> None:
     job, fit = started(0.25)

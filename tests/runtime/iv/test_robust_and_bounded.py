@@ -104,6 +104,7 @@ def test_spikes_of_an_encoder_weigh_less() -> None:
     assert np.mean(spreads["huber"]) < 0.7 * np.mean(spreads[None])
 
 
+@pytest.mark.slow
 def test_normal_noise_is_weighed_as_it_should_be() -> None:
     plain, robust = of_slick(0), of_slick(0, robust="huber")
     (note,) = [note for note in robust.fit.notes if note.startswith("robust")]

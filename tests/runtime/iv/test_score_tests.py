@@ -35,6 +35,7 @@ def rows(seed: int, size: float, noise: float = 0.1) -> tuple[Fit, FloatArray]:
     return fit, grown
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), size=st.floats(0.05, 1.0))
 def test_a_score_is_what_a_fit_with_the_effect_as_a_column_finds(seed: int, size: float) -> None:
@@ -52,6 +53,7 @@ def test_a_score_is_what_a_fit_with_the_effect_as_a_column_finds(seed: int, size
     assert found.matters
 
 
+@pytest.mark.slow
 def test_where_nothing_lacks_hardly_anything_matters() -> None:
     count = sum(scores(*_no_effect(seed))[0].matters for seed in range(200))
     # the level is 1 %, and a move that is worth telling on top of that
@@ -63,6 +65,7 @@ def _no_effect(seed: int) -> tuple[Fit, list[Effect], list[list[FloatArray]]]:
     return fit, [effect("push")], [[grown]]
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), mix=st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3))
 def test_what_the_columns_hold_cannot_be_told(seed: int, mix: list[float]) -> None:

@@ -61,6 +61,7 @@ def test_advanced_moves_only_what_is_named() -> None:
     assert advanced(record, {"F": 0.0}) is record
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [0.5, -2.25])
 def test_a_delay_is_found_with_its_standard_deviation_and_compensated(samples: float) -> None:
     records = late(samples / FS)

@@ -73,6 +73,7 @@ def test_bandwidth_is_one_for_white_noise_and_grows_with_correlation() -> None:
     assert andrews_bandwidth([np.zeros((10, 2))]) == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rho", "covered"), [(0.0, (0.91, 0.98)), (0.8, (0.88, 0.97))])
 def test_intervals_hold_the_truth_as_often_as_they_say(rho: float, covered: tuple[float, float]) -> None:
     rng = np.random.default_rng(3)

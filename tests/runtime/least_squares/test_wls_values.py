@@ -159,6 +159,7 @@ def test_residuals_and_measurement_are_stacked_with_their_weights() -> None:
     assert silent.relative_error == np.inf
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.booleans(), st.floats(0.01, 100.0)), min_size=1, max_size=4), st.integers(0, 99))
 def test_the_relative_error_lies_between_those_of_the_rows(rows: list[tuple[bool, float]], seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -43,6 +43,7 @@ def test_a_mode_of_doubtful_composites_is_not_told() -> None:
     assert "1 of 2 modes cannot be told: they need J_c, F_vmc, K" in estimate.modes().notes[0]
 
 
+@pytest.mark.slow
 def test_modes_of_composites_that_are_known_well_are_told() -> None:
     _, estimate = case("light")
     assert len(estimate.modes().modes) == 2

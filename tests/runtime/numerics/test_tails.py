@@ -15,6 +15,7 @@ def test_normal_tails_are_those_of_scipy(share: float) -> None:
     assert normal_tail(normal_beyond(share)) == pytest.approx(share, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [1, 2, 3, 4, 7, 20, 25, 101, 1000, 5001])
 def test_chi_square_tails_are_those_of_scipy(degrees: int) -> None:
     for share in SHARES[:-1]:

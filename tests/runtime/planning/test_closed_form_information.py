@@ -155,6 +155,7 @@ def test_a_linear_estimator_is_predicted_exactly() -> None:
     assert 1.0 < information.condition_number < 1e4
 
 
+@pytest.mark.slow
 def test_twice_the_noise_is_twice_the_deviation() -> None:
     p = AC.parameter_sets["light"]
     small = experiment(AC, p, own(AC, 1e-3), method="wls")

@@ -73,6 +73,7 @@ def test_parameters_stand_side_by_side() -> None:
     assert np.ptp(narrow) < np.ptp(estimate.plot.parameters(names=["K"]).lines[0].get_xdata())
 
 
+@pytest.mark.slow
 def test_a_loaded_estimate_asks_for_model_and_records() -> None:
     estimate, records = estimated(), two_mass_records()
     for loaded in (Estimate.from_json(estimate.to_json()), pickle.loads(pickle.dumps(estimate))):

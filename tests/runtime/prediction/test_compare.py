@@ -80,6 +80,7 @@ def test_one_sample_ahead_only_the_noise_is_left(name: str) -> None:
         assert float(np.sqrt(np.mean(error**2))) < 2.0 * noise
 
 
+@pytest.mark.slow
 def test_wrong_parameters_fit_worse() -> None:
     model, truth, record = case("two encoders", 1e-3)
     for horizon in (None, 20):
@@ -134,6 +135,7 @@ def test_a_horizon_is_shorter_than_the_record() -> None:
         compare(model, truth, [])
 
 
+@pytest.mark.slow
 def test_what_it_is_stands_in_the_text() -> None:
     model, truth, record = case("two encoders")
     for horizon, kind in ((None, "open loop"), (1, "1 sample ahead"), (25, "25 samples ahead")):

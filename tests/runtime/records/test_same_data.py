@@ -78,6 +78,7 @@ def as_it_is(signals: Signals, _: np.random.Generator) -> Signals:
 DRESSES = [as_it_is, other_order, seven_digits, another_unit, a_cut, a_tail_that_goes_on]
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(
     st.sampled_from(DRESSES), st.integers(0, 10**6), st.sampled_from([0.0, 1e-3, 2e-2]), st.integers(0, 500)

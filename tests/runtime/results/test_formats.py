@@ -47,6 +47,7 @@ def estimate(fitted: ChainEstimator) -> Estimate:
     return fitted.estimate_
 
 
+@pytest.mark.slow
 def test_latex(estimate: Estimate) -> None:
     text = estimate.to_latex()
     assert text.count(r"\\") == 1 + len(estimate.parameters.identified)

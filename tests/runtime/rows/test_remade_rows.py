@@ -37,6 +37,7 @@ def observations(index: int) -> tuple[Observation, Observation]:
         return kept, observe(model, [record], choice, memory_limit=1.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 1), st.data())
 def test_any_stretch_of_any_row_and_columns(index: int, data: st.DataObject) -> None:

@@ -48,6 +48,7 @@ def test_a_seed_gives_the_same_noise_channel_by_channel() -> None:
     assert abs(in_common) < 4.0 / 20001**0.5
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 2**70),
     st.lists(st.tuples(st.text(max_size=5), st.integers(4000, 4003)), min_size=2, max_size=4, unique=True),

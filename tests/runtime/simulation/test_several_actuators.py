@@ -280,6 +280,7 @@ def test_a_held_command_beside_another_force_is_as_exact_as_a_continuous_one() -
         np.testing.assert_allclose(sampled.true[key], samples, atol=1e-9 * max(1.0, np.abs(samples).max()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "drive",
     [

@@ -44,6 +44,7 @@ def loop_of(name: str) -> FrictionSystem:
     return closed_loop(plant, default_controller(plant))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["table_1", "table_2", "light", "bench"])
 def test_steps_agree_with_blocks(name: str, steps: int) -> None:
     system = loop_of(name)
@@ -63,6 +64,7 @@ def test_steps_agree_with_blocks(name: str, steps: int) -> None:
     np.testing.assert_array_equal(single.modes, blocks.modes)
 
 
+@pytest.mark.slow
 def test_more_events_than_expected_are_kept(steps: int, monkeypatch: pytest.MonkeyPatch) -> None:
     system = loop_of("table_2")
     w = 0.05 * np.sin(0.2 * np.arange(1001))[:, None]
@@ -87,6 +89,7 @@ def interpreted(monkeypatch: pytest.MonkeyPatch, calm: int) -> None:
     monkeypatch.setattr(step_kernel, "CALM", calm)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("calm", [1, 7, 1000])
 def test_it_does_not_matter_how_many_steps_are_taken_at_once(
     calm: int, monkeypatch: pytest.MonkeyPatch

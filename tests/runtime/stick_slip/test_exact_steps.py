@@ -242,6 +242,7 @@ def test_stick_slip_of_a_pulled_body_agrees_with_an_ode_solver() -> None:
     np.testing.assert_allclose(path.states[-1], x, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_two_sticking_bodies_agree_with_an_ode_solver() -> None:
     system = chain(
         (0.5, 0.3), (60.0,), (0.05,), ground=20.0,

@@ -178,6 +178,7 @@ def test_many_couplings_are_decided_at_once() -> None:
     assert len(parse_arm(f'[arm]\nname = "a"\n{joints}{couplings}', "a.toml").transmission) == 100
 
 
+@pytest.mark.slow
 def test_too_many_joints_are_refused_at_once() -> None:
     joints = "".join(f'[[joints]]\nname = "j{k}"\n' for k in range(10_000))
     assert problems(f'[arm]\nname = "a"\n{joints}') == [

@@ -75,10 +75,12 @@ def test_the_remedy_helps(text: str) -> None:
     assert model.base
 
 
+@pytest.mark.slow
 def test_a_thousand_measured_bodies_are_no_elimination() -> None:
     assert build(parse_spec(graph(chain(1000), 1000, range(1000), damping=False), "graph.toml"), "set").base
 
 
+@pytest.mark.slow
 def test_a_sum_that_python_could_not_read_is_refused() -> None:
     text = graph([(0, 1)] * 2600, 2, [0, 1], damping=False)
     with pytest.raises(ModelError, match=r"2,600 parameters act as one sum, K0 \+ K1 \+ K2 \+ \.\.\."):

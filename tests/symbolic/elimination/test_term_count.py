@@ -41,6 +41,7 @@ def counted_and_made(text: str) -> list[tuple[int, int, int, int]]:
     return found
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 10**9))
 def test_a_count_is_never_too_small(seed: int) -> None:

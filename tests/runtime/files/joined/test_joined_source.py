@@ -135,6 +135,7 @@ def test_names_that_are_none_are_explained(name: str) -> None:
         read_record(name)
 
 
+@pytest.mark.slow
 def test_import_lists_both_files_and_identify_takes_its_mapping(tmp_path: Path) -> None:
     run = CliRunner().invoke
     assert run(app, ["generate", "emps300", "--sensors", "qm_ac", "-o", str(tmp_path)]).exit_code == 0
