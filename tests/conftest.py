@@ -16,11 +16,16 @@ sys.dont_write_bytecode = False
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from tests.runtime import measured_records
+
+# no test is timed: on a busy machine each takes as long as it likes
+settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("untimed")
 
 STILL = ("tests/symbolic/", "tests/spec/", "tests/security/")
 
