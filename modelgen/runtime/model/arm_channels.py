@@ -71,6 +71,11 @@ def also_read(channels: ArmChannels, reads: Iterable[tuple[str, int]]) -> ArmCha
     return replace(channels, signals=tuple(signals.values()))
 
 
+def moving_joints(module: Any) -> list[str]:
+    """Return the names of an arm's joints that are not fixed, in the order of TRANSMISSION."""
+    return [one["name"] for one in module.JOINTS if one["kind"] != "fixed"]
+
+
 def _of_joints(module: Any) -> ArmChannels:
     moving = [joint for joint in module.JOINTS if joint["kind"] != "fixed"]
     sensors = [_sensor(f"q_{j['name']}", j["name"], "position", j["kind"] == "revolute") for j in moving]
@@ -193,8 +198,7 @@ def _force(key: str, body: str, turns: bool, lever: float = 1.0) -> Entry:
 
 def _gear(module: Any, joint: str) -> float:
     """Return what a motor's force is multiplied by at the joints that it moves, at most."""
-    moving = [one["name"] for one in module.JOINTS if one["kind"] != "fixed"]
-    return float(max(map(abs, module.TRANSMISSION[moving.index(joint)])))
+    return float(max(map(abs, module.TRANSMISSION[moving_joints(module).index(joint)])))
 
 
 def _turns(module: Any, joint: str) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from modelgen.runtime.model.arm_channels import moving_joints
 from modelgen.runtime.model.column_check import PROBED, SAMPLES, is_number
 from modelgen.runtime.model.contract_kinds import (
     NAMES,
@@ -145,7 +146,7 @@ def arm_problems(module: Any) -> list[tuple[str, str]]:
 
 def _references(module: Any) -> list[tuple[str, str]]:
     """Return what names or places that do not exist."""
-    moving = [joint["name"] for joint in module.JOINTS if joint["kind"] != "fixed"]
+    moving = moving_joints(module)
     names = frozenset((*module.PARAMETERS, *module.KNOWN))
     found = []
     if len(module.TRANSMISSION) != len(moving):

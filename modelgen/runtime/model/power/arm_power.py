@@ -8,67 +8,43 @@ which times q' is the kinetic energy; w(q, 0, 0) q' is the power of its weight. 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
-from modelgen.runtime.model.arm_channels import arm_channels
-from modelgen.runtime.model.arm_kernel import Read, Sum
-from modelgen.runtime.model.model import Model, Signal
+from modelgen.runtime.model.arm_channels import arm_channels, moving_joints
+from modelgen.runtime.model.arm_kernel import Sum
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.model.power.balance_lines import BalanceLines
 
 #: Relative to the largest: what is smaller at random samples is nothing but rounding.
 NOTHING = 1e-10
 SAMPLES = 40
 
 
-@dataclass(frozen=True, eq=False)
-class ArmPower:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ArmPower(BalanceLines):
     """Lines of the balance of power of an arm.
 
     Attributes
     ----------
     module
         The generated module.
-    inputs : tuple of str
-        Signals that are read: all of the module but accelerations, and the speeds of the rows.
-    risen : mapping of str to str
-        Acceleration of the module to the speed that it is the derivative of.
     fast : tuple of str
         Signals of the module that are speeds.
     speeds : tuple of sums
         Speed of every row as a sum of signals; empty where the row has none.
     kinetic : tuple of bool
         Whether a column has a kinetic energy.
-    keys : tuple of str
-        Lines: ``energy C``, ``work C`` of column C, and ``energy measured``, ``work measured``.
-    further : tuple of Signal
-        Signals that are read, which the rows of forces do not need.
-    reads_of : mapping of str to (str, int)
-        What each of the inputs is made of: a channel, and how often it is differentiated.
     """
 
     module: Any
-    inputs: tuple[str, ...]
-    risen: Mapping[str, str]
     fast: tuple[str, ...]
     speeds: tuple[Sum, ...]
     kinetic: tuple[bool, ...]
-    keys: tuple[str, ...] = ()
-    further: tuple[Signal, ...] = ()
-    reads_of: Mapping[str, Read] = field(default_factory=dict)
-
-    @property
-    def reads(self) -> tuple[Read, ...]:
-        """What the lines are formed from."""
-        return tuple(self.reads_of.values())
-
-    @property
-    def orders(self) -> Mapping[str, int]:
-        """How often the filter differentiates each line."""
-        return {key: int(key.startswith("energy")) for key in self.keys}
 
     def lines(self, signals: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
         """Return every line, shape (N,) each, from signals of that shape."""
@@ -136,14 +112,16 @@ def arm_power(model: Model) -> ArmPower:
     every = tuple(dict.fromkeys((*used, *risen.values(), *inputs)))
     fast = tuple(key for key in every if read.get(key) == 1)
     width = len(model.base_parameters)
-    kernel = ArmPower(module, every, risen, fast, speeds, (True,) * width)
+    kernel = ArmPower(
+        module=module, inputs=every, risen=risen, fast=fast, speeds=speeds, kinetic=(True,) * width
+    )
     return _without_zeros(kernel)
 
 
 def _speeds(model: Model, named: Mapping[str, Sum]) -> tuple[Sum, ...]:
     """Return the speed of every row of joints or motors, none of the base's rows."""
     module = model.module
-    moving = [joint["name"] for joint in module.JOINTS if joint["kind"] != "fixed"]
+    moving = moving_joints(module)
     found: list[Sum] = []
     for row in module.ROWS:
         if row not in moving:
@@ -166,7 +144,7 @@ def _without_zeros(kernel: ArmPower) -> ArmPower:
     largest = max((float(np.abs(line).max()) for line in tried.values()), default=0.0)
     held = {key for key, line in tried.items() if np.abs(line).max() > NOTHING * largest}
     kinetic = tuple(f"energy {column}" in held for column in columns)
-    exact = ArmPower(kernel.module, kernel.inputs, kernel.risen, kernel.fast, kernel.speeds, kinetic)
+    exact = replace(kernel, kinetic=kinetic)
     lines = exact.all_lines(signals)
     keys = tuple(key for key, line in lines.items() if np.abs(line).max() > NOTHING * largest)
-    return ArmPower(kernel.module, kernel.inputs, kernel.risen, kernel.fast, kernel.speeds, kinetic, keys)
+    return replace(exact, keys=keys)

@@ -3,54 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
-from modelgen.runtime.model.arm_kernel import Read
 from modelgen.runtime.model.model import Feature, Model, Signal, Terms
+from modelgen.runtime.model.power.balance_lines import BalanceLines
 
 # (row's speed, its terms); the row's own body is what the speed is of
 Rows = tuple[tuple[str, Mapping[str, Terms]], ...]
 
 
-@dataclass(frozen=True, eq=False)
-class ChainPower:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ChainPower(BalanceLines):
     """Lines of the balance of power of a chain.
 
     Attributes
     ----------
-    inputs : tuple of str
-        Signals that are read: all that rows hold but accelerations, and speeds.
     rows : tuple of (str, mapping)
         Of each row its speed, and its terms by what they are of: a column's number, or ``measured``.
-    risen : mapping of str to str
-        Acceleration to the speed that it is the derivative of.
     features : mapping of str to Feature
         What rows hold that is nonlinear.
-    keys, further, reads_of
-        As of `ArmPower`.
     """
 
-    inputs: tuple[str, ...]
     rows: Rows
-    risen: Mapping[str, str]
     features: Mapping[str, Feature]
-    keys: tuple[str, ...]
-    further: tuple[Signal, ...]
-    reads_of: Mapping[str, Read] = field(default_factory=dict)
-
-    @property
-    def reads(self) -> tuple[Read, ...]:
-        """What the lines are formed from."""
-        return tuple(self.reads_of.values())
-
-    @property
-    def orders(self) -> Mapping[str, int]:
-        """How often the filter differentiates each line."""
-        return {key: int(key.startswith("energy")) for key in self.keys}
 
     def lines(self, signals: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
         """Return every line, shape (N,) each, from signals of that shape."""
@@ -104,7 +83,9 @@ def chain_power(model: Model) -> ChainPower:
     read += [key for one in used.values() for key in _sources(one)]
     keys = dict.fromkeys(f"{'energy' if key in risen else 'work'} {name}" for name, key in held)
     inputs = tuple(dict.fromkeys(key for key in read if key != "1"))
-    return ChainPower(inputs, tuple(rows), risen, used, tuple(keys), further)
+    return ChainPower(
+        inputs=inputs, rows=tuple(rows), risen=risen, features=used, keys=tuple(keys), further=further
+    )
 
 
 def _speeds(model: Model) -> tuple[dict[str, str], tuple[Signal, ...]]:

@@ -18,6 +18,7 @@ from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.filters.derivatives import central_difference, differentiate
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import CheckOptions, Filters
+from modelgen.runtime.model.arm_channels import moving_joints
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
@@ -67,7 +68,7 @@ def elastic_motion(
         If a joint has no motion, the model has other sensors, or a spring is cubic.
     """
     module = model.module
-    moving = [one["name"] for one in module.JOINTS if one["kind"] != "fixed"]
+    moving = moving_joints(module)
     missing = [name for name in moving if name not in links]
     if missing:
         raise DataError.at("links", f"lack a motion of {missing[0]}", "give one of every joint that moves")
@@ -192,7 +193,7 @@ def _signals(
     fs: float,
 ) -> dict[str, FloatArray]:
     """Return the signals of a module, forces zero."""
-    moving = [one["name"] for one in model.module.JOINTS if one["kind"] != "fixed"]
+    moving = moving_joints(model.module)
     positions: dict[str, FloatArray] = {}
     for name, (link, motor) in keys.items():
         positions[link] = links[name]
@@ -226,7 +227,7 @@ def _read(model: Model, sensor: Mapping[str, Any], motion: ElasticMotion) -> Flo
     DataError
         For a gyro or an accelerometer.
     """
-    moving = [one["name"] for one in model.module.JOINTS if one["kind"] != "fixed"]
+    moving = moving_joints(model.module)
     joint, side, measures = sensor["joint"], sensor["side"], sensor["measures"]
     if measures == "torque":
         return motion.torques[joint]
