@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +16,10 @@ if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
     from modelgen.runtime.records.record import Record
     from modelgen.runtime.simulation.arms.joint_reference import JointReference
+    from modelgen.runtime.simulation.arms.mounted_sensors import MountedSensor
 
 # what an arm can be without: its file says nothing of them
-NOTHING = ("inertia", "viscous", "coulomb", "offset")
+NOTHING = ("inertia", "viscous", "coulomb", "offset", "damping", "stiffness3")
 
 
 def simulated_arm(arm: ArmSpec, given: Mapping[str, Any]) -> Record:
@@ -31,12 +33,7 @@ def simulated_arm(arm: ArmSpec, given: Mapping[str, Any]) -> Record:
     from modelgen.runtime.simulation.arms.joint_controller import load_joint_controller
     from modelgen.runtime.simulation.arms.simulate_arm import record_with_joint_references, simulate_arm
 
-    if arm.elastic:
-        what = f"{arm.source} has elastic joints, which simulate does not take"
-        raise DataError.at("SPEC", what, "leave out stiffness for the arm with rigid joints")
-    if given["sensors"] is not None:
-        what = f"{arm.source} describes an arm, whose joints and drives are recorded"
-        raise DataError.at("--sensors", what, "leave it out")
+    sensors = recorded_set(arm, given["sensors"])
     model = arm_model(arm)
     values, zero = with_zeros(model, parameter_values(arm, given["parameters"]))
     if zero:
@@ -53,18 +50,65 @@ def simulated_arm(arm: ArmSpec, given: Mapping[str, Any]) -> Record:
         seed=given["seed"],
         controller=load_joint_controller(given["controller"]) if given["controller"] else None,
         limits=_limits(arm),
+        sensors=None if sensors is None else mounted(arm, sensors),
     )
     return record_with_joint_references(result) if given["with_reference"] else result.record
 
 
+def recorded_set(arm: ArmSpec, asked: str | None) -> str | None:
+    """Return the sensor set that records; None where the joints of a rigid arm do.
+
+    Raises
+    ------
+    DataError
+        When an arm has none of that name, or an elastic one several to choose from.
+    """
+    if asked is None and (len(arm.sensor_sets) == 1 or not arm.elastic):
+        return next(iter(arm.sensor_sets)) if arm.elastic else None
+    choice = f"choose one of {', '.join(arm.sensor_sets)}"
+    if asked is None:
+        raise DataError.at("--sensors", "is missing", choice)
+    if asked not in arm.sensor_sets:
+        remedy = choice if arm.sensor_sets else "leave it out: joints and drives are recorded"
+        raise DataError.at("--sensors", f'"{asked}" is no sensor set of {arm.source}', remedy)
+    return asked
+
+
+def mounted(arm: ArmSpec, sensor_set: str) -> tuple[MountedSensor, ...]:
+    """Return the sensors of a set, those with three axes with their way from the base."""
+    from modelgen.runtime.simulation.arms.mounted_sensors import INERTIAL, MountedSensor, PlacedJoint
+    from modelgen.spec.arms.poses import pose_of
+
+    joints = {one.name: one for one in arm.joints}
+    found = []
+    for sensor in arm.sensor_sets[sensor_set]:
+        way, name = [], sensor.joint if sensor.measures in INERTIAL else None
+        if name is not None:
+            way.append(PlacedJoint("", "fixed", pose_of(sensor.mounting, arm.lengths)))
+        while name is not None:
+            joint = joints[name]
+            way.insert(0, PlacedJoint(name, joint.kind, pose_of(joint.placement, arm.lengths)))
+            name = joint.parent
+        gravity = tuple(float(one) for one in arm.gravity)
+        found.append(
+            MountedSensor(
+                sensor.key, sensor.joint, sensor.side, sensor.measures, sensor.channels, tuple(way), gravity
+            )
+        )
+    return tuple(found)
+
+
 def arm_model(arm: ArmSpec) -> Model:
-    """Return the model of an arm with rigid joints."""
+    """Return the model that an arm is moved with: of joints, or of encoders on both sides of its springs."""
     from modelgen.render.arms.arm_writer import arm_module
     from modelgen.runtime.model.model import model_from_text
+    from modelgen.spec.arms.sensors import USUAL_SET, usual_sensors
     from modelgen.symbolic.arms.arm_rows import arm_rows
     from modelgen.symbolic.arms.base_parameters import arm_base_model
 
-    return model_from_text(arm_module(arm_base_model(arm_rows(arm))), arm.name)
+    usual = {USUAL_SET: usual_sensors(arm)} if arm.elastic else {}
+    rows = arm_rows(replace(arm, sensor_sets=usual), sensor_set=USUAL_SET if arm.elastic else "")
+    return model_from_text(arm_module(arm_base_model(rows)), arm.name)
 
 
 def with_zeros(model: Model, given: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:

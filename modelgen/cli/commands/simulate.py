@@ -54,7 +54,8 @@ WithReference = Annotated[
 
 
 Recorded = Annotated[
-    str | None, typer.Option("--sensors", metavar="S", help="The sensor set that records; of a chain.")
+    str | None,
+    typer.Option("--sensors", metavar="S", help="The sensor set that records; of a rigid arm its joints."),
 ]
 
 

@@ -88,8 +88,8 @@ def _forces(plant: ArmPlant, record: Record, choice: FilterChoice) -> dict[str, 
     """Return the forces that the measured motion needs, shape (n,) each."""
     wide_hz = choice.signal_cutoff_hz or choice.cutoff_hz
     smooth = [
-        zero_phase(record.signals[f"q_{name}"], choice.filter_order, wide_hz, record.fs)
-        for name in plant.joints
+        zero_phase(one, choice.filter_order, wide_hz, record.fs)
+        for one in plant.coordinates.seen_in(record.signals)
     ]
     stencil = stencil_for(wide_hz, record.fs)
     v, a = (np.array([differentiate(q, record.dt, k, stencil) for q in smooth]) for k in (1, 2))

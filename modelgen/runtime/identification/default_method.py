@@ -39,7 +39,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
-from modelgen.runtime.simulation.arms.arm_plant import follows
+from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
 
 def default_method(task: Task, method: Auto) -> Begun:

@@ -141,7 +141,7 @@ def _method_problems(model: Model, method: Method) -> list[Problem]:
     if not isinstance(method, IV):
         return [Problem("method", f"is {method.name}, which takes chains", "use iv or wls, or leave it out")]
     # least squares needs no simulation
-    from modelgen.runtime.simulation.arms.arm_plant import follows
+    from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
     if not follows(model):
         return [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import pi
 from zlib import crc32
 
@@ -26,11 +26,12 @@ def instrument_keys(model: Model) -> tuple[str, ...]:
     return sensors + tuple(actuator.key for actuator in model.actuators)
 
 
-def check_levels(model: Model, option: str, levels: Mapping[str, float], *, signed: bool = False) -> None:
-    """Raise DataError for a level of a channel that does not exist, or (if not `signed`) below zero."""
+def check_levels(
+    keys: Sequence[str], option: str, levels: Mapping[str, float], *, signed: bool = False
+) -> None:
+    """Raise DataError for a level of a channel that is none of the keys, or (if not `signed`) below zero."""
     lowest = -np.inf if signed else 0.0
     remedy = "give a finite number" if signed else "give zero or a positive number"
-    keys = instrument_keys(model)
     problems = [missing_name(option, "channel", key, keys) for key in levels if key not in keys]
     problems += [
         Problem(f"{option}: {key}", f"is {level!r}", remedy)
@@ -53,11 +54,25 @@ def readings(
     """Return what the instruments read, and the directions of motion that the model needs.
 
     Signals have shape (N,), in SI.
+    """
+    measured = drawn(instrument_keys(model), true, noise, resolution, seed, bias, motion)
+    return measured | {key: true[key] for key in wanted_directions(model)}
+
+
+def drawn(
+    keys: Sequence[str],
+    true: Mapping[str, FloatArray],
+    noise: Mapping[str, float],
+    resolution: Mapping[str, float],
+    seed: int,
+    bias: Mapping[str, float] | None = None,
+    motion: str = "",
+) -> dict[str, FloatArray]:
+    """Return what instruments of these channels read, shape (N,) each, in SI.
 
     Every instrument draws its noise from a stream of its own: another channel's noise does not change it.
     Records of one seed share no noise where their `motion` (a name) or their length differs.
     """
-    keys = instrument_keys(model)
     entropy = [seed, crc32(motion.encode()), len(next(iter(true.values())))]
     streams = np.random.default_rng(entropy).spawn(len(keys))
     measured = {}
@@ -70,4 +85,4 @@ def readings(
         if resolution.get(key):
             reading = resolution[key] * np.round(reading / resolution[key])
         measured[key] = reading
-    return measured | {key: true[key] for key in wanted_directions(model)}
+    return measured

@@ -25,7 +25,7 @@ from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation, check_fs
 from modelgen.runtime.simulation.motion import move, true_signals
 from modelgen.runtime.simulation.plant import Plant, make_plant
-from modelgen.runtime.simulation.sensor_readings import check_levels, readings
+from modelgen.runtime.simulation.sensor_readings import check_levels, instrument_keys, readings
 from modelgen.runtime.stick_slip.hybrid_system import Event
 
 
@@ -192,9 +192,10 @@ def _settings(plant: Plant, given: SimulationOptions) -> Settings:
     """Return the checked settings; `oversample` may still be replaced by that of an Excitation."""
     model, seed = plant.model, given["seed"]
     noise, resolution, bias = (dict(given[key] or {}) for key in ("noise", "resolution", "bias"))
-    check_levels(model, "noise", noise)
-    check_levels(model, "resolution", resolution)
-    check_levels(model, "bias", bias, signed=True)
+    keys = instrument_keys(model)
+    check_levels(keys, "noise", noise)
+    check_levels(keys, "resolution", resolution)
+    check_levels(keys, "bias", bias, signed=True)
     if seed < 0:
         raise DataError.at("seed", f"is {seed}", "give a whole number, 0 or more")
     return Settings(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -11,6 +11,14 @@ from modelgen.spec.arms.arm import ArmSpec, Shift, Step
 
 #: Of a length that has no value (m).
 SOME_LENGTH = 0.4
+
+
+def pose_of(steps: Iterable[Step], lengths: Mapping[str, float | None]) -> FloatArray:
+    """Return the frame behind steps in that before them, shape (4, 4)."""
+    pose: FloatArray = np.eye(4)
+    for step in steps:
+        pose = pose @ _motion(step, lengths)
+    return pose
 
 
 def zero_poses(arm: ArmSpec) -> dict[str, FloatArray]:

@@ -37,6 +37,18 @@ def test_a_record_is_written_and_its_reference_is_followed_again(tmp_path: Path)
     assert 0.0 < np.abs(apart).max() < 0.1
 
 
+def test_an_elastic_arm_is_read_by_its_sensor_set(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    options = ("--excitation", "fourier", "--duration-s", 1, "--noise", "g_2_z=1e-3", "-o", path)
+    code, output = simulate("elastic_two_link", "--sensors", "rates", *options)
+    assert code == 0, output
+    read = read_record(path).signals
+    assert list(read) == ["qm_1", "qm_2", *(f"g_{n}_{x}" for n in "12" for x in "xyz"), "tau_1", "tau_2"]
+    assert not read["g_1_x"].any()  # the arm moves in a plane
+    noise = np.diff(read["g_2_z"], 4) / 70**0.5
+    assert np.std(noise) == pytest.approx(1e-3, rel=0.2)
+
+
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [
@@ -44,7 +56,8 @@ def test_a_record_is_written_and_its_reference_is_followed_again(tmp_path: Path)
         (("two_link", "--excitation", "fourier", "--sensors", "s"), "leave it out"),
         (("two_link", "--excitation", "fourier", "--noise", "q_7=1"), "q_7"),
         (("puma560", "--excitation", "fourier"), "--parameters"),
-        (("elastic_two_link", "--excitation", "fourier"), "elastic"),
+        (("elastic_two_link", "--excitation", "fourier"), "encoders, rates, torques"),
+        (("elastic_two_link", "--excitation", "fourier", "--sensors", "s"), "no sensor set"),
         (("two_link", "--excitation", "fourier", "--duration-s", "0"), "samples"),
         (("emps300", "--excitation", "chirp"), "--sensors"),
     ],

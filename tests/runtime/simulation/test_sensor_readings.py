@@ -77,6 +77,6 @@ def test_readings_are_rounded_to_the_resolution() -> None:
 
 def test_every_wrong_level_is_named() -> None:
     with pytest.raises(DataError) as caught:
-        check_levels(EMPS, "noise", {"q_n": 1.0, "q_c": -1.0, "Gamma_m": float("nan")})
+        check_levels(instrument_keys(EMPS), "noise", {"q_n": 1.0, "q_c": -1.0, "Gamma_m": float("nan")})
     where = [(problem.where, problem.what) for problem in caught.value.problems]
     assert where == [("noise", "has no channel q_n"), ("noise: q_c", "is -1.0"), ("noise: Gamma_m", "is nan")]

@@ -20,10 +20,10 @@ from modelgen.runtime.iv.thresholds import ARM_SMOOTHING, ARM_SMOOTHING_ORDER
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant
+from modelgen.runtime.simulation.arms.followed_reference import followed, nodes_a_sample, true_signals
 from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion
 from modelgen.runtime.simulation.arms.joint_reference import JointReference
-from modelgen.runtime.simulation.arms.simulate_arm import followed, nodes_a_sample, true_signals
 from modelgen.runtime.simulation.arms.validate_arm import first_state, reference_motion
 
 
@@ -60,7 +60,8 @@ def arm_beside(
         factor = nodes_a_sample(plant, controller, reference.motion)
         return true_signals(plant, followed(plant, reference, controller, start, factor), factor)
     motion = _slow_part(plant, record, choice)
-    found = {f"q_{name}": line for name, line in zip(plant.joints, motion.q, strict=True)}
+    own = plant.coordinates
+    found = dict(zip(own.channels, own.reads @ motion.q, strict=True))
     for key, terms in model.derived.items():
         found[key] = np.sum([weight * found[of] for weight, of in terms], axis=0)
     return found | plant.driving_forces(motion.q, motion.v, motion.a)
@@ -74,8 +75,8 @@ def _slow_part(plant: ArmPlant, record: Record, choice: FilterChoice) -> JointMo
     """Return what of the measured motion is slow."""
     smoothing_hz = _smoothing_hz(record, choice)
     lines = [
-        zero_phase(record.signals[f"q_{name}"], ARM_SMOOTHING_ORDER, smoothing_hz, record.fs)
-        for name in plant.joints
+        zero_phase(one, ARM_SMOOTHING_ORDER, smoothing_hz, record.fs)
+        for one in plant.coordinates.seen_in(record.signals)
     ]
     stencil = stencil_for(smoothing_hz, record.fs)
     v, a = (np.array([differentiate(q, record.dt, k, stencil) for q in lines]) for k in (1, 2))

@@ -1,9 +1,10 @@
 """The motion of an arm in closed loop: Newton's method on stretches of time, stick and slip step by step.
 
 Around a motion that is supposed, the equations are linear with coefficients that change in time; those are
-computed for all nodes of a stretch at once. Runge and Kutta's fourth order makes of them one matrix a step,
-through which the states, and the friction of every speed, go node by node: a speed sticks where friction can
-hold it over the step. The motion found is supposed next; it converges to that of the nonlinear equations.
+computed for all nodes of a stretch at once. Magnus' expansion makes of them one exponential a step: of fourth
+order, and exact, however stiff springs are, where the coefficients do not change. Through these the states,
+and the friction of every speed, go node by node: a speed sticks where friction can hold it over the step. The
+motion found is supposed next; it converges to that of the nonlinear equations.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from modelgen.runtime.simulation.arms.arm_plant import ArmPlant
 from modelgen.runtime.simulation.arms.friction_steps import FrictionSteps
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion
 from modelgen.runtime.simulation.arms.thresholds import (
+    DEGREES,
     RENEWED,
+    ROUNDED,
     ROUNDS,
     RUNAWAY,
     SETTLED,
@@ -33,10 +36,10 @@ class Push(Protocol):
     """What pushes the rows: a controller's law, with or without measured forces."""
 
     def at(self, q: FloatArray, v: FloatArray, start: int) -> FloatArray:
-        """Return the push in the rows, shape (joints, N), at half steps from node `start` on."""
+        """Return the push in the rows, shape (coordinates, N), at half steps from node `start` on."""
 
     def slopes(self, q: FloatArray, v: FloatArray, start: int) -> tuple[FloatArray, FloatArray]:
-        """Return its derivatives by q and q', shape (N, joints, joints) each, at the same places."""
+        """Return its derivatives by q and q', shape (N, coordinates, coordinates), at the same places."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +62,16 @@ class _Linear:
 
 
 def arm_motion(plant: ArmPlant, reference: JointMotion, push: Push, start: FloatArray) -> ArmMotion:
-    """Return the motion from a state, positions then speeds, shape (2 joints,), at the reference's nodes.
+    """Return the motion from a state, positions then speeds, shape (2 coordinates,), at the nodes.
+
+    `reference` is the motion of the coordinates that is supposed at first.
 
     Raises
     ------
     DataError
         When it grows without bound.
     """
-    n, rub = len(plant.joints), plant.rubbing
+    rub = plant.rubbing
     q, v, a = (np.empty_like(one) for one in (reference.q, reference.v, reference.a))
     modes = np.zeros((len(rub.names), reference.n), dtype=np.int8)
     pushes = np.empty_like(q)
@@ -87,7 +92,6 @@ def arm_motion(plant: ArmPlant, reference: JointMotion, push: Push, start: Float
         modes[:, part], pushes[:, part] = signs, pushed
         state, begin = np.r_[motion.q[:, -1], motion.v[:, -1]], stop
         window = min(2 * window, WINDOW)
-    assert n == len(q)
     return ArmMotion(JointMotion(q, v, a, reference.rate_hz), modes, pushes)
 
 
@@ -95,7 +99,7 @@ def _stretch(
     plant: ArmPlant, reference: JointMotion, push: Push, state: FloatArray, begin: int
 ) -> tuple[JointMotion, npt.NDArray[np.int8], FloatArray] | None:
     """Return motion, signs and push of one stretch; None where the rounds do not come to rest."""
-    n = len(plant.joints)
+    n = len(reference.q)
     q = reference.q + (state[:n] - reference.q[:, 0])[:, None]
     supposed = JointMotion(q, reference.v, reference.a, reference.rate_hz)
     slopes = None
@@ -148,25 +152,32 @@ def at_half_steps(nodes: FloatArray) -> FloatArray:
 
 
 def _maps(linear: _Linear, step_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return what a step makes of (q, v, 1), shape (K, 2 n, 2 n + 1), and of the signs, (K, 2 n, C)."""
-    count, n, c = len(linear.at_rest) // 2, linear.by_q.shape[1], linear.by_signs.shape[2]
-    further = np.concatenate((linear.at_rest, linear.by_signs), axis=2)
-    parts = [(linear.by_q[k::2][:count], linear.by_v[k::2][:count], further[k::2][:count]) for k in (0, 1)]
-    parts.append((linear.by_q[2::2], linear.by_v[2::2], further[2::2]))
-    begin_q = np.zeros((count, n, 2 * n + 1 + c))
-    begin_q[:, :, :n] = np.eye(n)
-    begin_v = np.zeros_like(begin_q)
-    begin_v[:, :, n : 2 * n] = np.eye(n)
-    total_q, total_v = np.zeros_like(begin_q), np.zeros_like(begin_v)
-    rate_q, rate_v = total_q, total_v
-    for place, reach, weight in ((0, 0.0, 1.0), (1, 0.5, 2.0), (1, 0.5, 2.0), (2, 1.0, 1.0)):
-        by_q, by_v, other = parts[place]
-        here_q, here_v = begin_q + reach * step_s * rate_q, begin_v + reach * step_s * rate_v
-        rate_q, rate_v = here_v, by_q @ here_q + by_v @ here_v
-        rate_v[:, :, 2 * n :] += other
-        total_q, total_v = total_q + weight * rate_q, total_v + weight * rate_v
-    maps = np.concatenate((begin_q + step_s / 6.0 * total_q, begin_v + step_s / 6.0 * total_v), axis=1)
-    return maps[:, :, : 2 * n + 1], maps[:, :, 2 * n + 1 :]
+    """Return what a step makes of (q, v, 1), shape (K, 2 n, 2 n + 1), and of the signs, (K, 2 n, C).
+
+    Magnus' expansion by Simpson's rule (Iserles et al. 2000): the exponential of
+    h (A0 + 4 A1 + A2) / 6 + h^2 (A2 A0 - A0 A2) / 12, with A at begin, middle and end of the step.
+    """
+    n, size = linear.by_q.shape[1], 2 * linear.by_q.shape[1]
+    h, further = step_s, np.concatenate((linear.at_rest, linear.by_signs), axis=2)
+    # speeds times h stand beside positions: all entries are in their unit
+    by_q, by_v, forced = h**2 * linear.by_q, h * linear.by_v, h**2 * further
+    (q0, q1, q2), (v0, v1, v2), (f0, f1, f2) = ((x[:-1:2], x[1::2], x[2::2]) for x in (by_q, by_v, forced))
+    exponent = np.zeros((len(q0), size, size + further.shape[2]))
+    exponent[:, :n, n:size] = np.eye(n) + (v0 - v2) / 12.0
+    exponent[:, :n, :n], exponent[:, :n, size:] = (q0 - q2) / 12.0, (f0 - f2) / 12.0
+    for place, (x0, x1, x2) in ((slice(n), (q0, q1, q2)), (slice(size, None), (f0, f1, f2))):
+        exponent[:, n:, place] = (x0 + 4.0 * x1 + x2) / 6.0 + (v2 @ x0 - v0 @ x2) / 12.0
+    exponent[:, n:, n:size] = (v0 + 4.0 * v1 + v2) / 6.0 + (q2 - q0 + v2 @ v0 - v0 @ v2) / 12.0
+    total, term = exponent.copy(), exponent
+    total[:, :, :size] += np.eye(size)
+    for degree in range(2, DEGREES):
+        term = exponent[:, :, :size] @ term / degree
+        total += term
+        if np.abs(term).max() < ROUNDED:
+            break
+    total[:, n:] /= h
+    total[:, :, n:size] *= h
+    return total[:, :, : size + 1], total[:, :, size + 1 :]
 
 
 def _accelerated(linear: _Linear, states: FloatArray, forces: FloatArray, rate_hz: float) -> JointMotion:

@@ -42,7 +42,7 @@ class FrictionSteps:
             after = free + push @ s
             # the usual step: what slips goes on slipping
             if levers.size and not np.all(s * (levers @ after[n:]) > 0.0):
-                after, shares[k], s = self._turned(free, push, s, levers @ x[n:size], step_s)
+                after, shares[k], s = self._turned(free, push, s, x[:size], step_s)
             else:
                 shares[k] = s
             x[:size] = after
@@ -52,7 +52,7 @@ class FrictionSteps:
         return found.T.copy(), modes.T.copy(), shares.T.copy()
 
     def _turned(
-        self, free: FloatArray, push: FloatArray, before: FloatArray, speed: FloatArray, step_s: float
+        self, free: FloatArray, push: FloatArray, before: FloatArray, begun: FloatArray, step_s: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the states behind a step in which speeds stop or start, and shares of friction at its ends.
 
@@ -60,7 +60,7 @@ class FrictionSteps:
         is held, or rubs the other way; the position is that of both parts.
         """
         n, levers = len(free) // 2, self.levers
-        through = levers @ push[n:]
+        through, speed = levers @ push[n:], levers @ begun[n:]
         s = self._held(levers @ free[n:], through, before)
         first, mean = s.copy(), s.copy()
         at = free + push @ first
@@ -81,8 +81,10 @@ class FrictionSteps:
         at += push @ (mean - first)
         held = np.abs(s) < 1.0
         if held.any():  # exactly at rest, where rounding leaves something
-            stuck = levers[held]
-            at[n:] -= stuck.T @ np.linalg.lstsq(stuck @ stuck.T, stuck @ at[n:], rcond=None)[0]
+            at[n:] -= _along(levers[held], at[n:])
+        stuck = levers[held & (before == 0.0)]
+        if stuck.size:  # a force that is constant holds the end of a step, not all of it
+            at[:n] -= _along(stuck, at[:n] - begun[:n])
         return at, np.where(before != 0.0, before, s), np.where(held, 0.0, np.sign(s))
 
     def _held(self, speed: FloatArray, through: FloatArray, first: FloatArray) -> FloatArray:
@@ -100,3 +102,8 @@ class FrictionSteps:
             if np.max(np.abs(s - last)) < SWEPT:
                 break
         return s
+
+
+def _along(levers: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the part of values of coordinates, shape (n,), that these speeds see."""
+    return np.asarray(levers.T @ np.linalg.lstsq(levers @ levers.T, levers @ values, rcond=None)[0])

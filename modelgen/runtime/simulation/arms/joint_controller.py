@@ -85,7 +85,8 @@ class JointController:
         inertia = np.ones(n)
         if self.law == "pd":
             some = slice(0, reference.n, max(1, reference.n // 200))
-            mass = plant.mass(reference.q[:, some], reference.v[:, some])
+            stiff = plant.coordinates.stiff
+            mass = stiff.T @ plant.mass(stiff @ reference.q[:, some], stiff @ reference.v[:, some]) @ stiff
             inertia = np.abs(np.diagonal(mass, axis1=1, axis2=2)).mean(axis=0)
         given = (inertia * rate**2, 2.0 * self.damping_ratio * inertia * rate)
         found = []
@@ -102,16 +103,15 @@ class JointController:
     def fastest(self, plant: ArmPlant, reference: JointMotion) -> float:
         """Return the fastest rate in 1/s at which the closed loop moves, along the reference."""
         some = slice(0, reference.n, max(1, reference.n // 20))
-        q, v, a = (one[:, some] for one in (reference.q, reference.v, reference.a))
-        kp, kv = self.gains(plant, reference)
-        mass, n = plant.mass(q, v), len(q)
-        by_q, by_v = plant.slopes(q, v, a)
-        feedback = mass if self.law == "computed_torque" else np.eye(n)
+        stiff = plant.coordinates.stiff
+        q, v, a = (stiff @ one[:, some] for one in (reference.q, reference.v, reference.a))
+        at_work, n = tracking(plant, self, reference), len(q)
+        fed_back = at_work.fed_back(q, v, reference.a[:, some])
+        inverse = np.linalg.inv(plant.mass(q, v))
         loop = np.zeros((q.shape[1], 2 * n, 2 * n))
         loop[:, :n, n:] = np.eye(n)
-        lost = 0.0 if self.law == "computed_torque" else 1.0
-        loop[:, n:, :n] = -np.linalg.solve(mass, feedback * kp + lost * by_q)
-        loop[:, n:, n:] = -np.linalg.solve(mass, feedback * kv + lost * by_v)
+        for place, fed, lost in zip((slice(n), slice(n, None)), fed_back, plant.slopes(q, v, a), strict=True):
+            loop[:, n:, place] = inverse @ (fed - lost)
         return float(np.abs(np.linalg.eigvals(loop)).max())
 
 
@@ -125,7 +125,9 @@ def _listed(value: float | Sequence[float] | None) -> list[float]:
 class Tracking:
     """A controller at work: what it pushes in the rows of the plant, `Push` of `arm_motion`.
 
-    `fine` is the reference at half steps, `added` further forces in the rows there, shape (joints, N).
+    It sees the positions that drives push: of motors, where springs are behind them. Computed torque takes
+    the arm for one without springs. `fine` is the joints' reference at half steps, `added` further forces
+    there, shape (joints, N).
     """
 
     plant: ArmPlant
@@ -137,24 +139,44 @@ class Tracking:
     added: FloatArray
 
     def at(self, q: FloatArray, v: FloatArray, start: int) -> FloatArray:
-        """Return the push at half steps from node `start` on, shape (joints, N)."""
+        """Return the push at half steps from node `start` on, shape (coordinates, N)."""
         part = slice(2 * start, 2 * start + q.shape[1])
-        wanted = self._wanted(q, v, part)
+        seen, rates = self._seen(q, v)
+        wanted = self._wanted(seen, rates, part)
         if self.computed:
-            return self.plant.smooth(q, v, wanted) + self.added[:, part]
-        return wanted + self.added[:, part]
+            stiff = self.plant.coordinates.stiff
+            wanted = stiff.T @ self.plant.smooth(stiff @ seen, stiff @ rates, stiff @ wanted)
+        return self.plant.pushed(wanted + self.added[:, part])
 
     def slopes(self, q: FloatArray, v: FloatArray, start: int) -> tuple[FloatArray, FloatArray]:
-        """Return its derivatives by q and q', shape (N, joints, joints) each."""
-        shape, n = (q.shape[1], len(q), len(q)), len(q)
+        """Return its derivatives by q and q', shape (N, coordinates, coordinates) each."""
+        part, nodes = slice(2 * start, 2 * start + q.shape[1]), slice(None, None, 2)
+        wanted = self._wanted(*self._seen(q, v), part)
+        by_q, by_v = self.fed_back(q[:, nodes], v[:, nodes], wanted[:, nodes])
+        return at_half_steps(by_q), at_half_steps(by_v)
+
+    def fed_back(self, q: FloatArray, v: FloatArray, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the derivatives at positions and speeds, and accelerations of joints that are asked for."""
+        own = self.plant.coordinates
+        driven = np.eye(len(q))[:, list(own.driven)]
         if not self.computed:
-            return np.broadcast_to(np.diag(-self.kp), shape), np.broadcast_to(np.diag(-self.kv), shape)
-        part = slice(2 * start, 2 * start + q.shape[1])
-        nodes = (q[:, ::2], v[:, ::2], self._wanted(q, v, part)[:, ::2])
-        mass = self.plant.mass(*nodes[:2])
-        by_q, by_v = self.plant.slopes(*nodes)
-        assert n == mass.shape[1]
-        return at_half_steps(by_q - mass * self.kp), at_half_steps(by_v - mass * self.kv)
+            shape = (q.shape[1], len(q), len(q))
+            by_q, by_v = (driven * -gain @ driven.T for gain in (self.kp, self.kv))
+            return np.broadcast_to(by_q, shape), np.broadcast_to(by_v, shape)
+        seen, rates = (own.stiff @ one for one in self._seen(q, v))
+        mass = own.stiff.T @ self.plant.mass(seen, rates) @ own.stiff
+        found = (
+            driven @ (own.stiff.T @ slope @ own.stiff - mass * gain) @ driven.T
+            for slope, gain in zip(
+                self.plant.slopes(seen, rates, own.stiff @ wanted), (self.kp, self.kv), strict=True
+            )
+        )
+        by_q, by_v = found
+        return by_q, by_v
+
+    def _seen(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        driven = list(self.plant.coordinates.driven)
+        return q[driven], v[driven]
 
     def _wanted(self, q: FloatArray, v: FloatArray, part: slice) -> FloatArray:
         r, rate, rise = (one[:, part] for one in (self.fine.q, self.fine.v, self.fine.a))
@@ -166,7 +188,7 @@ class Tracking:
 def tracking(
     plant: ArmPlant, controller: JointController, reference: JointMotion, added: FloatArray | None = None
 ) -> Tracking:
-    """Return a controller at work on a plant; `added`, shape (joints, N), is added in the rows."""
+    """Return a controller at work on a plant; `added`, shape (joints, N), is added."""
     fine = reference.finer(2)
     further = np.zeros_like(fine.q) if added is None else at_half_steps(added.T).T
     kp, kv = controller.gains(plant, reference)

@@ -13,6 +13,7 @@ from modelgen.errors import DataError
 from modelgen.magnitudes import is_usable
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.simulation.arms.arm_coordinates import moving_joints
 from modelgen.runtime.simulation.arms.fourier_trajectory import FourierTrajectory, at_rest
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion, motion_of
 from modelgen.runtime.simulation.arms.thresholds import ACCELERATION, HARMONICS, POSITION, SPEED, USED
@@ -39,11 +40,6 @@ class JointReference:
     motion: JointMotion
     name: str = "reference"
     forces: Mapping[str, FloatArray] = field(default_factory=dict)
-
-
-def moving_joints(model: Model) -> dict[str, str]:
-    """Return the joints that move: name to rad or m."""
-    return {str(one.body): one.unit for one in model.sensors if one.key not in model.derived}
 
 
 def reference_from_record(model: Model, record: Record) -> JointReference:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import ceil
 from types import MappingProxyType
 from typing import TypedDict, Unpack
 
@@ -16,13 +15,22 @@ from modelgen.errors import DataError
 from modelgen.keyword_options import with_defaults
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
-from modelgen.runtime.simulation.arms.arm_motion import ArmMotion, arm_motion
+from modelgen.runtime.simulation.arms.arm_motion import ArmMotion
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant, checked_base
-from modelgen.runtime.simulation.arms.joint_controller import JointController, controller_given, tracking
+from modelgen.runtime.simulation.arms.followed_reference import (
+    carried_start,
+    followed,
+    nodes_a_sample,
+    true_signals,
+)
+from modelgen.runtime.simulation.arms.joint_controller import JointController, controller_given
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion
 from modelgen.runtime.simulation.arms.joint_reference import JointLimits, JointReference, fourier_reference
-from modelgen.runtime.simulation.arms.thresholds import DURATION_S, MOST_A_SAMPLE, NODES_A_RATE, NODES_HZ
-from modelgen.runtime.simulation.sensor_readings import check_levels, readings
+from modelgen.runtime.simulation.arms.mounted_sensors import MountedSensor, sensor_channels
+from modelgen.runtime.simulation.arms.thresholds import (
+    DURATION_S,
+)
+from modelgen.runtime.simulation.sensor_readings import check_levels, drawn, instrument_keys
 from modelgen.runtime.simulation.simulate import ModeChange
 
 
@@ -33,10 +41,14 @@ class ArmSimulation:
     Attributes
     ----------
     record : Record
-        What encoders (``q_NAME``) and drives (``tau_NAME``) read, with noise and resolution.
+        What encoders (``q_NAME``), or the sensors of an elastic arm, and drives (``tau_NAME``) read, with
+        noise and resolution.
     true : mapping of str to ndarray, shape (N,)
-        The same without noise; ``d1_q_NAME``, ``d2_q_NAME``, speeds and accelerations; ``mode_NAME``, the
-        direction in which a joint (or a motor of several) with Coulomb friction slips, 0 where it sticks.
+        The same without noise; the model's positions with ``d1_`` and ``d2_``, speeds and accelerations;
+        ``mode_NAME``, the direction in which a joint (or a motor) with Coulomb friction slips, 0 where it
+        sticks.
+    joints : tuple of str
+        Names of the joints that move.
     reference : JointReference
     changes : tuple of ModeChange
         Changes between slip and stick, at the beginning of the step in which they happen.
@@ -45,6 +57,7 @@ class ArmSimulation:
 
     record: Record
     true: Mapping[str, FloatArray]
+    joints: tuple[str, ...]
     reference: JointReference
     changes: tuple[ModeChange, ...]
     controller: JointController
@@ -62,6 +75,7 @@ class ArmSimulationOptions(TypedDict, total=False):
     controller: JointController | None
     limits: Mapping[str, JointLimits] | None
     initial_state: npt.ArrayLike | None
+    sensors: Sequence[MountedSensor] | None
 
 
 DEFAULTS = ArmSimulationOptions(
@@ -74,6 +88,7 @@ DEFAULTS = ArmSimulationOptions(
     controller=None,
     limits=None,
     initial_state=None,
+    sensors=None,
 )
 
 
@@ -83,12 +98,14 @@ def simulate_arm(
     reference: str | JointReference = "fourier",
     **options: Unpack[ArmSimulationOptions],
 ) -> ArmSimulation:
-    """Simulate an arm with rigid joints under control of its joints, with true Coulomb friction.
+    """Simulate an arm under control of its joints, with true Coulomb friction.
+
+    Springs of joints are between motors and links; the controller sees the motors.
 
     Parameters
     ----------
     model : Model
-        The generated module's view.
+        The generated module's view; of an arm with springs that of encoders at all motors and on all links.
     parameters : mapping of str to float
         Physical parameters (SI); known ones may be left out.
     reference : str or JointReference
@@ -105,8 +122,11 @@ def simulate_arm(
         By default PD at every joint.
     limits : mapping of str to JointLimits, optional
         Of the joints, for "fourier".
-    initial_state : array_like, shape (2 joints,), optional
-        Positions, then speeds; by default on the reference.
+    initial_state : array_like, shape (2 coordinates,), optional
+        Positions of links, and of motors in front of springs as their joints see them; then their speeds. By
+        default on the reference, links where their springs carry them.
+    sensors : sequence of MountedSensor, optional
+        What is recorded, besides the drives' forces; by default what the model reads.
 
     Raises
     ------
@@ -116,7 +136,8 @@ def simulate_arm(
     given = with_defaults("simulate_arm", options, DEFAULTS)
     if not model.is_arm:
         raise DataError.at(model.chain, "is a chain", "use modelgen.simulate")
-    levels = _levels(model, given)
+    recorded = _recorded(model, given["sensors"])
+    levels = _levels(model, recorded, given)
     plant = arm_plant(model, checked_base(model, parameters))
     controller = controller_given(given)
     if isinstance(reference, str):
@@ -131,68 +152,34 @@ def simulate_arm(
     factor = nodes_a_sample(plant, controller, reference.motion)
     motion = followed(plant, reference, controller, start, factor)
     true = true_signals(plant, motion, factor)
-    measured = readings(model, true, *levels[:2], given["seed"], levels[2], reference.name)
+    if given["sensors"] is not None:
+        moved = motion.motion
+        true |= sensor_channels(
+            plant, given["sensors"], *(one[:, ::factor] for one in (moved.q, moved.v, moved.a))
+        )
+    measured = drawn(recorded, true, *levels[:2], given["seed"], levels[2], reference.name)
     kept = {key: line for key, line in measured.items() if key not in model.derived}
-    record = Record(kept, reference.motion.rate_hz, reference.name)
-    return ArmSimulation(record, MappingProxyType(true), reference, _changes(plant, motion), controller)
+    record, changes = Record(kept, reference.motion.rate_hz, reference.name), _changes(plant, motion)
+    return ArmSimulation(record, MappingProxyType(true), plant.joints, reference, changes, controller)
 
 
-def nodes_a_sample(plant: ArmPlant, controller: JointController, reference: JointMotion) -> int:
-    """Return how many steps a sample needs.
-
-    Raises
-    ------
-    DataError
-        When the closed loop is so fast that they would be too many.
-    """
-    rate = controller.fastest(plant, reference)
-    if not rate < MOST_A_SAMPLE * NODES_A_RATE * reference.rate_hz:
-        what = f"moves at {rate / (2.0 * np.pi):.3g} Hz with these parameters, too fast for the samples"
-        raise DataError.at("closed loop", what, "check inertias (Ia of the drives) and gains")
-    return max(1, ceil(max(NODES_HZ, rate / NODES_A_RATE) / reference.rate_hz))
-
-
-def followed(
-    plant: ArmPlant, reference: JointReference, controller: JointController, start: FloatArray, factor: int
-) -> ArmMotion:
-    """Return the motion at so many nodes a sample of the reference."""
-    nodes = reference.motion.finer(factor)
-    added = None
-    if reference.forces:
-        at, places = np.arange(nodes.n) / factor, np.arange(reference.motion.n)
-        still = np.zeros(reference.motion.n)
-        forces = [np.interp(at, places, reference.forces.get(key, still)) for key in plant.forces]
-        added = plant.gears @ np.array(forces)
-    return arm_motion(plant, nodes, tracking(plant, controller, nodes, added), start)
-
-
-def true_signals(plant: ArmPlant, motion: ArmMotion, stride: int = 1) -> dict[str, FloatArray]:
-    """Return the exact signals at every `stride`-th node, shape (N,) each, in SI; channels come first."""
-    model, moved = plant.model, motion.motion
-    q, v, a, push = (one[:, ::stride] for one in (moved.q, moved.v, moved.a, motion.push))
-    tau: FloatArray = np.asarray(np.linalg.solve(plant.gears, push), dtype=float)
-    true = dict(zip(plant.forces, tau, strict=True)) | {
-        f"q_{name}": q[k] for k, name in enumerate(plant.joints)
-    }
-    for key, terms in model.derived.items():
-        true[key] = np.sum([weight * true[of] for weight, of in terms], axis=0)
-    for k, name in enumerate(plant.joints):
-        true |= {f"d1_q_{name}": v[k], f"d2_q_{name}": a[k]}
-    true |= plant.base_forces(q, v, a, tau)
-    for c, name in enumerate(plant.rubbing.names):
-        true[f"mode_{name}"] = motion.modes[c, ::stride].astype(float)
-    return true
+def _recorded(model: Model, sensors: Sequence[MountedSensor] | None) -> tuple[str, ...]:
+    """Return the channels that are recorded."""
+    if sensors is None:
+        return instrument_keys(model)
+    read = (channel for sensor in sensors for channel in sensor.channels)
+    return (*read, *(one.key for one in model.actuators))
 
 
 def _levels(
-    model: Model, given: ArmSimulationOptions
+    model: Model, recorded: Sequence[str], given: ArmSimulationOptions
 ) -> tuple[Mapping[str, float], Mapping[str, float], Mapping[str, float]]:
     """Return noise, resolution and bias, checked."""
     noise, resolution, bias = (dict(given[key] or {}) for key in ("noise", "resolution", "bias"))
-    check_levels(model, "noise", noise)
-    check_levels(model, "resolution", resolution)
-    check_levels(model, "bias", bias, signed=True)
-    keys = [s.key for s in model.sensors if s.key not in model.derived] + [a.key for a in model.actuators]
+    check_levels(recorded, "noise", noise)
+    check_levels(recorded, "resolution", resolution)
+    check_levels(recorded, "bias", bias, signed=True)
+    keys = [key for key in recorded if key not in model.derived]
     summed = [key for level in (noise, resolution, bias) for key in level if key in model.derived]
     if summed:
         raise DataError(*(missing_name("noise", "channel", key, keys) for key in summed))
@@ -204,16 +191,19 @@ def _levels(
 def _refuse_impossible(plant: ArmPlant, reference: JointMotion) -> None:
     """Raise DataError where the mass matrix along the reference is none: those links cannot exist."""
     some = slice(0, reference.n, max(1, reference.n // 50))
-    mass = plant.mass(reference.q[:, some], reference.v[:, some])
+    stiff = plant.coordinates.stiff
+    mass = plant.mass(stiff @ reference.q[:, some], stiff @ reference.v[:, some])
     own = np.diagonal(mass, axis1=1, axis2=2)
-    bad = [name for name, inertias in zip(plant.joints, own.T, strict=True) if inertias.min() <= 0.0]
+    bad = [
+        name for name, inertias in zip(plant.coordinates.names, own.T, strict=True) if inertias.min() <= 0.0
+    ]
     if bad:
         what = f"give joint {', '.join(bad)} no positive inertia somewhere along the reference"
         raise DataError.at("parameters", what, "give inertias of real links, or Ia of the drives")
     root = np.sqrt(own)
     scaled = mass / root[:, :, None] / root[:, None, :]
     if (
-        plant.model.sensor_set == "joints"
+        plant.model.module.ROW_KIND == "joint"
         and np.linalg.eigvalsh(0.5 * (scaled + np.transpose(scaled, (0, 2, 1)))).min() <= 0.0
     ):
         what = "give a mass matrix that is not positive definite: no links have these"
@@ -221,10 +211,12 @@ def _refuse_impossible(plant: ArmPlant, reference: JointMotion) -> None:
 
 
 def _start(plant: ArmPlant, reference: JointMotion, given: npt.ArrayLike | None) -> FloatArray:
-    size = 2 * len(plant.joints)
-    state = np.r_[reference.q[:, 0], reference.v[:, 0]] if given is None else np.array(given, dtype=float)
+    if given is None:
+        return carried_start(plant, reference)
+    names = plant.coordinates.names
+    size, state = 2 * len(names), np.array(given, dtype=float)
     if state.shape != (size,) or not np.isfinite(state).all():
-        remedy = f"give {size} finite numbers: positions, then speeds, of {', '.join(plant.joints)}"
+        remedy = f"give {size} finite numbers: positions, then speeds, of {', '.join(names)}"
         raise DataError.at("initial_state", f"has shape {state.shape} or is not finite", remedy)
     return state
 
@@ -244,7 +236,7 @@ def record_with_joint_references(simulation: ArmSimulation) -> Record:
     And ``reference_acceleration_NAME``, which computed torque uses.
     """
     motion = simulation.reference.motion
-    names = [key.removeprefix("d1_q_") for key in simulation.true if key.startswith("d1_q_")]
+    names = simulation.joints
     lines = {
         f"{word}_{name}": line
         for word, lines in (

@@ -25,15 +25,21 @@ RUNAWAY = 1e3
 # Sweeps over speeds that stick or slip, at most, and what their forces may move by in the last.
 SWEEPS, SWEPT = 60, 1e-13
 
+# Terms of a step's exponential, at most, and the share of a position at which they are rounding.
+DEGREES, ROUNDED = 40, 1e-17
+
 # Bandwidth of the default controller in Hz, and its damping ratio.
 BANDWIDTH_HZ, DAMPING_RATIO = 10.0, 0.9
 # Nodes a second, at least: friction changes its sign between two of them.
 NODES_HZ = 1000.0
-# A step is at most so many times 1 / (fastest rate of the loop), where Runge and Kutta's method is stable up
-# to 2.8;
+# A step is at most so many times 1 / (fastest rate of the loop): the motion is a polynomial of fifth degree
+# between two nodes where forces depend on it nonlinearly;
 NODES_A_RATE = 1.0
 # and a sample of so many steps at most.
 MOST_A_SAMPLE = 64.0
+
+# Newton's steps to where springs carry their links.
+SAGGED = 8
 
 # The built-in trajectory: its duration in s, and its harmonics;
 DURATION_S = 10.0

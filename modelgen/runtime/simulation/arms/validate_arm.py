@@ -11,11 +11,12 @@ from modelgen.errors import DataError, listed
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.same_data import refuse_same_data
+from modelgen.runtime.simulation.arms.arm_coordinates import moving_joints
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant
+from modelgen.runtime.simulation.arms.followed_reference import followed, nodes_a_sample, true_signals
 from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion, motion_of
-from modelgen.runtime.simulation.arms.joint_reference import JointReference, moving_joints
-from modelgen.runtime.simulation.arms.simulate_arm import followed, nodes_a_sample, true_signals
+from modelgen.runtime.simulation.arms.joint_reference import JointReference
 from modelgen.runtime.simulation.thresholds import CUTOFF_SHARE, FILTER_ORDER
 from modelgen.runtime.simulation.validation import SignalCheck, Validation
 
@@ -105,11 +106,13 @@ def _validated(
     factor = nodes_a_sample(plant, controller, reference.motion)
     found = true_signals(plant, followed(plant, reference, controller, start, factor), factor)
     checks = []
-    for sensor in (one for one in model.sensors if one.key not in model.derived):
-        key, wanted = sensor.key, given[f"reference_{sensor.body}"]
-        checks.append(SignalCheck(key, "position", sensor.unit, False, 0, given[key], found[key]))
+    own, sensors = plant.coordinates, {one.key: one for one in model.sensors}
+    for key, wanted in zip(own.channels, own.reads @ own.stiff @ reference.motion.q, strict=True):
+        unit = sensors[key].unit
+        checks.append(SignalCheck(key, "position", unit, False, 0, given[key], found[key]))
         pair = (wanted - given[key], wanted - found[key])
-        checks.append(SignalCheck(key, "tracking error", sensor.unit, False, 0, *pair))
+        if wanted.any():
+            checks.append(SignalCheck(key, "tracking error", unit, False, 0, *pair))
     for one in model.actuators:
         if one.key in given:
             checks.append(SignalCheck(one.key, "force", one.unit, False, 0, given[one.key], found[one.key]))
@@ -126,9 +129,12 @@ def reference_motion(plant: ArmPlant, record: Record) -> JointMotion:
 
 
 def first_state(plant: ArmPlant, record: Record, cutoff_hz: float) -> FloatArray:
-    """Return positions, then speeds, at the first sample of a record, shape (2 joints,)."""
+    """Return positions, then speeds, at the first sample of a record, shape (2 coordinates,)."""
     from modelgen.runtime.filters.derivatives import differentiate
     from modelgen.runtime.filters.zero_phase import zero_phase
 
-    q = [zero_phase(record.signals[f"q_{name}"], FILTER_ORDER, cutoff_hz, record.fs) for name in plant.joints]
+    q = [
+        zero_phase(one, FILTER_ORDER, cutoff_hz, record.fs)
+        for one in plant.coordinates.seen_in(record.signals)
+    ]
     return np.array([one[0] for one in q] + [differentiate(one, record.dt)[0] for one in q])

@@ -1,0 +1,130 @@
+"""What sensors of an arm read along its motion: encoders, tachometers, torques, gyros and accelerometers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import DataError
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.simulation.arms.arm_coordinates import reading_of
+from modelgen.runtime.simulation.arms.arm_plant import ArmPlant
+
+INERTIAL = ("gyro", "accelerometer")
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedJoint:
+    """A joint on the way from the base: `placement`, shape (4, 4), is its frame at zero in that before it."""
+
+    name: str
+    kind: str
+    placement: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class MountedSensor:
+    """A sensor of an arm, by joint and side.
+
+    Attributes
+    ----------
+    key, joint, side, measures, channels
+        As the arm's file and the tables of modules have them.
+    way : tuple of PlacedJoint
+        Of a gyro or an accelerometer: the joints from the base to its link, and behind them its mounting as a
+        fixed one.
+    gravity : tuple of float
+        Acceleration of gravity in the base's frame in m/s^2, which an accelerometer reads reversed.
+    """
+
+    key: str
+    joint: str
+    side: str
+    measures: str
+    channels: tuple[str, ...]
+    way: tuple[PlacedJoint, ...] = ()
+    gravity: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+
+def mounted_sensors(model: Model) -> tuple[MountedSensor, ...]:
+    """Return the sensors of a model's set.
+
+    Raises
+    ------
+    DataError
+        For a gyro or an accelerometer, whose mounting no module holds, and for a model without sensors.
+    """
+    if not hasattr(model.module, "SENSORS"):
+        raise DataError.at(model.chain, "has no sensors by joint and side", "leave them out")
+    given = model.module.SENSORS
+    strange = [one["key"] for one in given if one["measures"] in INERTIAL]
+    if strange:
+        what = f"{', '.join(strange)}: a module does not say how it is mounted"
+        raise DataError.at(model.sensor_set, what, "simulate the arm's file: modelgen simulate --sensors")
+    names = ("key", "joint", "side", "measures", "channels")
+    return tuple(MountedSensor(*(one[name] for name in names)) for one in given)
+
+
+def sensor_channels(
+    plant: ArmPlant, sensors: Sequence[MountedSensor], q: FloatArray, v: FloatArray, a: FloatArray
+) -> dict[str, FloatArray]:
+    """Return what sensors read without noise, shape (N,) each, in SI.
+
+    Positions, speeds and accelerations of the plant's coordinates have the shape (coordinates, N).
+    """
+    own = plant.coordinates
+    found: dict[str, FloatArray] = {}
+    torques = plant.spring_torques(q, v) if any(one.measures == "torque" for one in sensors) else {}
+    for sensor in sensors:
+        if sensor.measures in INERTIAL:
+            lines = _link_motion(sensor, plant, q, v, a)[int(sensor.measures == "accelerometer")]
+            found |= dict(zip(sensor.channels, lines, strict=True))
+        elif sensor.measures == "torque":
+            found[sensor.key] = torques[sensor.joint]
+        else:
+            ratios = plant.model.module.TRANSMISSION
+            read = reading_of(sensor.joint, sensor.side, ratios, own.joints, own.driven, len(own.names))
+            found[sensor.key] = read @ (v if sensor.measures == "velocity" else q)
+    return found
+
+
+def _link_motion(
+    sensor: MountedSensor, plant: ArmPlant, q: FloatArray, v: FloatArray, a: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return angular speed, and acceleration less gravity, of a sensor's frame in that, shape (3, N) each."""
+    speed, rise = np.zeros((2, 3, q.shape[1]))
+    felt = np.tile(-np.array(sensor.gravity, dtype=float)[:, None], q.shape[1])
+    for joint in sensor.way:
+        felt = felt + _carried(speed, rise, joint.placement[:3, 3, None])
+        speed, rise, felt = (joint.placement[:3, :3].T @ one for one in (speed, rise, felt))
+        if joint.kind == "fixed":
+            continue
+        place = plant.joints.index(joint.name)
+        rate = np.zeros_like(speed)
+        rate[2] = v[place]
+        if joint.kind == "prismatic":
+            slid = np.zeros_like(speed)
+            slid[2] = q[place]
+            felt = felt + _carried(speed, rise, slid) + 2.0 * _cross(speed, rate)
+            felt[2] += a[place]
+            continue
+        cosine, sine = np.cos(q[place]), np.sin(q[place])
+        speed, rise, felt = (
+            np.array([cosine * x + sine * y, cosine * y - sine * x, z]) for x, y, z in (speed, rise, felt)
+        )
+        rise = rise + _cross(speed, rate)
+        rise[2] += a[place]
+        speed = speed + rate
+    return speed, felt
+
+
+def _carried(speed: FloatArray, rise: FloatArray, arm: FloatArray) -> FloatArray:
+    """Return how much faster the end of an arm is than its origin, shape (3, N), in m/s^2."""
+    return _cross(rise, arm) + _cross(speed, _cross(speed, arm))
+
+
+def _cross(left: FloatArray, right: FloatArray) -> FloatArray:
+    return np.cross(left, np.broadcast_to(right, left.shape), axis=0)
