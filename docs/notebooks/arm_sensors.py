@@ -26,8 +26,8 @@ print(arm.title)
 # %% [markdown]
 # ## What each set can find
 #
-# *by springs* counts the links that no sensor sees: there the motor's side and the spring say where the
-# link is, and readings are differentiated up to four times.
+# *by springs* counts the links, or motors, that no sensor sees: there the other side and the spring say where
+# they are, and readings are differentiated up to four times.
 
 # %%
 pandas.DataFrame(
@@ -47,13 +47,13 @@ pandas.DataFrame(
 # ## How well, in slow and in fast motion
 #
 # Encoders of 5e-6 rad, torques of 0.1 N m (standard deviations), 1 kHz, 12 s. Half of a 95 % interval in %,
-# and a dash where there is no number. Slow motion hardly deflects the springs: from the motors' encoders
+# and a dash where there is no number. Slow motion hardly deflects the springs: from encoders on one side
 # alone it gives stiffness to some tens of percent, or not at all.
 
 # %%
 values = arm.parameter_sets["nominal"]
 sets = {name.replace(",", "").replace(" ", "_"): sensors for name, sensors in arm.sensor_sets.items()}
-arm = replace(arm, sensor_sets={name: sensors for name, sensors in sets.items() if name != "link_encoders"})
+arm = replace(arm, sensor_sets=sets)
 models = {}
 for name in arm.sensor_sets:
     ((file, text),) = arm_files(arm, name).items()
@@ -94,5 +94,5 @@ table
 
 # %% [markdown]
 # So: encoders on both sides where a link's encoder fits; a torque sensor does not replace it, but tells
-# drive and link apart; the motor's encoder alone does for stiffness and inertia if the robot may move close
+# drive and link apart; encoders on one side alone do for stiffness and inertia if the robot may move close
 # to its modes. Take your own arm's file, values, motion and noise in place of these.

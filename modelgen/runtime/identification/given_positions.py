@@ -20,6 +20,7 @@ from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     DEFLECTIONS,
+    LONGEST_LAG,
     MOST_STEPS,
     POINT_TOLERANCE,
     ROUNDING,
@@ -34,10 +35,12 @@ from modelgen.runtime.records.record import Record
 def about_the_estimate(task: Task) -> Task:
     """Return the task with rows that are linear about their estimate; the same where rows are linear.
 
+    Where no start leads to an estimate, rows without given positions are left, if there are any.
+
     Raises
     ------
     IdentifiabilityError
-        If no start leads to an estimate: the steps do not come to rest.
+        If no start leads to an estimate, the steps do not come to rest, and all rows hold given positions.
     """
     kernel = task.model.kernel
     if not isinstance(kernel, DeflectedKernel):
@@ -52,8 +55,11 @@ def about_the_estimate(task: Task) -> Task:
     for _, _, point in sorted(settled, key=lambda one: one[:2]):
         found = _rested(job, kernel, point)
         if found is not None:
-            model = replace(task.model, kernel=kernel.at(found))
+            model = replace(task.model, kernel=kernel.at(found, sampled=True))
             return replace(task, model=model, job=replace(task.job, model=model))
+    if len(kernel.rows) < len(task.model.rows):
+        model = _rows_without(task.model, kernel)
+        return replace(task, model=model, job=replace(task.job, model=model, rows_for_tag=None))
     names = ", ".join(record.name for record in task.records)
     raise IdentifiabilityError.at(
         names,
@@ -63,14 +69,30 @@ def about_the_estimate(task: Task) -> Task:
     )
 
 
+def _rows_without(model: Model, kernel: DeflectedKernel) -> Model:
+    """Return the model with the rows only that hold no given position."""
+    left = [row for row in range(len(model.rows)) if row not in kernel.rows]
+    inner = kernel.inner
+    return replace(
+        model,
+        rows=tuple(model.rows[row] for row in left),
+        measurement_columns=tuple(model.measurement_columns[row] for row in left),
+        regressor_columns=tuple(model.regressor_columns[row] for row in left),
+        kernel=inner if inner.keys else None,
+    )
+
+
 def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> FloatArray | None:
-    """Return the point at which steps come to rest; None where they do not, or where a spring pushes."""
+    """Return the point at which steps come to rest, None where they do not.
+
+    Nor where a spring pushes, or is more of a damper: the series for what damping does ends early.
+    """
     for _ in range(MOST_STEPS):
         try:
             fit = _fit(job, kernel, point)
         except IdentifiabilityError:
             return None
-        moved = _moved(job.model, fit, point)
+        moved = _moved(job.model, kernel, fit, point)
         left = abs(float(fit.triangle[-1, -1]))
         rounding = ROUNDING * _size(fit, moved, job.model)
         still = _size(fit, moved - point, job.model) <= max(POINT_TOLERANCE * left, rounding)
@@ -78,7 +100,8 @@ def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> FloatArray 
         if not _holds(kernel, point):
             return None
         if still:
-            return point
+            motion_hz = job.choice.dynamics_hz or job.choice.cutoff_hz
+            return point if kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG else None
     return None
 
 
@@ -92,7 +115,7 @@ def _stepped(
             fit = _fit(job, kernel, point)
         except IdentifiabilityError:
             return None, np.inf
-        point = _moved(job.model, fit, point)
+        point = _moved(job.model, kernel, fit, point)
         if not _holds(kernel, point):
             return None, np.inf
         counts = np.array([block.count for block in fit.blocks])
@@ -105,12 +128,21 @@ def _fit(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit:
     return run_wls(replace(job, model=replace(job.model, kernel=kernel.at(point))))[1]
 
 
-def _moved(model: Model, fit: Fit, point: FloatArray) -> FloatArray:
-    """Return the estimate; what the rows do not show stays where it was."""
+def _moved(model: Model, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -> FloatArray:
+    """Return the estimate; what the rows do not show stays where it was.
+
+    Deflections are linear in compliances: a spring that is to be softer moves in 1 / K, to first order the
+    same step, which never leads below zero.
+    """
     found = point.copy()
+    springs = {column for row in kernel.giving for column in row.springs}
     for name, value, lost in zip(fit.columns, fit.solution.x, fit.solution.undetermined, strict=True):
         column = model.base_parameters.index(name)
-        if not lost:
+        if lost:
+            continue
+        if column in springs and value < point[column]:
+            found[column] = point[column] / (2.0 - value / point[column])
+        else:
             found[column] = value
     return found
 
@@ -139,9 +171,8 @@ def _starts(model: Model, kernel: DeflectedKernel, records: Sequence[Record]) ->
     for share in DEFLECTIONS:
         point = np.zeros(len(model.base_parameters))
         for row in kernel.giving:
-            force = max(_span(kernel, row.left, one) for one in records)
+            force, motion = (max(_span(kernel, terms, one) for one in records) for terms in row.size)
             for column in row.springs:
-                motion = max(_span(kernel, row.columns[column], one) for one in records)
                 point[column] = force / (share * motion) if force and motion else 1.0
         yield point
 

@@ -92,12 +92,13 @@ FEWEST_LEFT = 5000
 
 # Where rows hold positions that springs give: deflections as shares of the motion to start from, steps after
 # which starts are compared, most steps, and the last step's size in units of the residual's norm, or of the
-# rows' where there is no noise.
+# rows' where there is no noise; the largest angle in rad by which damping may delay a deflection.
 DEFLECTIONS = (0.3, 0.1, 0.03, 0.01, 0.002)
 SETTLING_STEPS = 3
 MOST_STEPS = 30
 POINT_TOLERANCE = 1e-4
 ROUNDING = 1e-11
+LONGEST_LAG = 0.5
 
 # Cut-offs at which turns of arms are to be short enough: so many, each so many times the one before;
 CALM_CUTOFFS, CALM_STEP = 6, 1.6

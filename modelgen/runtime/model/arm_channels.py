@@ -34,7 +34,7 @@ class ArmChannels:
     """The tables of a model that say what is read: entries as a chain's module has them.
 
     `forces` are the keys of signals that stand on the left: forces of motors, the base's, measured torques;
-    `loads` those that say which payload is carried.
+    `loads` those that say which payload is carried. `given` are speeds of motors that no sensor sees.
     """
 
     sensors: tuple[Entry, ...]
@@ -44,6 +44,7 @@ class ArmChannels:
     speeds: tuple[Speed, ...]
     forces: tuple[str, ...]
     loads: tuple[str, ...]
+    given: tuple[Speed, ...] = ()
 
 
 def arm_channels(module: Any) -> ArmChannels:
@@ -116,10 +117,13 @@ def _of_sensors(module: Any) -> ArmChannels:
             continue
         made = _pushed(pushing[channel], order) if channel in pushing else _read(by_key[channel], order)
         signals[key] = made
-    speeds, derived = [], {}
+    speeds, given, derived = [], [], {}
     for name, terms in module.SPEEDS.items():
         key = _speed_key(terms, [*by_key, *pushing], name)
         sums = tuple((factor, _differentiated(channel, times)) for factor, channel, times in terms)
+        if any(channel in estimated for _, channel, _ in terms):
+            given.append(Speed(name, _differentiated(key, 1), sums))
+            continue
         if key not in by_key:
             times = _times(module, name, terms)
             derived[key] = tuple((factor, channel) for factor, channel, _ in terms)
@@ -131,7 +135,9 @@ def _of_sensors(module: Any) -> ArmChannels:
         speeds.append(Speed(name, speed, sums))
     left = tuple(key for key, one in signals.items() if one["actuator"] is not None)
     every = tuple(signals.values())
-    return ArmChannels(tuple(sensors), tuple(forces), every, derived, tuple(speeds), left, loads)
+    return ArmChannels(
+        tuple(sensors), tuple(forces), every, derived, tuple(speeds), left, loads, tuple(given)
+    )
 
 
 def _speed_key(terms: tuple[tuple[float, str, int], ...], taken: list[str], name: str) -> str:

@@ -121,25 +121,27 @@ def _candidates(
     module: Any, channels: ArmChannels, rng: np.random.Generator
 ) -> tuple[Candidates, dict[str, FloatArray], tuple[dict[str, Any], ...]]:
     """Return what entries may be sums of at random samples, the module's signals there, and all features."""
-    count = SAMPLES_A_CANDIDATE * (len(module.SIGNALS) + 8 * len(channels.speeds) + 1)
+    speeds = (*channels.speeds, *channels.given)
+    count = SAMPLES_A_CANDIDATE * (len(module.SIGNALS) + 8 * len(speeds) + 1)
     signals = {key: rng.uniform(-1.0, 1.0, count) for key in module.SIGNALS}
     linear = [key for key in module.SIGNALS if key not in (*channels.forces, *channels.loads)]
     read = {key: signals[key] for key in linear}
     summed: dict[str, FloatArray] = {"1": np.ones(count), **read}
     alone: dict[str, FloatArray] = {}
     features: list[dict[str, Any]] = []
-    for one in channels.speeds:
+    for one in speeds:
         # zero where the module does not read it: all others' speeds are nowhere the first joint's
         speed = sum((w * signals[key] for w, key in one.terms if key in signals), np.zeros(count))
         summed[f"sign {one.name}"] = np.sign(speed)
-        features.append(_feature(f"sign {one.name}", "sign", one.key, None))
+        made = [_feature(f"sign {one.name}", "sign", one.key, None)]
         for way, moves in (("forward", speed > 0.0), ("backward", speed < 0.0)):
             alone |= {
                 f"{way} {one.name}": np.asarray(moves, dtype=float),
                 f"{way} {one.key}": moves * speed,
             }
-            features.append(_feature(f"{way} {one.name}", way, one.key, None))
-            features.append(_feature(f"{way} {one.key}", way, one.key, one.key))
+            made.append(_feature(f"{way} {one.name}", way, one.key, None))
+            made.append(_feature(f"{way} {one.key}", way, one.key, one.key))
+        features += [] if one in channels.given else made  # no sensor reads those
     moving = {key: value for key, value in summed.items() if value.any()}
     still = {key: value for key, value in alone.items() if value.any()}
     return Candidates(moving, still), signals, tuple(features)
@@ -155,6 +157,7 @@ _KINDS = {
     " link": "measured torque of joint {0}, with the links",
     " deflection": "measured torque of joint {0}, with its spring",
     " deflected": "torque of the spring of joint {0}, which gives the position of its link",
+    " driven": "torque of the spring of joint {0}, which gives the position of its motor",
 }
 
 

@@ -1,8 +1,9 @@
-"""DeflectedKernel: rows in which a link's position is made of others, linear about a point.
+"""DeflectedKernel: rows that hold positions of links or motors which rows give, linear about a point.
 
 No sensor sees the link: the row of its spring gives its position, q = q_m - (Gamma - drive) / K, for given
-drives and springs (`GivingRow`). The rows of the links are nonlinear in those parameters, and linear in the
-links'. About a point p they are sums again,
+drives and springs (`GivingRow`). Or none sees the motor: its deflection is what the link needs over K, q_m =
+q + W theta / K. Rows that hold such positions are nonlinear in those parameters, and linear in the others.
+About a point p they are sums again,
 
     y + sum(slope_c p_c) = sum((entry_c + slope_c) x_c),    slope_c = d(sum(entry p)) / d q * d q / d p_c,
 
@@ -19,21 +20,26 @@ from typing import NamedTuple
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.model.arm_channels import Speed
 from modelgen.runtime.model.arm_kernel import ArmKernel, Read, Sum
+from modelgen.runtime.model.given_directions import Turning, given_directions
 
 # Damping of a spring delays the deflection by D / K: so many terms of 1 / (1 + s D / K) = 1 - s D / K + ...
 DAMPED = 2
-# Central differences of the entries: of positions, whose cosines they hold (exact to the square of the step),
-# and of speeds, in which they are quadratic.
+# Central differences of entries, which hold cosines of positions and squares of speeds.
 STEPS = (1e-4, 1.0, 1.0)
 
 
 class GivingRow(NamedTuple):
-    """A row that gives a position: columns times parameters = left, to be solved for `channel`."""
+    """A row that gives a position: columns times parameters = left, to be solved for `channel`.
+
+    `size` are two sums of channels: as large as what the spring carries, and as the motion of its joint.
+    """
 
     channel: str
     left: Sum
     columns: Mapping[int, Sum]
+    size: tuple[Sum, Sum]
 
     @property
     def springs(self) -> tuple[int, ...]:
@@ -55,29 +61,46 @@ class DeflectedKernel:
 
     Attributes
     ----------
+    inner : ArmKernel
+        Lines that hold no given position; rows that give one may be made of them, and of their derivatives.
     kernel : ArmKernel
-        The lines of the module in the rows that are kept.
-    places : mapping of str to (int, int)
-        Row and column of each of its entries.
+        Lines that hold given positions.
+    sums : mapping of str to Sum
+        Lines that are sums of given positions and directions, and of what is read.
+    places : mapping of str to (int, int or None)
+        Row and column of each line in the rows that are kept; no column on the left side.
     giving : tuple of GivingRow
     reads_of : mapping of str to Read
         What signals of the module that are read are made of.
+    speeds : tuple of Speed
+        Speeds of motors that are given.
     rows : tuple of int
         Rows that hold given positions.
     point : array, shape (columns,)
         Base parameters that the rows are linear about.
+    sampled : bool
+        Whether directions of given speeds are those at the samples (`given_directions`).
     """
 
+    inner: ArmKernel
     kernel: ArmKernel
-    places: Mapping[str, tuple[int, int]]
+    sums: Mapping[str, Sum]
+    places: Mapping[str, tuple[int, int | None]]
     giving: tuple[GivingRow, ...]
     reads_of: Mapping[str, Read]
+    speeds: tuple[Speed, ...]
     rows: tuple[int, ...]
     point: FloatArray
+    sampled: bool = False
 
-    def at(self, point: FloatArray) -> DeflectedKernel:
+    def at(self, point: FloatArray, sampled: bool = False) -> DeflectedKernel:
         """Return the same about another point."""
-        return replace(self, point=point)
+        return replace(self, point=point, sampled=sampled)
+
+    @property
+    def lag(self) -> float:
+        """By how many s the damping of springs delays their deflections at most, at the point."""
+        return max(abs(self._spring(row)[1]) for row in self.giving)
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -88,7 +111,7 @@ class DeflectedKernel:
     def keys(self) -> tuple[str, ...]:
         """Keys of the features, in the order of the lines."""
         slopes = [slope_key(row, column) for row in self.rows for column in self.columns]
-        return (*self.kernel.keys, *slopes, *(shift_key(row) for row in self.rows))
+        return (*self.places, *slopes, *(shift_key(row) for row in self.rows))
 
     @property
     def orders(self) -> Mapping[str, int]:
@@ -97,44 +120,61 @@ class DeflectedKernel:
 
     @property
     def reads(self) -> tuple[Read, ...]:
-        """What the lines are formed from."""
-        wanted = [self.reads_of[key] for key in self.kernel.inputs if key in self.reads_of]
+        """What the lines are formed from: of channels and features, and of `inner` lines."""
+        keys = [*self.kernel.inputs, *(key for terms in self.sums.values() for _, key in terms)]
+        wanted = [self.reads_of[key] for key in keys if key in self.reads_of]
+        wanted += [(key, 0) for key in self.inner.keys]
         for row in self.giving:
             highest = self._orders(row)[1]
             for terms in (row.left, *row.columns.values()):
                 for _, key in _parts(terms, row.channel).rest:
                     if key != "1":
-                        source, order = self.reads_of[key]
+                        source, order = self._read(key)
                         wanted += [(source, order + more) for more in range(highest + 1)]
         return tuple(dict.fromkeys(wanted))
 
     def lines(self, read: Mapping[Read, FloatArray]) -> Mapping[str, FloatArray]:
         """Return every feature, shape (N,) each, from what is read, shape (N,) each."""
         count = len(next(iter(read.values())))
-        signals = {key: read[self.reads_of[key]] for key in self.kernel.inputs if key in self.reads_of}
+        given: dict[str, FloatArray] = {}
         moves: dict[int, list[tuple[str, FloatArray]]] = {}
         for row in self.giving:
             position, slopes = self._given(row, read, count)
-            signals |= {_ordered(row.channel, o): value for o, value in enumerate(position)}
+            given |= {_ordered(row.channel, o): value for o, value in enumerate(position)}
             for column, slope in slopes.items():
                 moves.setdefault(column, []).extend(
                     (_ordered(row.channel, order), value) for order, value in enumerate(slope)
                 )
-        found = dict(self.kernel.lines(signals))
-        along = self._along(signals, found)
+        signals = {key: read[self.reads_of[key]] for key in self.kernel.inputs if key in self.reads_of}
+        signals |= given
+        found = dict(self.kernel.lines(signals)) if self.kernel.keys else {}
+        found |= {key: read[key, 0] for key in self.places if key in self.inner.keys}
+        ways, turning = given_directions(self.speeds, signals, given, self.sampled)
+        values = {**given, **ways}
+        for key, terms in self.sums.items():
+            found[key] = sum(
+                (
+                    w * (values[k] if k in values else self._sum(((1.0, k),), 0, read, count))
+                    for w, k in terms
+                ),
+                np.zeros(count),
+            )
+        along = self._along(signals, found, turning)
         for place in self.rows:
             shift = np.zeros(count)
             for column in self.columns:
-                total = sum((along[key][place] * by for key, by in moves[column]), np.zeros(count))
+                total = sum((along[key].get(place, 0.0) * by for key, by in moves[column]), np.zeros(count))
                 found[slope_key(place, column)] = total
                 shift += self.point[column] * total
             found[shift_key(place)] = shift
         return found
 
+    def _read(self, key: str) -> Read:
+        return (key, 0) if key in self.inner.keys else self.reads_of[key]
+
     def _orders(self, row: GivingRow) -> tuple[int, int]:
         """Return the highest derivative of a given position that entries hold, and that is worked out."""
-        names = [_ordered(row.channel, order) for order in range(3)]
-        highest = max(order for order, name in enumerate(names) if name in self.kernel.inputs)
+        highest = max(order for order in range(3) if _ordered(row.channel, order) in self.kernel.inputs)
         damped = any(_parts(terms, row.channel).speed for terms in (row.left, *row.columns.values()))
         return highest, highest + (DAMPED if damped else 0)
 
@@ -145,9 +185,7 @@ class DeflectedKernel:
         kept, highest = self._orders(row)
         left = _parts(row.left, row.channel)
         columns = {column: _parts(terms, row.channel) for column, terms in row.columns.items()}
-        stiff = sum(self.point[c] * part.position for c, part in columns.items()) - left.position
-        damped = sum(self.point[c] * part.speed for c, part in columns.items()) - left.speed
-        lag = damped / stiff
+        stiff, lag = self._spring(row)
 
         def values(terms: Sum) -> list[FloatArray]:
             return [self._sum(terms, order, read, count) for order in range(highest + 1)]
@@ -166,44 +204,64 @@ class DeflectedKernel:
             slopes[column] = _lagging([-one for one in acting], stiff, lag)[: kept + 1]
         return position[: kept + 1], slopes
 
+    def _spring(self, row: GivingRow) -> tuple[float, float]:
+        """Return what a position is multiplied by in the row that gives it, and by how many s it lags."""
+        parts = [(float(self.point[c]), _parts(terms, row.channel)) for c, terms in row.columns.items()]
+        parts.append((-1.0, _parts(row.left, row.channel)))
+        stiff = sum(value * part.position for value, part in parts)
+        return stiff, sum(value * part.speed for value, part in parts) / stiff
+
     def _sum(self, terms: Sum, more: int, read: Mapping[Read, FloatArray], count: int) -> FloatArray:
         total = np.zeros(count)
         for weight, key in terms:
             if key == "1":
                 total += 0.0 if more else weight
             else:
-                source, order = self.reads_of[key]
+                source, order = self._read(key)
                 total += weight * read[source, order + more]
         return total
 
     def _along(
-        self, signals: Mapping[str, FloatArray], here: Mapping[str, FloatArray]
+        self, signals: Mapping[str, FloatArray], here: Mapping[str, FloatArray], turning: Turning
     ) -> dict[str, dict[int, FloatArray]]:
         """Return the derivatives of what rows hold by each given position, speed and acceleration."""
         found = {}
         for row in self.giving:
             for order, step in enumerate(STEPS):
                 key = _ordered(row.channel, order)
-                if key not in self.kernel.inputs:
-                    found[key] = dict.fromkeys(self.rows, np.zeros(1))
+                found[key] = self._along_sums(key, turning)
+                if key not in self.kernel.inputs or not self.kernel.keys:
                     continue
                 ahead = self._held(self.kernel.lines({**signals, key: signals[key] + step}))
-                # entries are linear in accelerations
-                behind = self._held(
-                    here if order == 2 else self.kernel.lines({**signals, key: signals[key] - step})
-                )
-                width = step if order == 2 else 2.0 * step
-                found[key] = {one: (ahead[one] - behind[one]) / width for one in self.rows}
+                once = order == 2  # entries are linear in accelerations
+                back = here if once else self.kernel.lines({**signals, key: signals[key] - step})
+                behind, width = self._held(back), step if once else 2.0 * step
+                for one in ahead:
+                    found[key][one] = found[key].get(one, 0.0) + (ahead[one] - behind[one]) / width
         return found
 
     def _held(self, lines: Mapping[str, FloatArray]) -> dict[int, FloatArray]:
-        """Return what each row's lines hold at the point: entries times parameters, less the known."""
+        """Return what the kernel's lines hold at the point: entries times parameters, less the known."""
         found: dict[int, FloatArray] = {}
-        for key, (row, column) in self.places.items():
-            found[row] = found.get(row, 0.0) + self.point[column] * lines[key]
-        for key, row in self.kernel.left.items():
-            found[row] = found.get(row, 0.0) - lines[key]
+        for key in self.kernel.keys:
+            row, column = self.places[key]
+            found[row] = found.get(row, 0.0) + self._counted(column) * lines[key]
         return found
+
+    def _along_sums(self, key: str, turning: Mapping[tuple[str, str], FloatArray]) -> dict[int, FloatArray]:
+        """Return the derivatives of sums by a given position, speed or acceleration."""
+        found: dict[int, FloatArray] = {}
+        for line, terms in self.sums.items():
+            row, column = self.places[line]
+            for weight, name in terms:
+                slope = np.ones(1) if name == key else turning.get((name, key))
+                if slope is not None:
+                    found[row] = found.get(row, 0.0) + self._counted(column) * weight * slope
+        return found
+
+    def _counted(self, column: int | None) -> float:
+        """Return how often a line counts in what its row holds: on the left side, what is known."""
+        return -1.0 if column is None else float(self.point[column])
 
 
 def slope_key(row: int, column: int) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from modelgen.runtime.model.deflected_kernel import (
 )
 
 Regressor = tuple[Mapping[int, Sum], ...]
-# A position that is made of torques is differentiated twice in the rows of links.
+# A position that is made of torques is differentiated twice in the rows of links, or of motors.
 FURTHER = 2
 
 
@@ -56,33 +56,37 @@ def deflected_rows(
         Lines that are no sums.
     """
     rows = {module.ROWS.index(name): channel for channel, name in module.ESTIMATED.items()}
-    estimated = {f"{front}{key}" for key in module.ESTIMATED for front in ("", "d1_", "d2_")}
-    giving = tuple(GivingRow(channel, left[row], regressor[row]) for row, channel in rows.items())
-    line_of = {place: line for line, place in enumerate(module.ENTRIES)}
     kept = tuple(row for row in range(len(module.ROWS)) if row not in rows)
-    entries, known, places = {}, {}, {}
-    columns: dict[int, dict[int, Sum]] = {}
+    giving = tuple(
+        GivingRow(channel, left[row], regressor[row], _size(module, channel, left, regressor[row]))
+        for row, channel in rows.items()
+    )
+    outer = _moved_lines(module, kernel)
+    named = _given_names(module, channels)
+    sums: dict[str, Sum] = {}
+    places: dict[str, tuple[int, int | None]] = {}
+    columns: dict[int, dict[int, Sum]] = {row: {} for row in kept}
     sides: dict[int, Sum] = {}
     for row in kept:
-        columns[row] = {}
         for column, terms in regressor[row].items():
-            line = line_of[row, column]
-            key = f"entry {line}"
-            if any(name in estimated or name == key for _, name in terms):
-                entries[key], places[key], terms = line, (row, column), ((1.0, key),)
-            columns[row][column] = terms
+            columns[row][column] = _line(f"entry {row} {column}", terms, named, sums)
+            places |= {key: (row, column) for key in _formed(columns[row][column], sums, kernel)}
         forces = tuple((w, key) for w, key in left[row] if key in channels.forces)
         others = tuple((w, key) for w, key in left[row] if key not in channels.forces)
-        key = f"known {row}"
-        if any(name in estimated or name == key for _, name in others):
-            known[key], others = row, ((1.0, key),)
+        others = _line(f"known {row} sum", others, named, sums)
+        places |= {key: (row, None) for key in _formed(others, sums, kernel)}
         sides[row] = (*forces, *others)
-    touched = tuple(dict.fromkeys([*(row for row, _ in places.values()), *known.values()]))
+    held = {key for key in places if key in outer or key in sums}
+    touched = tuple(dict.fromkeys(places[key][0] for key in places if key in held))
+    reads = _reads(channels)
     made = DeflectedKernel(
-        ArmKernel(module, kernel.inputs, kernel.forces, entries, known),
+        _without_given(kernel, {*kernel.keys} - outer, reads),
+        _only(kernel, outer),
+        sums,
         places,
         giving,
-        _reads(channels),
+        reads,
+        channels.given,
         touched,
         np.zeros(len(module.BASE_PARAMETERS)),
     )
@@ -93,6 +97,68 @@ def deflected_rows(
     found = tuple(dict(sorted(columns[row].items())) for row in kept)
     further = {row: FURTHER if row in touched else 0 for row in kept}
     return DeflectedRows(kept, further, found, tuple(sides[row] for row in kept), made)
+
+
+def _line(key: str, terms: Sum, held: set[str], sums: dict[str, Sum]) -> Sum:
+    """Return terms as they are, or as a line of their own where they hold what is given."""
+    if not any(name in held for _, name in terms):
+        return terms
+    sums[key] = terms
+    return ((1.0, key),)
+
+
+def _formed(terms: Sum, sums: Mapping[str, Sum], kernel: ArmKernel) -> list[str]:
+    return [key for _, key in terms if key in sums or key in kernel.keys]
+
+
+def _moved_lines(module: Any, kernel: ArmKernel) -> set[str]:
+    """Return the lines that depend on positions which rows give, seen at random samples."""
+    rng = np.random.default_rng(0)
+    signals = {key: rng.uniform(-1.0, 1.0, 3) for key in kernel.inputs}
+    here = kernel.lines(signals)
+    given = {f"{front}{key}" for key in module.ESTIMATED for front in ("", "d1_", "d2_")}
+    there = kernel.lines({key: value + 0.1 * (key in given) for key, value in signals.items()})
+    return {key for key in kernel.keys if np.any(here[key] != there[key])}
+
+
+def _given_names(module: Any, channels: ArmChannels) -> set[str]:
+    """Return the names in sums of what no sensor reads: positions, speeds of motors, their directions."""
+    found = {f"{front}{key}" for key in module.ESTIMATED for front in ("", "d1_", "d2_")}
+    for one in channels.given:
+        found.add(f"sign {one.name}")
+        found |= {f"{way} {of}" for way in ("forward", "backward") for of in (one.name, one.key)}
+    return found
+
+
+def _only(kernel: ArmKernel, keys: set[str]) -> ArmKernel:
+    """Return a kernel of these lines only."""
+    entries = {key: line for key, line in kernel.entries.items() if key in keys}
+    left = {key: row for key, row in kernel.left.items() if key in keys}
+    return replace(kernel, entries=entries, left=left)
+
+
+def _without_given(kernel: ArmKernel, keys: set[str], reads: Mapping[str, Read]) -> ArmKernel:
+    """Return a kernel of these lines, which do not depend on what rows give: it is zero to them."""
+    read = {key: reads[key] for key in kernel.inputs if key in reads}
+    given = (key for key in kernel.inputs if key not in reads)
+    forces = (*kernel.forces, *given)
+    return replace(_only(kernel, keys), inputs=tuple(read), forces=forces, reads_of=read)
+
+
+def _size(module: Any, channel: str, left: Sequence[Sum], row: Mapping[int, Sum]) -> tuple[Sum, Sum]:
+    """Return sums of channels as large as what the spring carries, and as the motion of its joint."""
+    sensor = next(one for one in module.SENSORS if channel in one["channels"])
+    if sensor["side"] != "deflection":
+        own = left[module.ROWS.index(module.ESTIMATED[channel])]
+        springs = [terms for terms in row.values() if any(key == channel for _, key in terms)]
+        return own, springs[0] if springs else ()
+    joint = sensor["joint"]
+    moved = tuple((f, key) for f, key, _ in module.SPEEDS[joint] if key not in module.ESTIMATED)
+    lever = 1.0
+    if module.ROW_KIND == "motor":
+        moving = [one["name"] for one in module.JOINTS if one["kind"] != "fixed"]
+        lever = max(map(abs, module.TRANSMISSION[moving.index(joint)]))
+    return tuple((lever * weight, key) for weight, key in left[module.ROWS.index(joint)]), moved
 
 
 def _reads(channels: ArmChannels) -> dict[str, Read]:

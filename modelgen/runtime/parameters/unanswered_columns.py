@@ -39,6 +39,11 @@ def _why_zero(model: Model, name: str) -> str:
     kind, _, payload = (role.bodies[0] if role else "").partition(" ")
     if kind == "payload":
         return f"no record carries payload {payload}: say which one does (--payload RECORD={payload})"
+    if not any(model.base_parameters.index(name) in row for row in model.regressor_columns):
+        return (
+            "needs how far the springs deflect, which the records do not tell: move faster, towards the "
+            "modes of the arm, or measure both sides of the springs"
+        )
     return "its column is zero in every sample used"
 
 

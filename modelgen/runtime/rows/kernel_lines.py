@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
 from modelgen.runtime.model.arm_kernel import Kernel, Read
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
@@ -34,18 +36,22 @@ class KernelLines:
         What the kernel reads to (channel or feature, column of its operator's output).
     low_passes : tuple of FusedOperator
         Filter and decimate a line, by how often they differentiate it.
+    stencil, fs : tuple of float, float
+        Central difference at a sampling frequency in Hz, for lines that others are made of.
     """
 
     kernel: Kernel | DeflectedKernel
     operators: Mapping[str, FusedOperator]
     inputs: Mapping[Read, tuple[str, int]]
     low_passes: tuple[FusedOperator, ...]
+    stencil: tuple[float, ...]
+    fs: float
 
     @property
     def margins(self) -> tuple[int, int]:
         """Samples before the first and behind the last one kept that are looked at."""
         inner = np.max([one.margins for one in self.operators.values()], axis=0)
-        before, behind = np.add(inner, self._outer).tolist()
+        before, behind = (np.add(inner, self._outer) + self._reach).tolist()
         return before, behind
 
     @property
@@ -53,14 +59,26 @@ class KernelLines:
         before, behind = np.max([one.margins for one in self.low_passes], axis=0).tolist()
         return before, behind
 
+    @cached_property
+    def _formed(self) -> Mapping[str, int]:
+        """How often inner lines are differentiated, by their keys."""
+        if not isinstance(self.kernel, DeflectedKernel):
+            return {}
+        keys = frozenset(self.kernel.inner.keys)
+        return {key: order for key, order in sorted(self.kernel.reads) if key in keys}
+
+    @property
+    def _reach(self) -> int:
+        return len(self.stencil) * max(self._formed.values(), default=0)
+
     def at(self, filtered: Filtered, start: int, count: int) -> dict[str, FloatArray]:
         """Return every line at the samples kept from `start` on, shape (count,) each.
 
         `filtered` takes a channel, an operator, the first sample and how many to what the operator makes.
         """
         before, behind = self._outer
-        low = start - before
-        inside = before + (count - 1) * self.low_passes[0].factor + 1 + behind
+        low, reach = start - before - self._reach, self._reach
+        inside = before + (count - 1) * self.low_passes[0].factor + 1 + behind + 2 * reach
         made = {channel: filtered(channel, one, low, inside) for channel, one in self.operators.items()}
         read = {key: made[channel][:, column] for key, (channel, column) in self.inputs.items()}
         lines, orders = self._lines(read), self.kernel.orders
@@ -70,9 +88,18 @@ class KernelLines:
         }
 
     def _lines(self, read: Mapping[Read, FloatArray]) -> Mapping[str, FloatArray]:
-        if isinstance(self.kernel, DeflectedKernel):
+        if not isinstance(self.kernel, DeflectedKernel):
+            return self.kernel.lines({key: read[place] for key, place in self.kernel.reads_of.items()})
+        if not self._formed:
             return self.kernel.lines(read)
-        return self.kernel.lines({key: read[place] for key, place in self.kernel.reads_of.items()})
+        inner, reach = self.kernel.inner, self._reach
+        signals = {key: read[place] for key, place in inner.reads_of.items()}
+        known = {place: value[reach : len(value) - reach] for place, value in read.items()}
+        for key, line in inner.lines(signals).items():
+            for order in range(self._formed[key] + 1):
+                known[key, order] = line[reach : len(line) - reach]
+                line = differentiate(line, 1.0 / self.fs, 1, self.stencil)
+        return self.kernel.lines(known)
 
 
 def kernel_lines(model: Model, filtering: Filtering, fast: bool | None) -> KernelLines | None:
@@ -82,7 +109,10 @@ def kernel_lines(model: Model, filtering: Filtering, fast: bool | None) -> Kerne
         return None
     orders: dict[str, list[int]] = {}
     inputs = {}
+    formed = frozenset(kernel.inner.keys) if isinstance(kernel, DeflectedKernel) else ()
     for source, order in dict.fromkeys(kernel.reads):
+        if source in formed:
+            continue
         inputs[source, order] = (source, len(orders.setdefault(source, [])))
         orders[source].append(order)
     operators = {
@@ -95,4 +125,4 @@ def kernel_lines(model: Model, filtering: Filtering, fast: bool | None) -> Kerne
         )
         for order in range(1 + max(kernel.orders.values(), default=0))
     )
-    return KernelLines(kernel, operators, inputs, low_passes)
+    return KernelLines(kernel, operators, inputs, low_passes, filtering.stencil, filtering.fs)

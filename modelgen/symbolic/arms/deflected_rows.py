@@ -1,8 +1,9 @@
-"""Rows where no sensor sees a link: its position follows from the motor's and what the spring carries.
+"""Rows where no sensor sees one end of a spring: its deflection follows from what the spring carries.
 
-q = q_m - (Gamma - drive) / K, or q_m - torque / K where the torque is measured. That row is then used up
-(`Estimated`), and the row of the links holds with the position that it gives: linear in the links' parameters
-for given drives and springs, so that all are found together by separable least squares.
+Where the link is hidden, q = q_m - (Gamma - drive) / K, or q_m - torque / K where the torque is measured.
+Where the motor is, q_m = q + links / K, or q + torque / K. That row is then used up (`Estimated`), and the
+others hold with the position that it gives: linear in the remaining parameters for given springs, so that all
+are found together by separable least squares.
 """
 
 from __future__ import annotations
@@ -15,20 +16,29 @@ from modelgen.errors import ModelError
 from modelgen.spec.arms.arm import ArmSensor, ArmSpec, Joint
 from modelgen.symbolic.arms.balances import Balance
 from modelgen.symbolic.arms.drives import motor_coordinate
-from modelgen.symbolic.arms.expressions.graph import Graph
+from modelgen.symbolic.arms.expressions.graph import ZERO, Graph
 from modelgen.symbolic.arms.readable_rows import ReadRows, readable_rows
 from modelgen.symbolic.arms.row_parts import RowParts
 from modelgen.symbolic.arms.sensing import Sensing
 
-#: Behind the name of a joint: the row that its link's position is made of.
-DEFLECTED = " deflected"
+#: Behind the name of a joint: the row that its link's, or its motor's, position is made of.
+DEFLECTED, DRIVEN = " deflected", " driven"
 
 
 class Estimated(NamedTuple):
-    """A channel that no sensor has: the position of a link, and the row that gives it."""
+    """A channel that no sensor has, the position of a link or a deflection, and the row that gives it."""
 
     channel: str
     row: str
+
+
+class _Hidden(NamedTuple):
+    """A joint of which one end of the spring is not seen, the row that says where, its name, and a sensor."""
+
+    joint: Joint
+    row: str
+    given: str
+    sensor: ArmSensor
 
 
 def sensed_rows(
@@ -39,7 +49,7 @@ def sensed_rows(
     sensors: tuple[ArmSensor, ...],
     where: str,
 ) -> tuple[ReadRows, tuple[ArmSensor, ...], tuple[Estimated, ...]]:
-    """Return the rows that sensors give, linear ones and those of links that no sensor sees.
+    """Return the rows that sensors give: linear ones, and those of links or motors that no sensor sees.
 
     Returns
     -------
@@ -54,49 +64,71 @@ def sensed_rows(
         If there is no row; with the sensors that would give one.
     """
     sensing = Sensing(spec, sensors)
-    unseen = [joint for joint in spec.moving if _is_behind(sensing, joint)]
-    if not unseen:
+    hidden = _hidden(spec, sensing, sensors)
+    if not hidden:
         return readable_rows(graph, spec, parts, rows, sensing, where), sensors, ()
-    used = {f"{j.name} {'deflection' if j.name in sensing.torques else 'spring'}": j.name for j in unseen}
-    added = _virtual(unseen, sensors)
-    every = (*sensors, *added.values())
-    seen = readable_rows(graph, spec, parts, rows, Sensing(spec, every), where)
+    used = {one.row: one for one in hidden}
+    every = (*sensors, *(one.sensor for one in hidden))
+    further = [_driven(graph, parts, one.joint) for one in hidden if one.row == one.given]
+    seen = readable_rows(graph, spec, parts, [*rows, *further], Sensing(spec, every), where)
     try:
         linear = readable_rows(graph, spec, parts, rows, sensing, where)
     except ModelError:
         linear = ReadRows((), (), ())
     names = {row.name for row in linear.rows}
     kept = list(zip(linear.rows, linear.differentiated, linear.reversals, strict=True))
+    springs = {c for one in hidden for c in parts.springs[one.joint.name]}
     giving = []
     for row, times, turned in zip(seen.rows, seen.differentiated, seen.reversals, strict=True):
         if row.name in used and not times:
-            giving.append((replace(row, name=used[row.name] + DEFLECTED), 0, ()))
-        elif row.name not in names and not times:
+            giving.append((replace(row, name=used[row.name].given), 0, ()))
+        # a row of motors with such springs repeats the one with what these carry
+        elif row.name not in names and not times and springs.isdisjoint(row.entries):
             kept.append((row, 0, turned))
     if len(kept) == len(linear.rows) or len(giving) < len(used):
         return readable_rows(graph, spec, parts, rows, sensing, where), sensors, ()
     chosen, often, reversals = zip(*kept, *giving, strict=True)
-    estimated = tuple(Estimated(added[name].key, name + DEFLECTED) for name in used.values())
+    estimated = tuple(Estimated(one.sensor.key, one.given) for one in hidden)
     channels = {**seen.channels, **linear.channels}
     return ReadRows(chosen, often, reversals, channels, seen.lost, seen.lacking), every, estimated
 
 
-def _is_behind(sensing: Sensing, joint: Joint) -> bool:
-    """Return whether a spring hides the position of a link whose motor is seen; a cubic one is not solved."""
-    return (
-        joint.elastic
-        and joint.stiffness3 is None
-        and sensing.channels(joint.name, 0) is None
-        and sensing.channels(motor_coordinate(joint), 0) is not None
-    )
+def _hidden(spec: ArmSpec, sensing: Sensing, sensors: Sequence[ArmSensor]) -> tuple[_Hidden, ...]:
+    """Return the joints whose links no sensor sees; if there is none, those whose motors none sees."""
+    soft = [joint for joint in spec.moving if joint.elastic and joint.stiffness3 is None]
+    sides = {
+        joint.name: tuple(
+            sensing.channels(name, 0) is not None for name in (motor_coordinate(joint), joint.name)
+        )
+        for joint in soft
+    }
+    behind = [joint for joint in soft if sides[joint.name] == (True, False)]
+    ahead = [joint for joint in soft if sides[joint.name] == (False, True)]
+    found = []
+    for joint in behind or ahead:
+        measured = joint.name in sensing.torques
+        if behind:
+            row, given = f"{joint.name} {'deflection' if measured else 'spring'}", joint.name + DEFLECTED
+            sensor = ArmSensor(_free_key(f"q_{joint.name}", sensors), joint.name, "link", "position")
+        else:
+            given = joint.name + DRIVEN
+            row = f"{joint.name} deflection" if measured else given
+            key = _free_key(f"deflection_{joint.name}", sensors)
+            sensor = ArmSensor(key, joint.name, "deflection", "position")
+        found.append(_Hidden(joint, row, given, sensor))
+    return tuple(found)
 
 
-def _virtual(joints: Sequence[Joint], sensors: Sequence[ArmSensor]) -> dict[str, ArmSensor]:
+def _driven(graph: Graph, parts: RowParts, joint: Joint) -> Balance:
+    """Return the balance of a link: what its spring hands to it, less what it needs, is nothing."""
+    entries = dict(parts.springs[joint.name])
+    for column, entry in parts.links[joint.name].items():
+        entries[column] = graph.subtract(entries.get(column, ZERO), entry)
+    return Balance(joint.name + DRIVEN, entries, ZERO)
+
+
+def _free_key(key: str, sensors: Sequence[ArmSensor]) -> str:
     taken = {channel for sensor in sensors for channel in sensor.channels}
-    found = {}
-    for joint in joints:
-        key = f"q_{joint.name}"
-        while key in taken:
-            key += "_"
-        found[joint.name] = ArmSensor(key, joint.name, "link", "position")
-    return found
+    while key in taken:
+        key += "_"
+    return key

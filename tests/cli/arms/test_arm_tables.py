@@ -90,7 +90,8 @@ def test_show_says_what_sensor_sets_give_and_what_they_lack() -> None:
     assert [row["differentiated"] for row in by_name["motor encoders, link speeds"]["rows"]] == [1, 1, 0, 0]
     assert [row["name"] for row in by_name["motor encoders"]["rows"]] == ["1", "2"]
     assert by_name["motor encoders"]["estimated"] == ["q_1", "q_2"] and not by_name["motor encoders"]["lost"]
-    assert "needs the speed of motor 1" in by_name["link encoders"]["reason"]
+    assert by_name["link encoders"]["estimated"] == ["deflection_1", "deflection_2"]
+    assert not by_name["link encoders"]["lost"] and not by_name["link encoders"]["reason"]
     one = run("show", "elastic_two_link", "--sensors", "rates").output
     assert "Base parameters: 18 (6 of links, 12 of drives)" in one
     rigid = json.loads(run("show", "two_link", "--sensors", "all", "--json").output)["sensor_sets"]

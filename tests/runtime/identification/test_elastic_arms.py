@@ -38,10 +38,17 @@ CASES = {
     "motors alone, gears": (geared(with_sensors(two_link(), *both())), "s", 19),
     "motors alone, spatial": (with_sensors(spatial(), *both(names="123")), "s", 30),
     "torques at motors": (geared(with_sensors(two_link(), *both(), *both("between", "torque"))), "s", 19),
+    # no sensor sees where motors are: what links need, over the stiffness, says it
+    "links alone": (with_sensors(two_link(), *both("link")), "s", 16),
+    "links alone, gears": (geared(with_sensors(two_link(), *both("link"))), "s", 19),
+    "links alone, spatial": (with_sensors(spatial(), *both("link", names="123")), "s", 30),
+    "links alone, six joints": (with_sensors(SETS["six joints"][0], *both("link", names="123456")), "s", 66),
+    "torques at links": (with_sensors(two_link(), *both("link"), *both("between", "torque")), "s", 16),
     # rows that are differentiated do not hold where a motor reverses
     "speeds of links": (with_sensors(two_link(), *both(), *both("link", "velocity")), "s", 16),
 }
-SLOW = ("six joints", "motors alone, spatial", "motors alone, gears", "torques at motors", "speeds of links")
+SLOW = ("six joints", "links alone, six joints", "motors alone, spatial", "links alone, spatial")
+SECONDS = {"links alone, six joints": 6.0}
 # a wide filter, for its reach around every reversal
 FILTERS = {"speeds of links": Filters(cutoff_hz=60.0)}
 
@@ -60,17 +67,17 @@ def made(case: str, seconds: float = 12.0) -> tuple[Model, Record, dict[str, flo
     return model, Record({key: signals[key] for key in model.channels}, FS, "arm"), truth
 
 
-def noisy(model: Model, record: Record, seed: int) -> Record:
+def noisy(model: Model, record: Record, seed: int, times: float = 1.0) -> Record:
     rng = np.random.default_rng(seed)
-    units = {one.key: one.unit for one in (*model.sensors, *model.actuators)}
+    units = {one.key: times * NOISE[one.unit] for one in (*model.sensors, *model.actuators)}
     return record.edited(
-        {key: record.signals[key] + NOISE[units[key]] * rng.standard_normal(record.n) for key in record.keys}
+        {key: record.signals[key] + units[key] * rng.standard_normal(record.n) for key in record.keys}
     )
 
 
 @pytest.mark.parametrize("case", [pytest.param(c, marks=pytest.mark.slow) if c in SLOW else c for c in CASES])
-def test_linear_sensor_sets_without_noise_give_the_truth(case: str) -> None:
-    model, record, truth = made(case)
+def test_sensor_sets_without_noise_give_the_truth(case: str) -> None:
+    model, record, truth = made(case, SECONDS.get(case, 12.0))
     found = identify(model, record, "wls", FILTERS.get(case), QUICK).params
     assert list(found) == list(truth)
     worst = max(abs(found[name] / value - 1.0) for name, value in truth.items())
@@ -118,7 +125,7 @@ def test_a_spring_that_is_known_leaves_the_rest() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ["motors alone", "torques at motors"])
+@pytest.mark.parametrize("case", ["motors alone", "torques at motors", "links alone"])
 def test_what_springs_place_is_honest_about_noise(case: str) -> None:
     """Encoders' noise is differentiated four times: the intervals know of its bias, or there is no number."""
     model, record, truth = made(case)
@@ -135,6 +142,17 @@ def test_slow_motion_gives_no_stiffness_from_motors_alone() -> None:
     named = [name for name in truth if name not in found.params]
     assert {"K1", "K2"} & {*named}
     assert all(abs(value - truth[name]) < 3.0 * found.bse[name] for name, value in found.params.items())
+
+
+@pytest.mark.slow
+def test_links_are_found_where_noise_hides_the_springs() -> None:
+    """Torques behind the springs: rows of links need no deflection."""
+    model, record, truth = made("torques at links")
+    found = identify(model, noisy(model, record, 2, 1000.0), "wls", checks=QUICK)
+    links = [name for name in truth if name[:2] in ("Iz", "mx", "my")]
+    assert [*found.params] == links
+    assert all(abs(found.params[name] - truth[name]) < 3.0 * found.bse[name] for name in links)
+    assert "needs how far the springs deflect" in found.not_identifiable["K1"]
 
 
 def test_steps_are_linear_about_the_point_to_second_order() -> None:

@@ -144,9 +144,25 @@ def test_gyros_on_links_give_the_springs() -> None:
     assert not rows.lacking and not rows.lost
 
 
+def test_encoders_on_links_alone_place_the_motors() -> None:
+    rows = arm_rows(with_sensors(two_link(), *both("link")), sensor_set="s")
+    assert rows.names == ("1", "2", "1 driven", "2 driven")
+    assert [tuple(one) for one in rows.estimated] == [
+        ("deflection_1", "1 driven"),
+        ("deflection_2", "2 driven"),
+    ]
+    assert len(arm_base_model(rows).base) == 16 and not rows.lost
+    # a cubic spring is not solved for its deflection
+    arms = with_sensors(two_link(), *both("link"))
+    cubic = replace(arms, joints=tuple(replace(j, stiffness3=f"K3{j.name}") for j in arms.joints))
+    with pytest.raises(ModelError, match="the speed of motor 1"):
+        arm_rows(cubic, sensor_set="s")
+
+
 def test_what_a_set_cannot_give_is_said_with_the_sensor_that_would() -> None:
     speeds = both("motor", "velocity")
-    for sides, needs in ((speeds, "the position of link 1"), (both("link"), "the speed of motor 1")):
+    rates = both("link", "velocity")
+    for sides, needs in ((speeds, "the position of link 1"), (rates, "the positions of links 1, 2")):
         with pytest.raises(ModelError) as error:
             arm_rows(with_sensors(two_link(), *sides), sensor_set="s")
         assert needs in str(error.value) and 'joint = "1", side = "' in str(error.value)
