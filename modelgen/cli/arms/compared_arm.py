@@ -19,10 +19,10 @@ def inputs_of_loop(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return channels of a record that a closed loop needs, and those that it uses where they are mapped."""
     if not model.is_arm:
         return REFERENCE, FURTHER_INPUTS
-    from modelgen.runtime.simulation.arms.arm_coordinates import moving_joints
+    from modelgen.runtime.simulation.arms.arm_coordinates import joint_units
     from modelgen.runtime.simulation.arms.validate_arm import REFERENCES
 
-    needed, *further = (tuple(f"{word}_{name}" for name in moving_joints(model)) for word in REFERENCES)
+    needed, *further = (tuple(f"{word}_{name}" for name in joint_units(model)) for word in REFERENCES)
     return needed, tuple(key for keys in further for key in keys)
 
 

@@ -63,7 +63,7 @@ class ArmCoordinates:
         return np.asarray(np.linalg.pinv(self.reads) @ measured)
 
 
-def moving_joints(model: Model) -> dict[str, str]:
+def joint_units(model: Model) -> dict[str, str]:
     """Return the joints that move: name to rad or m."""
     joints = (one for one in model.module.JOINTS if one["kind"] != "fixed")
     return {one["name"]: "m" if one["kind"] == "prismatic" else "rad" for one in joints}
@@ -73,7 +73,7 @@ def arm_coordinates(model: Model) -> ArmCoordinates | None:
     """Return the coordinates in which an arm moves; None where its motion does not follow from its rows."""
     if not model.is_arm or model.loads or model.by_power:
         return None
-    joints, rows = tuple(moving_joints(model)), [row.name for row in model.rows]
+    joints, rows = tuple(joint_units(model)), [row.name for row in model.rows]
     forces = tuple(one.key for one in model.actuators if one.key.startswith("tau_"))
     springs = [name for name in joints if name + SPRING in rows]
     names = (*joints, *(name + MOTOR for name in springs))

@@ -13,7 +13,7 @@ from modelgen.errors import DataError
 from modelgen.magnitudes import is_usable
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
-from modelgen.runtime.simulation.arms.arm_coordinates import moving_joints
+from modelgen.runtime.simulation.arms.arm_coordinates import joint_units
 from modelgen.runtime.simulation.arms.fourier_trajectory import FourierTrajectory, at_rest
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion, motion_of
 from modelgen.runtime.simulation.arms.thresholds import ACCELERATION, HARMONICS, POSITION, SPEED, USED
@@ -53,7 +53,7 @@ def reference_from_record(model: Model, record: Record) -> JointReference:
     DataError
         With one problem per joint without a position, and for fewer than four samples.
     """
-    joints, given = moving_joints(model), record.signals
+    joints, given = joint_units(model), record.signals
     missing = [
         missing_name(record.name, "channel", f"q_{name}", given)
         for name in joints
@@ -92,7 +92,7 @@ def fourier_reference(
     if not (is_usable(duration_s) and 10 * HARMONICS <= duration_s * fs <= MOST_STEPS):
         what = f"is {duration_s:g} s, which gives {duration_s * fs:.6g} samples"
         raise DataError.at("duration_s", what, f"give {10 * HARMONICS} to {MOST_STEPS:g} samples")
-    samples, joints = round(duration_s * fs), moving_joints(model)
+    samples, joints = round(duration_s * fs), joint_units(model)
     period_s, rng = samples / fs, np.random.default_rng([seed, len(joints)])
     tilt = 1.0 / np.arange(1, HARMONICS + 1)
     sines, cosines = at_rest(*(rng.standard_normal((2, len(joints), HARMONICS)) * tilt))

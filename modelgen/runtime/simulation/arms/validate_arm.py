@@ -11,7 +11,7 @@ from modelgen.errors import DataError, listed
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.same_data import refuse_same_data
-from modelgen.runtime.simulation.arms.arm_coordinates import moving_joints
+from modelgen.runtime.simulation.arms.arm_coordinates import joint_units
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant
 from modelgen.runtime.simulation.arms.followed_reference import followed, nodes_a_sample, true_signals
 from modelgen.runtime.simulation.arms.joint_controller import JointController
@@ -78,7 +78,7 @@ def validate_arm(
     """
     if not records:
         raise DataError.at("records", "there are none", "give at least one Record")
-    needed = (*model.channels, *(f"reference_{name}" for name in moving_joints(model)))
+    needed = (*model.channels, *(f"reference_{name}" for name in joint_units(model)))
     needed = tuple(key for key in needed if key not in model.derived)
     lacking = [
         missing_name(record.name, "channel", key, record.signals)
