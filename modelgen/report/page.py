@@ -31,6 +31,7 @@ from modelgen.report.unmade import Unmade
 from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild
 from modelgen.runtime.curves.responses import moving_forces, responses
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.modes.modes import posture_ranges
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.read_record import Reading
 from modelgen.runtime.records.record import Record
@@ -88,6 +89,7 @@ def report_page(
             verdict=estimate.verdict,
             asked=asked_for(estimate),
             modes=estimate.modes(),
+            ranges=posture_ranges(estimate.modes()),
             style=Markup(style),
             script=Markup(script),
             policy=policy_of(script),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from modelgen.runtime.modes.mode_values import ModalValue, PairValues
 from modelgen.runtime.parameters.rounded import with_interval
@@ -68,15 +68,37 @@ class Antiresonance(PairValues):
 
 
 @dataclass(frozen=True)
+class PostureModes:
+    """The modes of an elastic arm at a posture, lowest first, without those in which it moves freely.
+
+    Attributes
+    ----------
+    record, time_s : str, float or None
+        Where the posture was taken from.
+    positions : mapping of str to float
+        Of the joints, rad or m.
+    free, held : tuple of PairValues
+        With motors that are free, and with motors that are held.
+    """
+
+    record: str = ""
+    time_s: float | None = None
+    positions: Mapping[str, float] = field(default_factory=dict)
+    free: tuple[PairValues, ...] = ()
+    held: tuple[PairValues, ...] = ()
+
+
+@dataclass(frozen=True)
 class Modes(Sequence[Mode]):
     """The modes of a chain, lowest first, its antiresonances, and what is to be said of them.
 
-    A sequence of `Mode`; `print` shows them as a table.
+    A sequence of `Mode`; `print` shows them as a table. Those of an elastic arm are in `postures`.
     """
 
     modes: tuple[Mode, ...] = ()
     antiresonances: tuple[Antiresonance, ...] = ()
     notes: tuple[str, ...] = ()
+    postures: tuple[PostureModes, ...] = ()
 
     def __getitem__(self, index: Any) -> Any:
         return self.modes[index]
@@ -107,7 +129,43 @@ class Modes(Sequence[Mode]):
             zeros = [("antiresonance", "Hz (95 %)", "rad/s", "damping ratio", "time constants s")]
             zeros += [(f"{one.actuator} to {one.body}", *cells(one)) for one in self.antiresonances]
             lines += ["", *_aligned(zeros)]
+        for posture in self.postures:
+            lines += [*([""] if lines else []), *_posture_lines(posture)]
         return "\n".join([*lines, *([""] if lines and self.notes else []), *self.notes])
+
+
+def _posture_lines(posture: PostureModes) -> list[str]:
+    """Return a table of the modes at a posture."""
+    taken = f" ({posture.record}, {posture.time_s:.4g} s)" if posture.time_s is not None else ""
+    rows = [("motors", "Hz (95 %)", "rad/s", "damping ratio", "time constants s")]
+    rows += [(word, *cells(one)) for word in ("free", "held") for one in getattr(posture, word)]
+    return [f"at {positions(posture)}{taken}", *_aligned(rows)]
+
+
+class PostureRange(NamedTuple):
+    """A mode, motors "free" or "held", in the postures in which it is lowest and highest."""
+
+    motors: str
+    low: PairValues
+    low_at: str
+    high: PairValues
+    high_at: str
+
+
+def posture_ranges(modes: Modes) -> list[PostureRange]:
+    """Return every mode of an arm in its lowest and in its highest posture."""
+    found = []
+    for word in ("free", "held"):
+        for k in range(min((len(getattr(one, word)) for one in modes.postures), default=0)):
+            ones = [(getattr(posture, word)[k], positions(posture)) for posture in modes.postures]
+            ranked = sorted(ones, key=lambda one: one[0].frequency_hz.value if one[0].frequency_hz else 0.0)
+            found.append(PostureRange(word, *ranked[0], *ranked[-1]))
+    return found
+
+
+def positions(posture: PostureModes) -> str:
+    """Return the positions of the joints as a text."""
+    return ", ".join(f"q_{name} = {value:.4g}" for name, value in posture.positions.items())
 
 
 def cells(one: PairValues) -> tuple[str, str, str, str]:

@@ -38,14 +38,18 @@ class PolePair:
 
 
 def undamped_modes(inertia: FloatArray, K: FloatArray) -> UndampedModes:
-    """Return the modes without damping, lowest first; the mass matrix is diagonal, so scaling does.
+    """Return the modes without damping, lowest first.
 
     Parameters
     ----------
-    inertia : array, shape (bodies,)
-        Above zero.
+    inertia : array, shape (bodies,) or (bodies, bodies)
+        Above zero; a mass matrix, where it is not diagonal, is positive definite.
     K : array, shape (bodies, bodies)
     """
+    if inertia.ndim > 1:
+        lower = np.linalg.inv(np.linalg.cholesky(inertia))
+        whitened = undamped_modes(np.ones(len(inertia)), lower @ K @ lower.T)
+        return UndampedModes(whitened.squares, lower.T @ whitened.shapes)
     root = np.sqrt(inertia)
     symmetric = K / np.outer(root, root)
     squares, shapes = np.linalg.eigh(0.5 * (symmetric + symmetric.T))
@@ -99,7 +103,7 @@ def pair_slopes(
     pair : PolePair
         One of `pole_pairs`; `modes` are those of these matrices.
     changes : sequence of (inertia, D, K)
-        What each parameter adds to them per unit.
+        What each parameter adds to them per unit; inertias as a vector, or as a matrix, here and above.
     """
     A, unit = _modal(inertia, D, K, modes)
     n = len(A) // 2
@@ -111,7 +115,7 @@ def pair_slopes(
     adjugate = np.array([[S[1, 1], -S[0, 1]], [-S[1, 0], S[0, 0]]])
     slopes = np.zeros((2, len(changes)))
     for j, (heavier, damped, stiffer) in enumerate(changes):
-        M, Dj, Kj = (modes.shapes.T @ part @ modes.shapes for part in (np.diag(heavier), damped, stiffer))
+        M, Dj, Kj = (modes.shapes.T @ part @ modes.shapes for part in (_mass(heavier), damped, stiffer))
         lower = -M @ A[n:] - np.hstack((Kj / unit**2, Dj / unit))
         B = left[:, n:] @ lower @ right
         slopes[:, j] = -np.trace(B) * unit, np.trace(adjugate @ B) * unit**2
@@ -123,7 +127,7 @@ def _modal(
 ) -> tuple[FloatArray, float]:
     """Return A in coordinates of the modes and in time units of its fastest motion, and 1/s of these."""
     n = len(inertia)
-    M, damping, stiffness = (modes.shapes.T @ part @ modes.shapes for part in (np.diag(inertia), D, K))
+    M, damping, stiffness = (modes.shapes.T @ part @ modes.shapes for part in (_mass(inertia), D, K))
     free = modes.squares == 0.0
     # what rounding leaves of a free motion's stiffness would be a frequency
     stiffness[:, free] = 0.0
@@ -132,6 +136,10 @@ def _modal(
     unit = fastest or 1.0
     lower = -np.linalg.solve(M, np.hstack((stiffness / unit**2, damping / unit)))
     return np.vstack((np.hstack((np.zeros((n, n)), np.eye(n))), lower)), unit
+
+
+def _mass(inertia: FloatArray) -> FloatArray:
+    return np.diag(inertia) if inertia.ndim == 1 else inertia
 
 
 def _assigned(shares: FloatArray) -> list[tuple[int, int]]:

@@ -43,3 +43,8 @@ PEAK_RANGE, PEAK_RISE, LEAST_COHERENCE = 1.15, 1.5, 0.9
 EXCITED = 0.02
 # Records that are looked at, and samples of the longest one.
 MOST_PEAK_RECORDS, LONGEST_RECORD = 4, 10_000_000
+
+# Postures along the records of an arm in which its modes are looked for.
+MOST_POSTURES = 60
+# Springs are stretched by so much (rad or m) to both sides of where they are unloaded.
+STRETCHED = 1e-4

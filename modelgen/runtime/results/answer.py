@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from modelgen.errors import listed, shortened, visible
 from modelgen.runtime.modes.mode_values import PairValues
-from modelgen.runtime.modes.modes import Antiresonance, Mode, cells, peak_hz, shown
+from modelgen.runtime.modes.modes import Antiresonance, Mode, cells, peak_hz, posture_ranges, shown
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.results.thresholds import COLUMNS, MANY, REASON
@@ -122,7 +122,14 @@ def modes_lines(estimate: Estimate) -> list[str]:
     for actuator, zeros in by_actuator.items():
         values = ", ".join(shown(zero.frequency_hz) for zero in zeros if zero.frequency_hz)
         lines += _wrapped(f"  antiresonance of {actuator}: {values} Hz", "    ")
+    for one in posture_ranges(found):
+        text = f"mode, motors {one.motors}: {_hertz(one.low)} to {_hertz(one.high)} Hz over the postures"
+        lines += _wrapped(f"  {text}", "    ")
     return [*lines, *(line for note in found.notes for line in _wrapped(f"  {note}", "    "))]
+
+
+def _hertz(one: PairValues) -> str:
+    return shown(one.frequency_hz) if one.frequency_hz else "0"
 
 
 def _mode(mode: Mode) -> str:

@@ -20,6 +20,7 @@ from modelgen.documents import json_document
 from modelgen.errors import DataError
 from modelgen.lazy_accessor import LazyAccessor
 from modelgen.read_file import ESTIMATE, read_text
+from modelgen.runtime.modes.arm_modes import modes_of_arm
 from modelgen.runtime.modes.measured_peaks import with_peaks
 from modelgen.runtime.modes.modes import Modes
 from modelgen.runtime.parameters.physical_parameters import Covariances
@@ -169,6 +170,8 @@ class Estimate:
         # responses of whole records: only for those who ask
         if self.source is None:
             return self.modal
+        if self.source.model.is_arm:
+            return modes_of_arm(self.source.model, self.params, self.cov_params(), self.source.records)
         return with_peaks(self.modal, self.source.model, self.source.records)
 
     def __getstate__(self) -> dict[str, Any]:
