@@ -89,7 +89,8 @@ MemoryLimit = Annotated[
     float | None, typer.Option(help="MB that filtered rows may take; more are made again. No limit.")
 ]
 Bounds = Annotated[
-    Literal["physical"] | None, typer.Option(help="No negative inertia, stiffness, damping, friction.")
+    Literal["physical"] | None,
+    typer.Option(help="No negative inertia, stiffness, damping, friction; links of arms are bodies."),
 ]
 
 

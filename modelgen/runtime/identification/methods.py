@@ -108,8 +108,8 @@ class Method(ABC):
     robust : "huber", optional
         Samples with large residuals weigh less (`modelgen.runtime.least_squares.huber`); `WLS` and `IV`.
     bounds : "physical", optional
-        Keep inertia, stiffness, damping and friction from being negative, and tell what that costs; `WLS` and
-        `IV`.
+        Keep inertia, stiffness, damping and friction from being negative, links of arms bodies, and tell what
+        that costs; `WLS` and `IV`.
     rows : str
         "force", or "power": one row of power in place of those of forces, without accelerations, for `WLS`
         (`modelgen.runtime.model.power`).

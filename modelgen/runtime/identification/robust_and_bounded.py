@@ -16,6 +16,7 @@ from modelgen.runtime.least_squares.huber import huber, huber_notes
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import PHYSICAL, BoundCost, bounded_fit, bounded_physical
+from modelgen.runtime.parameters.consistent_fit import among_bodies, consistent_fit
 
 HUBER = "huber"
 # Methods whose fit is a (weighted, projected) least-squares problem that robust weights and bounds can enter.
@@ -41,12 +42,14 @@ class Treatment:
     """The same for the fit and for those at other settings, so that they can be compared.
 
     `columns` are those left free by the bounds, None for all; `robust` is "huber" or None. `at_zero` are
-    physical parameters that bounds hold at zero, of a fit that is treated while it is found.
+    physical parameters that bounds hold at zero, of a fit that is treated while it is found. The links of the
+    arm `arm` are kept bodies.
     """
 
     robust: str | None = None
     columns: tuple[str, ...] | None = None
     at_zero: tuple[str, ...] = ()
+    arm: Model | None = None
 
     def __call__(self, fit: Fit) -> Fit:
         """Return the fit so treated."""
@@ -56,10 +59,10 @@ class Treatment:
         if self.columns is not None and self.columns != fit.columns:
             there = [name for name in self.columns if name in fit.columns]
             found = replace(refit(fit, there), notes=fit.notes, delays=fit.delays)
-        if self.robust is None:
-            return found
-        found, weights = huber(found)
-        return replace(found, notes=found.notes + huber_notes(weights))
+        if self.robust is not None:
+            found, weights = huber(found)
+            found = replace(found, notes=found.notes + huber_notes(weights))
+        return found if self.arm is None else among_bodies(found, self.arm)[0]
 
     def job(self, job: Job) -> Job:
         """Return the job whose fits hold at zero what lies at its bound, whatever they find themselves."""
@@ -78,10 +81,13 @@ def treat(
     found = treatment(fit)
     if bounds is None:
         return found, treatment, None
-    within, cost = bounded_fit(found, model, hac_covariance(found))
-    if not cost.active:
+    if model.is_arm:
+        within, cost = consistent_fit(found, model)
+    else:
+        within, cost = bounded_fit(found, model, hac_covariance(found))
+    if not cost.active and not cost.held:
         return found, treatment, cost
-    treatment = Treatment(robust, within.columns)
+    treatment = Treatment(robust, within.columns, arm=model if model.is_arm else None)
     return treatment(fit), treatment, cost
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import IdentifiabilityError
+from modelgen.errors import IdentifiabilityError, listed
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import refit
@@ -29,13 +29,25 @@ class BoundCost:
     """What bounds did: `active` pairs of parameter at zero and the value it would have had without.
 
     `residual_increase` is by what share the norm of the weighted residual grew, `deviations` how far from the
-    unbounded estimate this is in standard deviations (root of the Wald statistic of the active ones).
+    unbounded estimate this is in standard deviations (root of the Wald statistic of the active ones). Of an
+    arm `bodies` are links and payloads whose masses and inertias are those of bodies, `held` those of them
+    that this moved; the deviations are then all that `columns` parameters together were moved by.
     """
 
     bounded: tuple[str, ...]
     active: tuple[tuple[str, float], ...]
     residual_increase: float
     deviations: float
+    bodies: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()
+    columns: int = 1
+
+    @property
+    def surprise(self) -> float:
+        """How unlikely the bounds are, as so many deviations of a single number (Fisher, of chi-square)."""
+        if self.columns == 1:
+            return self.deviations
+        return float(np.sqrt(2.0) * self.deviations - np.sqrt(2.0 * self.columns - 1.0))
 
 
 def negative_columns(model: Model, fit: Fit) -> dict[str, float]:
@@ -152,13 +164,15 @@ def bound_reasons(cost: BoundCost, fit: Fit) -> dict[str, str]:
 
 def bound_advice(cost: BoundCost, significant: float = 3.0) -> tuple[Advice, ...]:
     """Return the warning that bounds contradict the records, where they do by more than chance."""
-    if cost.deviations <= significant:
+    if cost.surprise <= significant:
         return ()
+    names = ", ".join([*(name for name, _ in cost.active), *cost.held])
+    where = "at zero" if not cost.held else "at the bound"
     return (
         Advice(
             "bounds",
-            ", ".join(name for name, _ in cost.active),
-            f"at zero is {cost.deviations:.1f} standard deviations from what the records say",
+            names,
+            f"{where} is {cost.deviations:.1f} standard deviations from what the records say",
             "the model, a sign or a delay is wrong: bounds hide that, they do not mend it",
         ),
     )
@@ -166,12 +180,19 @@ def bound_advice(cost: BoundCost, significant: float = 3.0) -> tuple[Advice, ...
 
 def bound_sentence(cost: BoundCost) -> str:
     """Return what the bounds cost in one sentence."""
-    if not cost.bounded:
+    if not cost.bounded and not cost.bodies:
         return "Bounds: no parameter has one."
-    if not cost.active:
-        return f"Bounds (never negative: {', '.join(cost.bounded)}): none is active, they cost nothing."
+    said = [f"mass and pseudo-inertia of {listed(cost.bodies)}"] if cost.bodies else []
+    said += [f"never negative: {', '.join(cost.bounded)}"] if cost.bounded else []
+    which = "; ".join(said)
+    if not cost.active and not cost.held:
+        return f"Bounds ({which}): none is active, they cost nothing."
     active = ", ".join(f"{name} (without bounds {value:.4g})" for name, value in cost.active)
-    return (
-        f"Bounds: at zero are {active}; the weighted residual grows by "
-        f"{100.0 * cost.residual_increase:.3g} %, {cost.deviations:.2g} standard deviations."
+    moved = [f"at zero are {active}"] if active else []
+    moved += [f"moved onto what a body can have: {listed(cost.held)}"] if cost.held else []
+    price = (
+        f"the weighted residual grows by {100.0 * cost.residual_increase:.3g} %, "
+        f"{cost.deviations:.2g} standard deviations"
     )
+    front = f"Bounds ({which})" if cost.bodies else "Bounds"
+    return f"{front}: {'; '.join([*moved, price])}."

@@ -67,6 +67,11 @@ SMALLEST_SPREAD = 1e-5
 STEADY_SHARE = 0.01
 STEADY_BAND = 1.0 / 20.0
 
-# Share of the largest curvature of an arm's least squares: what no base parameter sees stays near zero, and
-# the others move by less than a thousandth of a standard deviation.
+# Curvature added to an arm's least squares in columns of unit length: what no base parameter sees stays near
+# zero, and the others move by less than a thousandth of a standard deviation.
 SMALLEST_CURVATURE = 1e-10
+# By how much Clarabel may leave the cones, relative to the parameters in those units.
+SOLVER_TOLERANCE = 1e-10
+
+# A bound holds a parameter, or a link, that it moves by so many standard deviations.
+HELD = 1e-2
