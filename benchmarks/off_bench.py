@@ -33,6 +33,7 @@ from modelgen.runtime.records.record import Record
 from modelgen.spec.load import parse_spec
 
 COVERED, TOO_WIDE = 0.85, 4.0
+SUMMED = "the value is the sum of all bodies' friction"
 MARGIN = 200  # samples at both ends, so that a late channel has something to show
 
 
@@ -184,23 +185,30 @@ def within(found: tuple[float, float], true: float) -> bool:
     return abs(found[0] - true) <= 1.96 * found[1]
 
 
+def true_values(kind: Kind, trial: Trial) -> dict[str, float]:
+    """Return the truth of what a trial tells: of a value that it labels as a sum, that sum."""
+    return {**kind.truth, **(kind.sums if SUMMED in trial.said else {})}
+
+
 def told(kind: Kind, trials: Sequence[Trial]) -> tuple[str, bool, bool]:
     """Return a line on each parameter, whether all are covered and none too wide, whether one is narrow."""
     parts, fine, narrow = [], True, False
-    for name, true in kind.truth.items():
-        pairs = [t.found[name] for t in trials if name in t.found]
-        if not pairs:
+    for name in kind.truth:
+        telling = [t for t in trials if name in t.found]
+        if not telling:
             parts.append(f"{name} refused")
             continue
+        pairs = [t.found[name] for t in telling]
+        true = np.array([true_values(kind, t)[name] for t in telling])
         values, spreads = np.array(pairs).T
         error = values - true
-        covered = float(np.mean([within(pair, true) for pair in pairs]))
+        covered = float(np.mean([within(*one) for one in zip(pairs, true, strict=True)]))
         rms = float(np.sqrt(np.mean(error**2)))
         ratio = float(np.sqrt(np.mean(spreads**2))) / rms if rms > 0.0 else np.inf
         good = covered >= COVERED and (ratio <= TOO_WIDE or len(pairs) < 5)
         fine &= good
         narrow |= covered < COVERED
-        bias = f"{100.0 * float(np.median(error)) / abs(true):+.2g}%"
+        bias = f"{100.0 * float(np.median(error / np.abs(true))):+.2g}%"
         few = "" if len(pairs) == len(trials) else f" n={len(pairs)}"
         parts.append(f"{name} {bias} ({ratio:.2g}){few}" + ("" if good else f" !{covered:.2f}"))
     return ", ".join(parts), fine, narrow
@@ -230,8 +238,8 @@ def main() -> None:
             named = [t for t in trials if any(word in t.said for word in kind.named)]
             inside = [
                 within(t.found[key], true)
-                for key, true in kind.truth.items()
                 for t in trials
+                for key, true in true_values(kind, t).items()
                 if key in t.found
             ]
             intervals, covered = intervals + len(inside), covered + sum(inside)

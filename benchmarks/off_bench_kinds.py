@@ -85,7 +85,10 @@ class Reading:
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of records. `named`: words of a warning that names the cause; `steps`: the force jumps."""
+    """One kind of records. `named`: words of a warning that names the cause; `steps`: the force jumps.
+
+    `sums`: the true sums of what the sensors cannot tell apart, for values that are labelled as such.
+    """
 
     name: str
     machine: str = "table_2"
@@ -102,6 +105,7 @@ class Kind:
     zeros_differ: float = 0.0
     steps: bool = False
     named: tuple[str, ...] = ()
+    sums: dict[str, float] = field(default_factory=dict)
 
     @property
     def nominal(self) -> Machine:
@@ -256,6 +260,7 @@ def _physics() -> Iterator[Kind]:
         ("q_m", "a_c"),
         change=lambda m: replace(m, coulomb=(0.4, 0.12)),
         named=("friction", "Coulomb"),
+        sums={"F_sm": 0.52},
     )
     yield Kind(
         "viscous friction at the load",

@@ -32,9 +32,10 @@ STANDS_IN = 0.3
 # So many effects are estimated at most: the records do not hold more.
 MOST_EFFECTS = 3
 # What an effect moves is known to this share, by kind: channels are set right by a low-pass of first order,
-# what acts on the chain is simulated in first order and has one form of many. What explains less than the
-# last share of the residual that it leaves may be of that order.
-INEXACT = {"lag": 0.002, "average": 0.002, "force": 0.02, "form": 0.05, "mass": 0.05, "direction": 0.05}
+# a held force has images beyond half the sampling frequency that fold back into the positions (0.4 (pi f /
+# fs)^2 of what the average does), what acts on the chain is worked out in first order and has one form of
+# many. What explains less than the last share of the residual that it leaves may be of that order.
+INEXACT = {"lag": 0.002, "average": 0.02, "force": 0.02, "form": 0.05, "mass": 0.05, "direction": 0.05}
 LITTLE_LEFT = 0.05
 # What is found after one of these kinds may be what its form leaves: all that it moves is left open.
 ROUGH = {"form", "mass"}

@@ -10,6 +10,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import DIRECTION, Changes, Effect, curvature
 from modelgen.runtime.iv.pushed_chain import deflection_of, pushed
+from modelgen.runtime.iv.thresholds import ROUNDED, UNCLEAR
 from modelgen.runtime.model.mechanical_parts import Friction
 from modelgen.runtime.model.model import Model
 
@@ -125,8 +126,27 @@ def _further_mass(body: str) -> Callable[[Simulated], Changes]:
 def _spring(stiffness: str, form: Callable[[FloatArray], FloatArray]) -> Callable[[Simulated], Changes]:
     def changes(simulated: Simulated) -> Changes:
         lever = deflection_of(simulated.plant, stiffness)
-        motion = [simulated.motion[f"q_{body}"] for body in simulated.plant.bodies]
-        d = sum(share * q for share, q in zip(lever, motion, strict=True))
-        return pushed(simulated, lever, -form(np.asarray(d)))
+        return pushed(simulated, lever, -form(_deflection(simulated, lever)))
 
     return changes
+
+
+def _deflection(simulated: Simulated, lever: FloatArray) -> FloatArray:
+    """Return the deflection of a link, shape (n,): that of the record where encoders see it clearly.
+
+    Their noise is in the residual as well, where it would look like what bends the spring. Their zeros are
+    in the mean, which is left out.
+    """
+    ends = [
+        (share, body)
+        for share, body in zip(lever.tolist(), simulated.plant.bodies, strict=True)
+        if abs(share) > ROUNDED * np.max(np.abs(lever))
+    ]
+    d = np.asarray(sum(share * simulated.motion[f"q_{body}"] for share, body in ends))
+    if not all(body in simulated.away for _, body in ends):
+        return d
+    noise = sum((share * simulated.away[body][1]) ** 2 for share, body in ends)
+    if noise > UNCLEAR * float(np.var(d)):
+        return d
+    further = np.asarray(sum(share * simulated.away[body][0] for share, body in ends))
+    return np.asarray(d + further - np.mean(further))

@@ -21,8 +21,12 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.iv.thresholds import (
+    AT_REST,
     FEEDBACK_SHARE,
+    HIGHEST_LED,
     LEAST_INERTIA,
+    LED,
+    LED_ORDER,
     SMOOTHING,
     SMOOTHING_ORDER,
     START_TOLERANCE,
@@ -45,8 +49,10 @@ REFERENCE = "reference"
 class Simulated:
     """A record as the model would have read it, noise-free.
 
-    `record` holds the channels, `motion` the signals of all bodies (``v_BODY`` and the like), `index` says
-    which of the records it is. `slow` is a speed that counts as low, by body, the same for all records.
+    `record` holds the channels, `motion` the signals of all bodies (``v_BODY`` and the like), velocities as
+    they were in the measured record. `index` says which of the records it is. `away` holds by how far the
+    positions of bodies with an encoder were elsewhere in it, and the noise of that, rms. `slow` is a speed
+    that counts as low, by body, the same for all records.
     `response` is for `modelgen.runtime.iv.pushed_chain`: what it last worked out.
     """
 
@@ -54,6 +60,7 @@ class Simulated:
     record: Record
     motion: Mapping[str, FloatArray]
     index: int
+    away: Mapping[str, tuple[FloatArray, float]] = field(default_factory=dict)
     slow: Mapping[str, float] = field(default_factory=dict)
     response: dict[tuple[float, ...], tuple[ComplexArray, ComplexArray]] = field(
         default_factory=dict, repr=False
@@ -117,7 +124,34 @@ def simulated_beside(
     true = true_signals(plant, motion)
     keys = [entry.key for entry in model.actuators] + [entry.key for entry in model.sensors]
     read = {key: true[key] for key in keys}
-    return Simulated(plant, _as_read(record, read), true, index)
+    return _as_moved(Simulated(plant, _as_read(record, read), true, index), record, choice)
+
+
+def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Simulated:
+    """Return a simulation with the motion of the measured record.
+
+    The weak feedback bends the slow motion, and what the model lacks moved the record: a further force that
+    is worked out along the simulated motion is some percent off. What a body's own sensor reads leads it, a
+    body without one follows the slow part of the nearest.
+    """
+    motion, away = dict(simulated.motion), {}
+    for body in simulated.plant.bodies:
+        sensor, gear = nearest_sensor(simulated.plant, body, record)
+        if sensor.order > 1:
+            continue
+        own = sensor.body == body
+        wide = LED * _dynamics_hz(choice) if own else _smoothing_hz(record, choice)
+        wide = min(wide, HIGHEST_LED * record.fs)
+        further = (record.signals[sensor.key] - simulated.record.signals[sensor.key]) * gear
+        further = zero_phase(further, LED_ORDER, wide, record.fs)
+        speed = motion[f"v_{body}"]
+        # a body that sticks has no direction: noise must not give it one
+        moving = np.abs(speed) > AT_REST * np.max(np.abs(speed))
+        change = further if sensor.order else differentiate(further, record.dt)
+        motion[f"v_{body}"] = speed + np.where(moving, change, 0.0)
+        if own and sensor.order == 0:
+            away[body] = further, float(np.sqrt(record.facts.spectrum(sensor.key).noise * wide))
+    return replace(simulated, motion=motion, away=away)
 
 
 def _beside(
@@ -168,7 +202,11 @@ def _weak_feedback(
 
 
 def _feedback_hz(choice: FilterChoice) -> float:
-    return FEEDBACK_SHARE * (choice.dynamics_hz or choice.cutoff_hz)
+    return FEEDBACK_SHARE * _dynamics_hz(choice)
+
+
+def _dynamics_hz(choice: FilterChoice) -> float:
+    return choice.dynamics_hz or choice.cutoff_hz
 
 
 def _followed(plant: Plant, body: str, record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
@@ -191,7 +229,7 @@ def _slow_part(
 
 
 def _smoothing_hz(record: Record, choice: FilterChoice) -> float:
-    return min(SMOOTHING * _feedback_hz(choice), 0.4 * record.fs)
+    return min(SMOOTHING * _feedback_hz(choice), HIGHEST_LED * record.fs)
 
 
 def nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, float]:

@@ -18,7 +18,15 @@ from modelgen.runtime.filters.one_pass import one_pass
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect, curvature
-from modelgen.runtime.iv.thresholds import EDGE_WIDTHS, KEPT, LAGS, LEAST_PASSED, RESOLVED, SHORTEST_REACH
+from modelgen.runtime.iv.thresholds import (
+    EDGE_WIDTHS,
+    KEPT,
+    LAGS,
+    LEAST_PASSED,
+    LEAST_PASSED_BEND,
+    RESOLVED,
+    SHORTEST_REACH,
+)
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
@@ -74,13 +82,17 @@ def without_lag(key: str, size: float, fs: float) -> Edit:
 def without_average(key: str, size: float, fs: float) -> Edit:
     """Return what undoes 1 + size s^2 as an average over T = sqrt(-24 size) has it: sinc(f T), centred.
 
-    What an average takes away cannot be restored near its zeros: no more than a share of it is.
+    What an average takes away cannot be restored near its zeros: no more than a share of it is, with a bend
+    in place of a corner, which would be felt at all frequencies.
     """
     length = float(np.sqrt(24.0 * abs(size))) * fs
 
     def response(frequency: FloatArray) -> ComplexArray:
         passed = np.sinc(frequency * length)
-        return np.asarray(np.maximum(passed, LEAST_PASSED) if size > 0.0 else passed, dtype=complex)
+        if size > 0.0:
+            bend = np.maximum(passed, 0.0) ** LEAST_PASSED_BEND + LEAST_PASSED**LEAST_PASSED_BEND
+            passed = bend ** (1.0 / LEAST_PASSED_BEND)
+        return np.asarray(passed, dtype=complex)
 
     return _behind(key, response, size > 0.0, LAGS * length)
 

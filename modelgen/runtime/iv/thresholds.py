@@ -7,6 +7,15 @@ from __future__ import annotations
 FEEDBACK_SHARE = 1.0 / 30.0
 SMOOTHING = 4.0
 SMOOTHING_ORDER = 2
+# A record leads a simulation up to this multiple of the dynamics' frequency, whatever the rows' cut-off, and
+# up to this share of the sampling frequency at most.
+LED, LED_ORDER = 2.0, 4
+HIGHEST_LED = 0.4
+# Deflections are read from encoders whose noise has less than this share of their power: a spring that
+# stiffens with d^3 comes out wrong by three times that share of its stiffness.
+UNCLEAR = 1e-4
+# A share of a body in a deflection below this one of the largest is rounding.
+ROUNDED = 1e-9
 # What the start of the motion may differ by for looking at the start of the record only.
 START_TOLERANCE = 1e-9
 # What arms follow of a record, as a multiple of their motion's band, where their controller is not known:
@@ -83,8 +92,8 @@ KEPT = 0.3
 EDGE_WIDTHS = 4.0
 # and sampled so many times finer than the time it is followed for.
 RESOLVED = 8
-# What an average lets through is undone down to this share.
-LEAST_PASSED = 0.2
+# What an average lets through is undone down to this share; the exponent of the bend there.
+LEAST_PASSED, LEAST_PASSED_BEND = 0.2, 8
 # The speed below which friction rises (Stribeck) is tried at this quantile of the speeds in all records.
 SLOW_QUANTILE = 0.1
 # Below this share of its largest speed, a body is at rest.

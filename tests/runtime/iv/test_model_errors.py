@@ -204,7 +204,8 @@ def simulated_pair(scale: float) -> tuple[Simulated, Simulated]:
     one = simulated_beside(SMALL, TRUTH, record, choose_filter(SMALL, (record,)))
     one = replace(one, slow={"m": 1.0, "c": 1.0})
     motion = {key: scale * samples for key, samples in one.motion.items()}
-    return one, replace(one, motion=motion)
+    away = {body: (scale * samples, scale * noise) for body, (samples, noise) in one.away.items()}
+    return one, replace(one, motion=motion, away=away)
 
 
 @pytest.mark.parametrize(

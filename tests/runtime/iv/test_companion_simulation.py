@@ -1,0 +1,113 @@
+"""The motion along which effects are worked out is that of the record, not that of the held simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from modelgen.array_types import FloatArray
+from modelgen.cli.candidates import spec_model
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import METHODS
+from modelgen.runtime.iv.companion_simulation import simulated_beside
+from modelgen.runtime.iv.freed_effects import fit_with_effects
+from modelgen.runtime.iv.model_errors import effects_of
+from modelgen.runtime.iv.pushed_chain import pushed
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import parse_spec
+from tests.runtime.two_mass_records import GEARED_TEXT
+
+TEXT = GEARED_TEXT.replace("ratio = 100.0\n", "")
+PLAIN = spec_model(parse_spec(TEXT, "plain.toml"), "s")
+RUBBING = spec_model(
+    parse_spec(TEXT.replace('inertia = "J_c"', 'inertia = "J_c"\nviscous = "F_vc"'), "rubbing.toml"), "s"
+)
+TRUTH = {"J_m": 2e-3, "F_vm": 0.02, "F_sm": 0.4, "J_c": 6e-3, "K": 1500.0, "D": 0.6}
+FS, FRICTION = 5000.0, 0.01
+NOISE = {"q_m": 2e-5, "q_c": 2e-5, "Gamma_m": 8e-3}
+
+
+@cache
+def clean(kind: str) -> tuple[Record, dict[str, FloatArray]]:
+    """A record of a chain whose load rubs, which the model does not name, and the true speeds."""
+    simulated = simulate(RUBBING, {**TRUTH, "F_vc": FRICTION}, kind, fs=FS, duration_s=1.5, oversample=4)
+    record = simulated.record
+    speeds = {body: np.gradient(record.signals[f"q_{body}"], 1.0 / FS) for body in ("m", "c")}
+    return record, speeds
+
+
+def record_with(kind: str, noise: float, zero: float = 0.0) -> Record:
+    record, _ = clean(kind)
+    rng = np.random.default_rng(3)
+    signals = {
+        key: samples + noise * NOISE[key] * rng.standard_normal(record.n)
+        for key, samples in record.signals.items()
+    }
+    return Record({**signals, "q_c": signals["q_c"] + zero}, FS, kind, kind)
+
+
+def away(found: FloatArray, true: FloatArray) -> float:
+    inner = slice(400, -400)
+    return float(np.std((found - true)[inner]) / np.std(true[inner]))
+
+
+@pytest.mark.parametrize("kind", ["chirp", "trapezoid"])
+def test_bodies_move_as_they_did_though_the_model_lacks_a_friction(kind: str) -> None:
+    record, speeds = clean(kind)
+    choice = choose_filter(PLAIN, (record,))
+    one = simulated_beside(PLAIN, TRUTH, record_with(kind, 0.1), choice)
+    for body, true in speeds.items():
+        held = np.gradient(one.record.signals[f"q_{body}"], 1.0 / FS)
+        assert away(held, true) > 0.02
+        assert away(one.motion[f"v_{body}"], true) < 0.2 * away(held, true)
+
+
+def test_a_spring_bends_as_in_the_record_whatever_the_zeros_of_encoders_are() -> None:
+    record, _ = clean("chirp")
+    choice = choose_filter(PLAIN, (record,))
+    (stiffens,) = (one for one in effects_of(PLAIN, ("m", "c"), 1) if one.name == "stiffening of K")
+    true = record.signals["q_m"] - record.signals["q_c"]
+    for zero in (0.0, 0.02):  # three times as large as the deflections are
+        one = simulated_beside(PLAIN, TRUTH, record_with("chirp", 0.0, zero), choice)
+        expected = pushed(one, np.array([1.0, -1.0]), -((true - np.mean(true)) ** 3))["q_c"]
+        assert away(stiffens.changes(one)["q_c"], expected) < 0.03
+        assert away(stiffens.changes(replace(one, away={}))["q_c"], expected) > 0.1
+
+
+def test_noise_of_coarse_encoders_bends_no_spring() -> None:
+    record, _ = clean("chirp")
+    choice = choose_filter(PLAIN, (record,))
+    (stiffens,) = (one for one in effects_of(PLAIN, ("m", "c"), 1) if one.name == "stiffening of K")
+    one = simulated_beside(PLAIN, TRUTH, record_with("chirp", 30.0), choice)
+    found, plain = stiffens.changes(one), stiffens.changes(replace(one, away={}))
+    np.testing.assert_array_equal(found["q_c"], plain["q_c"])
+
+
+def test_what_sticks_has_no_direction_from_noise() -> None:
+    record, _ = clean("trapezoid")
+    choice = choose_filter(PLAIN, (record,))
+    rest = {key: np.full(2000, samples[0]) for key, samples in record.signals.items()}
+    rng = np.random.default_rng(4)
+    rest["q_m"] = rest["q_m"] + 2e-5 * rng.standard_normal(2000)
+    still = simulated_beside(PLAIN, TRUTH, Record(rest, FS, "rest", "rest"), choice)
+    held = np.abs(still.motion["v_m"]) < 1e-12
+    assert np.mean(held) > 0.9
+
+
+@pytest.mark.slow
+def test_friction_that_the_spec_does_not_name_leaves_the_others_right() -> None:
+    records = tuple(record_with(kind, 1.0) for kind in ("chirp", "trapezoid"))
+    job = Job(PLAIN, records, choose_filter(PLAIN, records), late=("Gamma_m",))
+    fit = METHODS["iv"].run(job)[1]
+    (effect,) = (one for one in effects_of(PLAIN, ("m", "c"), 2) if one.name == "viscous friction on c")
+    found = fit_with_effects(job.setting(), job.calm, fit, (effect,), (), job.sharpened)
+    assert abs(found.sizes[0] - FRICTION) < 3.0 * found.stds[0]
+    truth = np.array([TRUTH[name] for name in found.fit.columns])
+    spread = np.sqrt(np.diag(hac_covariance(found.fit)))
+    np.testing.assert_array_less(np.abs(found.fit.solution.x - truth), 3.0 * spread)
