@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from math import exp, inf
+from collections.abc import Iterable, Mapping, Sequence
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,21 +12,28 @@ import typer
 
 from modelgen.array_types import FloatArray
 from modelgen.cli.arguments import given_options, load_chain_or_arm
+from modelgen.cli.arms.design_elastic import (
+    given_references,
+    prediction_tables,
+    predictions,
+    reference_of,
+    second_stage,
+)
+from modelgen.cli.arms.trajectory_tables import fast_described, trajectory_described, trajectory_tables
 from modelgen.cli.output import deliver, note
 from modelgen.cli.output_files import check_output
-from modelgen.cli.tables import Description, Justify, console, table
+from modelgen.cli.tables import console
 from modelgen.errors import DataError, Problem
 from modelgen.spec.arms.arm import ArmSpec
 
 if TYPE_CHECKING:
-    from rich.console import Group
-
     from modelgen.cli.arms.trajectory_options import TrajectoryOptions
     from modelgen.cli.options import ResultOptions
-    from modelgen.runtime.planning.arms.exciting_trajectory import ExcitingTrajectory
     from modelgen.runtime.planning.arms.workspace import Box, PlannedJoint
+    from modelgen.runtime.simulation.arms.fourier_trajectory import FourierTrajectory
     from modelgen.spec.chain import ChainSpec
 
+_OF_ELASTIC = ("--sensors", "--noise", "--parameters", "--excitation", "--wanted-percent")
 _OF_ARMS = ("--inside", "--outside", "--harmonics", "--seeds")
 _OF_BOTH = (
     "--optimise",
@@ -64,7 +71,8 @@ def refuse_options(context: typer.Context, spec: ChainSpec | ArmSpec) -> None:
     """
     given = [option for option in given_options(context) if option.startswith("-")]
     if isinstance(spec, ArmSpec):
-        wrong, what = [o for o in given if o not in _OF_ARMS + _OF_BOTH], "is of chains"
+        known = _OF_ARMS + _OF_BOTH + (_OF_ELASTIC if spec.elastic else ())
+        wrong, what = [o for o in given if o not in known], "is of chains"
     else:
         wrong, what = [o for o in given if o in _OF_ARMS], "is of arms"
     if wrong:
@@ -83,19 +91,29 @@ def design_arm(
     from modelgen.symbolic.arms.arm_rows import arm_rows
     from modelgen.symbolic.arms.base_parameters import arm_base_model
 
+    if given["excitation"]:
+        predict_along(arm, given, result)
+        return
     fs, path = given["fs"] or FS_HZ, given["optimise"]
     duration_s = DURATION_S if given["duration_s"] is None else given["duration_s"]
     samples = _samples(fs, duration_s, trajectory.harmonics)
-    if path is not None:
-        check_output(path, (".csv", ".npz"), result.overwrite)
+    staged = arm.elastic and bool(arm.parameter_sets)
+    fast = path.with_stem(f"{path.stem}_fast") if path is not None and staged else None
+    for written in (path, fast):
+        if written is not None:
+            check_output(written, (".csv", ".npz"), result.overwrite)
     boxes = (*_boxes("--inside", trajectory.inside), *_boxes("--outside", trajectory.outside))
     if arm.elastic:
-        note(["springs are left out: this is for links, drives and gravity; K and D need fast motion"])
-        arm = without_springs(arm)
-    module = execute_text(arm_module(arm_base_model(arm_rows(arm))), arm.name)
+        what = (
+            "a fast one about the modes follows" if staged else "K and D need fast motion, which needs values"
+        )
+        note([f"springs are left out of the slow motion, which is for links, drives and gravity; {what}"])
+    rigid = without_springs(arm) if arm.elastic else arm
+    module = execute_text(arm_module(arm_base_model(arm_rows(rigid))), arm.name)
+    joints = planned_joints(arm)
     found = exciting_trajectory(
         module,
-        planned_joints(arm),
+        joints,
         criterion=given["criterion"] or "condition",
         boxes=boxes,
         period_s=samples / fs,
@@ -103,11 +121,28 @@ def design_arm(
         seeds=trajectory.seeds,
         rounds=given["rounds"],
     )
-    described = _described(arm, found, given["criterion"] or "condition")
+    described = trajectory_described(arm, found, given["criterion"] or "condition")
     if path is not None:
-        _write(path, found, fs, result.overwrite)
+        _write(path, found.joints, found.trajectory, fs, result.overwrite)
         described |= {"written": str(path), "fs_hz": fs}
-    deliver(described, lambda: console().print(_tables(described)), result)
+    if staged:
+        start = found.trajectory.at(np.zeros(1))[0][:, 0]
+        second = second_stage(arm, given, joints, start, samples / fs, boxes)
+        if fast is not None:
+            _write(fast, found.joints, second.trajectory, fs, result.overwrite)
+        described["fast"] = fast_described(second, fast)
+        stages = ((found.trajectory, "slow"), (second.trajectory, "fast"))
+        references = [reference_of(motion, fs, name) for motion, name in stages]
+        described["predicted"] = predictions(arm, given, references)
+    deliver(described, lambda: console().print(trajectory_tables(described)), result)
+
+
+def predict_along(arm: ArmSpec, given: Mapping[str, Any], result: ResultOptions) -> None:
+    """Tell what each sensor set of an elastic arm would find along the motions of files."""
+    references = given_references(arm, given["excitation"])
+    predicted = predictions(arm, given, references)
+    described = {"arm": arm.name, "predicted": predicted}
+    deliver(described, lambda: console().print(prediction_tables(predicted)), result)
 
 
 def _samples(fs: float, duration_s: float, harmonics: int) -> int:
@@ -180,94 +215,16 @@ def _side(text: str) -> tuple[float, float]:
     return ends
 
 
-def _write(path: Path, found: ExcitingTrajectory, fs: float, overwrite: bool) -> None:
+def _write(path: Path, joints: Sequence[str], motion: FourierTrajectory, fs: float, overwrite: bool) -> None:
     """Write one period: t, then position, speed and acceleration of every joint (rad or m, s)."""
     from modelgen.runtime.records.record import Record
     from modelgen.runtime.records.write_record import write_record
 
-    times = np.arange(round(found.trajectory.period_s * fs) + 1) / fs
-    motion = found.trajectory.at(times)
+    times = np.arange(round(motion.period_s * fs) + 1) / fs
+    moved = motion.at(times)
     columns = {
         f"{order}_{name}": values[k]
-        for k, name in enumerate(found.joints)
-        for order, values in zip(("q", "d1_q", "d2_q"), motion, strict=True)
+        for k, name in enumerate(joints)
+        for order, values in zip(("q", "d1_q", "d2_q"), moved, strict=True)
     }
     write_record(path, Record(columns, fs, path.stem), overwrite=overwrite)
-
-
-def _described(arm: ArmSpec, found: ExcitingTrajectory, criterion: str) -> Description:
-    bounds, moving = found.bounds, {joint.name: joint for joint in arm.moving}
-    return {
-        "arm": arm.name,
-        "criterion": criterion,
-        "period_s": found.trajectory.period_s,
-        "harmonics": found.trajectory.harmonics,
-        "condition_number": found.condition,
-        "information": found.information,
-        "searches": [{"start": a, "end": b} for a, b in found.costs],
-        "joints": [
-            {
-                "name": name,
-                "unit": "rad" if moving[name].kind == "revolute" else "m",
-                "position": [float(bounds.lower[k]), float(bounds.upper[k])],
-                "position_limits": list(moving[name].position_limits or ()),
-                "speed": float(bounds.speed[k]),
-                "speed_limit": moving[name].speed_limit,
-                "acceleration": float(bounds.acceleration[k]),
-                "acceleration_limit": moving[name].acceleration_limit,
-                "offset": float(found.trajectory.offsets[k]),
-                "sines": found.trajectory.sines[k].tolist(),
-                "cosines": found.trajectory.cosines[k].tolist(),
-            }
-            for k, name in enumerate(found.joints)
-        ],
-        "boxes": [{"box": box.text, "clearance_m": room} for box, room in found.boxes],
-    }
-
-
-def _tables(described: Description) -> Group:
-    from rich.console import Group
-    from rich.text import Text
-
-    period, count = described["period_s"], described["harmonics"]
-    head = (
-        f"Exciting trajectory of {described['arm']}: {period:g} s, {count} harmonics of {1 / period:.4g} Hz "
-        f"(up to {count / period:.4g} Hz), beginning and ending at rest"
-    )
-    rows = []
-    for joint in described["joints"]:
-        (low, high), (least, most), unit = joint["position"], joint["position_limits"], joint["unit"]
-        rows.append(
-            (
-                joint["name"],
-                f"{low:.3f} to {high:.3f} {unit} (of {least:.3f} to {most:.3f})",
-                _of(joint["speed"], joint["speed_limit"], f"{unit}/s"),
-                _of(joint["acceleration"], joint["acceleration_limit"], f"{unit}/s^2"),
-            )
-        )
-    columns: list[tuple[str, Justify]] = [
-        (heading, "left") for heading in ("joint", "position", "speed", "acceleration")
-    ]
-    ends = sorted(search["end"] for search in described["searches"] if search["end"] is not None)
-    tried, sign = len(described["searches"]), 1 if described["criterion"] == "condition" else -1
-    what = "condition numbers" if sign > 0 else "mean singular values"
-    lines = [
-        f"condition number of the base regressor {described['condition_number']:.3g}",
-        f"{len(ends)} of {tried} searches found one, with {what} of "
-        f"{exp(sign * ends[0]):.3g} to {exp(sign * ends[-1]):.3g}",
-        "none of these bounds is exceeded at any time, between samples neither",
-    ]
-    lines += [f"{one['box']}: kept, by {one['clearance_m']:.3g} m at least" for one in described["boxes"]]
-    if "written" in described:
-        written, fs = described["written"], described["fs_hz"]
-        lines.append(
-            f"wrote {written}: t, q, d1_q, d2_q of one period at {fs:g} Hz; bring the arm to its first row"
-        )
-    else:
-        lines.append("--optimise FILE.csv writes it")
-    title = "What the joints never exceed (and their limits)"
-    return Group(Text(head), Text(""), table(title, columns, rows), Text(""), *map(Text, lines))
-
-
-def _of(value: float, limit: float | None, unit: str) -> str:
-    return f"{value:.3g} {unit}" + ("" if limit is None else f" (of {limit:.3g})")

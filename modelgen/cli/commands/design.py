@@ -97,7 +97,8 @@ def design(
 
     Prices, noise and resolution come from a file of candidates, or from the options for the spec's own sets.
     Of an arm: search for a trajectory that tells its base parameters apart, within the limits of the joints
-    and boxes, and write it with --optimise.
+    and boxes, and write it with --optimise. Of an elastic arm also a fast one about its modes, and what every
+    sensor set would find in both, or in those of --excitation files.
     """
     from modelgen.cli.arguments import amounts, check_method, parameter_values
     from modelgen.cli.arms.design_arm import chain_unless_arm

@@ -38,3 +38,10 @@ FACTOR_ERROR = 0.05
 POSTURES = 2000
 SHARE_OF_LIMITS = 2.0
 SHRINKS = 24
+
+# The fast stage of an elastic arm: from so much of its lowest mode to so much of its highest,
+BELOW_MODES, BEYOND_MODES = 0.5, 1.25
+# within this share of a joint's range, and of its largest speed and acceleration.
+FAST_RANGE, FAST_SHARE = 0.05, 0.95
+# Harmonics of a series, at most: samples that bound it are many times as many.
+MOST_HARMONICS = 2000

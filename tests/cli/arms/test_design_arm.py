@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from modelgen.cli.main import app
+from modelgen.spec.load import catalog_path
 
 ARM = """
 [arm]
@@ -97,3 +99,51 @@ def test_a_trajectory_is_found_and_written(arm: Path) -> None:
 )
 def test_what_cannot_be_planned_is_told(arm: Path, arguments: tuple[str, ...], message: str) -> None:
     assert message in run(*arguments, code=2)
+
+
+@pytest.fixture
+def soft(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the elastic arm of the catalogue with limits."""
+    monkeypatch.chdir(tmp_path)
+    text = catalog_path("elastic_two_link").read_text(encoding="utf-8")
+    limits = 'position_limits = [-120, 120]\nspeed_limit = "180 deg/s"\n'
+    path = tmp_path / "soft.toml"
+    path.write_text(
+        text.replace('name = "1"\n', f'name = "1"\n{limits}').replace('name = "2"\n', f'name = "2"\n{limits}')
+    )
+    return path
+
+
+def told(output: str) -> Any:
+    """Return the JSON behind notes."""
+    return json.loads(output[output.index("{") :])
+
+
+@pytest.mark.slow
+def test_an_elastic_arm_moves_slowly_then_fast_and_its_sensor_sets_are_ranked(soft: Path) -> None:
+    quick = ("--seeds", "1", "--rounds", "2", "--duration-s", "4", "--sensors", "encoders", "--json")
+    found = told(run("soft.toml", *quick, "--optimise", "go.csv"))
+    slow, fast = (np.loadtxt(f, delimiter=",", skiprows=2) for f in ("go.csv", "go_fast.csv"))
+    assert found["fast"]["written"] == "go_fast.csv" and slow.shape == fast.shape
+    np.testing.assert_allclose(slow[0, [1, 4]], fast[-1, [1, 4]], atol=0.2)  # one begins near the other
+    assert np.ptp(fast[:, 1]) < 0.3 * np.ptp(slow[:, 1]) and np.abs(fast[:, 2]).max() > 1.0
+    (both,) = found["predicted"]["sets"]
+    assert both["within"] and both["half_interval_percent"]["K_1"] < 0.1
+    printed = run("soft.toml", "--sensors", "encoders", "--excitation", "go.csv", "--wanted-percent", "1e-6")
+    assert "no set gives stiffness within 1e-06 %" in printed and "K_2 %" in printed
+    alone = told(run("soft.toml", "--sensors", "encoders", "--excitation", "go.csv", "--json"))
+    (one,) = alone["predicted"]["sets"]
+    assert one["half_interval_percent"]["D_1"] > 3.0 * both["half_interval_percent"]["D_1"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--excitation", "chirp"), "none of an arm"),
+        (("--sensors", "none"), "no sensor set"),
+        (("--price", "q_1=3"), "--price: is of chains"),
+    ],
+)
+def test_mistakes_of_elastic_arms_are_told(soft: Path, arguments: tuple[str, ...], message: str) -> None:
+    quick = ("--seeds", "1", "--rounds", "1", "--duration-s", "3")
+    assert message in " ".join(run("soft.toml", *quick, *arguments, code=2).split())

@@ -76,11 +76,17 @@ class FourierTrajectory:
         return Bounds(middle - half, middle + half, *largest)
 
 
-def at_rest(sines: FloatArray, cosines: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the nearest coefficients with which speed and acceleration are zero at the beginning and end."""
-    orders = np.arange(1.0, sines.shape[1] + 1.0)
+def at_rest(
+    sines: FloatArray, cosines: FloatArray, used: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the nearest coefficients with which speed and acceleration are zero at the beginning and end.
+
+    `used`, ones and zeros of shape (joints, harmonics), keeps harmonics at zero.
+    """
+    orders = np.arange(1.0, sines.shape[1] + 1.0) * (np.ones_like(sines) if used is None else used)
     squares = orders**2
-    return (
-        sines - np.outer(sines @ orders, orders) / (orders @ orders),
-        cosines - np.outer(cosines @ squares, squares) / (squares @ squares),
-    )
+    found = []
+    for given, weights in ((sines, orders), (cosines, squares)):
+        share = np.sum(given * weights, axis=1) / np.sum(weights * weights, axis=1)
+        found.append(given - share[:, None] * weights)
+    return found[0], found[1]

@@ -12,6 +12,7 @@ from modelgen.errors import DataError
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.simulation.arms.arm_coordinates import reading_of
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant
+from modelgen.runtime.simulation.arms.joint_motion import JointMotion
 
 INERTIAL = ("gyro", "accelerometer")
 
@@ -69,12 +70,10 @@ def mounted_sensors(model: Model) -> tuple[MountedSensor, ...]:
 
 
 def sensor_channels(
-    plant: ArmPlant, sensors: Sequence[MountedSensor], q: FloatArray, v: FloatArray, a: FloatArray
+    plant: ArmPlant, sensors: Sequence[MountedSensor], motion: JointMotion
 ) -> dict[str, FloatArray]:
-    """Return what sensors read without noise, shape (N,) each, in SI.
-
-    Positions, speeds and accelerations of the plant's coordinates have the shape (coordinates, N).
-    """
+    """Return what sensors read without noise along a motion of the coordinates, shape (N,) each, in SI."""
+    q, v, a = motion.q, motion.v, motion.a
     own = plant.coordinates
     found: dict[str, FloatArray] = {}
     torques = plant.spring_torques(q, v) if any(one.measures == "torque" for one in sensors) else {}

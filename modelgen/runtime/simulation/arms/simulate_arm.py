@@ -49,6 +49,8 @@ class ArmSimulation:
         sticks.
     joints : tuple of str
         Names of the joints that move.
+    motion : JointMotion
+        Of the links, then of the motors in front of springs as their joints see them.
     reference : JointReference
     changes : tuple of ModeChange
         Changes between slip and stick, at the beginning of the step in which they happen.
@@ -58,6 +60,7 @@ class ArmSimulation:
     record: Record
     true: Mapping[str, FloatArray]
     joints: tuple[str, ...]
+    motion: JointMotion
     reference: JointReference
     changes: tuple[ModeChange, ...]
     controller: JointController
@@ -152,15 +155,16 @@ def simulate_arm(
     factor = nodes_a_sample(plant, controller, reference.motion)
     motion = followed(plant, reference, controller, start, factor)
     true = true_signals(plant, motion, factor)
+    nodes = motion.motion
+    moved = JointMotion(
+        nodes.q[:, ::factor], nodes.v[:, ::factor], nodes.a[:, ::factor], nodes.rate_hz / factor
+    )
     if given["sensors"] is not None:
-        moved = motion.motion
-        true |= sensor_channels(
-            plant, given["sensors"], *(one[:, ::factor] for one in (moved.q, moved.v, moved.a))
-        )
+        true |= sensor_channels(plant, given["sensors"], moved)
     measured = drawn(recorded, true, *levels[:2], given["seed"], levels[2], reference.name)
     kept = {key: line for key, line in measured.items() if key not in model.derived}
     record, changes = Record(kept, reference.motion.rate_hz, reference.name), _changes(plant, motion)
-    return ArmSimulation(record, MappingProxyType(true), plant.joints, reference, changes, controller)
+    return ArmSimulation(record, MappingProxyType(true), plant.joints, moved, reference, changes, controller)
 
 
 def _recorded(model: Model, sensors: Sequence[MountedSensor] | None) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import pytest
 from modelgen.cli.arms.simulate_arm import arm_model, mounted
 from modelgen.errors import DataError
 from modelgen.runtime.simulation.arms.arm_plant import arm_plant
+from modelgen.runtime.simulation.arms.joint_motion import JointMotion
 from modelgen.runtime.simulation.arms.mounted_sensors import MountedSensor, mounted_sensors, sensor_channels
 from tests.runtime.made_arm_records import catalogued, model_of, written
 
@@ -68,7 +69,9 @@ def test_sensors_read_what_moved_frames_say() -> None:
     assert plant.coordinates.names == ("a", "b", "c", "a motor", "c motor")
     rng = np.random.default_rng(2)
     q0, v0, a0 = rng.uniform(-1.0, 1.0, (3, 5))
-    read = sensor_channels(plant, mounted(spec, "s"), *(one[:, None] for one in (q0, v0, a0)))
+    read = sensor_channels(
+        plant, mounted(spec, "s"), JointMotion(*(one[:, None] for one in (q0, v0, a0)), 1.0)
+    )
     gyro, accelerometer, *_ = mounted(spec, "s")
 
     def at(sensor: MountedSensor, time: float) -> np.ndarray:

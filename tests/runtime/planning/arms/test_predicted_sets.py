@@ -1,0 +1,60 @@
+"""What sensor sets would find in planned motions: what they find in such records."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from modelgen import Estimate, JointController, identify, simulate_arm
+from modelgen.cli.arms.simulate_arm import arm_model, mounted
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.planning.arms.predicted_sets import PlannedSet, predicted_sets
+from modelgen.runtime.simulation.arms.joint_motion import JointMotion
+from modelgen.runtime.simulation.arms.joint_reference import JointLimits, JointReference, fourier_reference
+from tests.runtime.made_arm_records import catalogued, model_of
+
+LOOP = JointController(bandwidth_hz=8.0)
+
+
+@cache
+def sets() -> tuple[Model, dict[str, float], dict[str, PlannedSet]]:
+    spec = catalogued("elastic_two_link")
+    model = arm_model(spec)
+    found = {
+        name: PlannedSet(model_of(spec, sensor_set=name), mounted(spec, name))
+        for name in ("encoders", "torques")
+    }
+    return model, dict(model.parameter_sets["nominal"]), found
+
+
+@pytest.mark.slow
+def test_deviations_are_those_of_a_record() -> None:
+    model, values, planned = sets()
+    quick = JointLimits((-0.5, 0.5), 8.0, 100.0)
+    reference = fourier_reference(model, 4.0, 1000.0, {"1": quick, "2": quick})
+    noise = {"rad": 1e-5, "tau_1": 0.2}
+    found = predicted_sets(model, values, planned, [reference], noise, LOOP)
+    encoders, torques = found["encoders"], found["torques"]
+    assert isinstance(encoders, Estimate) and isinstance(torques, Estimate)
+    assert torques.bse["K_1"] < encoders.bse["K_1"]
+    levels = {**dict.fromkeys(("q_1", "q_2", "qm_1", "qm_2"), 1e-5), "tau_1": 0.2, "tau_2": 0.1}
+    record = simulate_arm(model, values, reference, noise=levels, seed=5, controller=LOOP).record
+    own = encoders.bse, identify(planned["encoders"].model, record, "wls").bse
+    assert {name: own[0][name] / own[1][name] for name in ("K_1", "K_2", "Ia_1")} == pytest.approx(
+        dict.fromkeys(("K_1", "K_2", "Ia_1"), 1.0), rel=0.4
+    )
+
+
+def test_what_cannot_be_found_and_noise_of_nothing_are_told() -> None:
+    model, values, planned = sets()
+    still = JointReference(JointMotion(*np.zeros((3, 2, 2001)), 1000.0))
+    encoders = {"encoders": planned["encoders"]}
+    assert isinstance(
+        predicted_sets(model, {**values, "Fs_1": 50.0, "Fs_2": 50.0}, encoders, [still])["encoders"],
+        (IdentifiabilityError, DataError),
+    )
+    with pytest.raises(DataError, match="q_7"):
+        predicted_sets(model, values, encoders, [still], {"q_7": 1.0})
