@@ -160,7 +160,7 @@ def _begin(model: Model, method: Method) -> Mapping[str, float] | None:
     if not isinstance(method, IV) or method.start is None:
         return None
     # least squares needs no instruments, and what they load
-    from modelgen.runtime.iv.starting_set import starting_set
+    from modelgen.runtime.identification.starting_set import starting_set
 
     return starting_set(model, method.start)
 

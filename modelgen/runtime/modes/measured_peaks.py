@@ -19,6 +19,7 @@ from modelgen.runtime.modes.thresholds import (
     PEAK_DAMPING,
     PEAK_RANGE,
     PEAK_RISE,
+    VALLEY_RANGE,
 )
 from modelgen.runtime.records.record import Record
 
@@ -72,9 +73,9 @@ def _peaks_of(record: Record, sensor: Sensor, force: str) -> Iterator[Peak]:
     tops = 1 + np.flatnonzero((inner > size[:-2]) & (inner >= size[2:]) & (inner > 0.0))
     for top in tops[found.coherence[tops] >= LEAST_COHERENCE].tolist():
         near = np.flatnonzero((f > f[top] / PEAK_RANGE) & (f < f[top] * PEAK_RANGE))
-        low, high = size[near[0] : top + 1], size[top : near[-1] + 1]
-        valley = max(float(low.min()), float(high.min()))
-        if size[top] < max(float(low.max()), float(high.max())) or size[top] < PEAK_RISE * valley:
+        wide = np.flatnonzero((f > f[top] / VALLEY_RANGE) & (f < f[top] * VALLEY_RANGE))
+        valley = max(float(size[wide[0] : top + 1].min()), float(size[top : wide[-1] + 1].min()))
+        if size[top] < float(size[near].max()) or size[top] < PEAK_RISE * valley:
             continue
         if not _excited(record, force, f[top] / PEAK_RANGE, f[top] * PEAK_RANGE):
             continue

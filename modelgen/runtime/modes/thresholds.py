@@ -36,9 +36,10 @@ SHARPEST = 1e-6
 
 # A mode with a larger damping ratio shows no peak to compare with.
 PEAK_DAMPING = 0.3
-# A peak belongs to a mode within this factor of its frequency; it is the highest line within it, stands out
-# of the valleys next to it by so much, and the force explains at least so much of the reading there.
-PEAK_RANGE, PEAK_RISE, LEAST_COHERENCE = 1.15, 1.5, 0.9
+# A peak belongs to a mode within the first factor of its frequency and is the highest line within it; it
+# stands out by so much of the lowest lines within the second factor either way (a damping ratio of 0.1 makes
+# it that wide), and the force explains at least so much of the reading there.
+PEAK_RANGE, VALLEY_RANGE, PEAK_RISE, LEAST_COHERENCE = 1.15, 1.5, 1.5, 0.9
 # The force has at least this share of its largest density of power there: less is leakage, or noise.
 EXCITED = 0.02
 # Records that are looked at, and samples of the longest one.

@@ -20,7 +20,7 @@ QUANTITIES = {
     "velocity": ("vel", "velo", "velocity", "speed", "omega", "w", "v", "rpm", "drehzahl", "geschw"),
     "acceleration": ("acc", "accel", "acceleration", "a", "beschl", "beschleunigung"),
     "force": (
-        *("torque", "trq", "force", "gamma", "tau", "f", "i", "iq", "current"),
+        *("torque", "trq", "force", "effort", "gamma", "tau", "f", "i", "iq", "current"),
         *("drehmoment", "moment", "kraft", "strom"),
     ),
 }

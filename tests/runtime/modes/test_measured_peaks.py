@@ -38,6 +38,17 @@ def test_a_chirp_shows_the_modes_that_it_passes() -> None:
     assert found.to_dict()["modes"][-1]["measured"] is not None
 
 
+def test_a_well_damped_mode_has_a_wide_peak() -> None:
+    damped = {name: 8.0 * value if name.startswith("F_d") else value for name, value in TRUTH.items()}
+    modes = modes_at(MODEL, damped)
+    (last,) = modes[-1:]
+    assert last.damping_ratio.value > 0.1
+    chirp = simulate(MODEL, damped, "chirp", duration_s=4.0, fs=2000.0, noise=NOISE, seed=1).record
+    peak = with_peaks(modes, MODEL, [chirp])[-1].measured
+    assert peak is not None
+    assert abs(peak.frequency_hz - last.frequency_hz.value) < 0.05 * last.frequency_hz.value
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_and_what_leaks_make_no_peaks(seed: int) -> None:
     modes = modes_at(MODEL, TRUTH)

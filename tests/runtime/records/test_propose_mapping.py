@@ -52,6 +52,11 @@ def test_a_torque_named_T(names: tuple[str, ...], units: dict[str, str]) -> None
         assert proposed(QC, order, units)["Gamma_m"] == names[-1], order
 
 
+def test_the_effort_of_a_joint_is_a_force() -> None:
+    names = ["/joint_states.position[0]", "/joint_states.velocity[0]", "/joint_states.effort[0]"]
+    assert proposed(QC, names)["Gamma_m"] == "/joint_states.effort[0]"
+
+
 def test_times_named_t_are_no_torque() -> None:
     assert proposed(QC, ["t", "q_m", "q_c"])["Gamma_m"] is None
     assert proposed(QC, ["x", "q_m", "q_c", "dt"])["Gamma_m"] is None

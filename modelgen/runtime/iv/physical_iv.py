@@ -1,0 +1,192 @@
+"""Gauss-Newton steps with instruments in physical parameters and delays, until they stand still.
+
+Rows are linearised at the present estimate p,
+
+    Y - W b(p) = W J (p' - p),    J = db/dp,
+
+made white (`whitening`), and solved with the instruments Z J of a simulation at p (`gauss_newton_step`).
+Delays of forces are further unknowns, see `delays`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from math import pi
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.iv.divergence import diverged
+from modelgen.runtime.iv.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
+from modelgen.runtime.iv.instrumental_variables import Setting
+from modelgen.runtime.iv.thresholds import (
+    COMPOSITE_MOVE,
+    COMPOSITE_ROUNDS,
+    FARTHEST,
+    HOPELESS,
+    LARGEST_STEP,
+    SMALL_CHANGE,
+)
+from modelgen.runtime.least_squares.delays import advanced
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
+from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.bounds import bounded_names
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import Observation
+
+# records -> rows without the samples that a consistent estimate must not use
+Rows = Callable[[tuple[Record, ...]], Observation]
+
+SIGNED = ("offset", "viscous", "coulomb")
+PLAIN = Rules()
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Rows, their fit in base columns, and the physical parameters p it was made at, shape (parameters,).
+
+    `following` is where the next step would go. `lost` names the inertias, stiffnesses and delays of which
+    nothing is known there: an iteration that comes to rest so has only run out of slope.
+    """
+
+    observation: Observation
+    fit: Fit
+    p: FloatArray
+    following: FloatArray
+    lost: tuple[str, ...] = ()
+
+    def values(self, model: Model) -> dict[str, float]:
+        """Return the physical parameters by name."""
+        return dict(zip(model.parameters, self.p.tolist(), strict=True))
+
+    def leaves_bounds(self, model: Model) -> bool:
+        """Tell whether what is never negative is, at p or after the next step."""
+        places = [model.parameters.index(name) for name in bounded_names(model)]
+        return bool(np.any(np.minimum(self.p, self.following)[places] < 0.0))
+
+
+def fit_physical_iv(
+    setting: Setting,
+    rows: Rows,
+    delays: Mapping[str, float],
+    start: Mapping[str, float],
+    rules: Rules = PLAIN,
+) -> Found:
+    """Estimate physical parameters and delays together, from a start (SI).
+
+    Parameters
+    ----------
+    setting : Setting
+        `records` as measured.
+    rows : callable
+        Takes records to their rows.
+    delays : mapping of str to float
+        Forces whose delay is estimated as well, to the delay in s to begin with.
+    start : mapping of str to float
+        All of the model's parameters.
+    rules : Rules
+        Robust weights, bounds, and what is held at zero.
+
+    Returns
+    -------
+    Found
+        In base columns; delays compensated.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When the steps do not come to rest.
+    """
+    model = setting.model
+    sample = 1.0 / min(record.fs for record in setting.records)
+    first = _allowed(model, start, rules)
+    now, late = Unknowns(first, delays), tuple(delays)
+    c = len(model.parameters)
+    observation = rows(tuple(advanced(record, delays) for record in setting.records))
+    plain = fit_matched(observation)
+    if plain.absent:
+        raise diverged(f"the records do not move what {', '.join(plain.absent)} needs", plain, model)
+    for done in range(1, COMPOSITE_ROUNDS + 1):
+        if late and done > 1:
+            observation = rows(tuple(advanced(record, now.delays) for record in setting.records))
+            plain = replace(plain, blocks=tuple(block for block in observation.blocks if block.place.size))
+        step = step_from(setting, plain, now, rules)
+        x, spread = step.x, step.spread
+        move = np.r_[x[:c] - now.p, x[c:]]
+        if not np.all(np.isfinite(move)):
+            raise diverged("its estimate is not finite", plain, model)
+        size = np.r_[np.abs(x[:c]), np.full(len(late), SMALLEST_STEP * sample / SMALL_CHANGE)]
+        small = np.maximum(COMPOSITE_MOVE * spread, SMALL_CHANGE * size)
+        hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(len(late), np.inf)]
+        if done > 1 and np.all((np.abs(move) <= small) | hopeless):
+            fit = in_base_columns(step, now.delays, done)
+            return Found(observation, fit, now.p, x[:c], _lost(setting, now, spread))
+        now = _moved(model, now, move, sample, rules)
+        _check_distance(model, now.p, first, rules)
+    raise _restless(model, x[:c], spread[:c])
+
+
+def _lost(setting: Setting, now: Unknowns, spread: FloatArray) -> tuple[str, ...]:
+    """Return inertias and stiffnesses less certain than their size, delays than a radian at the cut-off."""
+    model, radian = setting.model, 1.0 / (2.0 * pi * setting.choice.cutoff_hz)
+    limits = [
+        abs(value) if name in model.roles and model.roles[name].role in ("inertia", "stiffness") else np.inf
+        for name, value in zip(model.parameters, now.p.tolist(), strict=True)
+    ]
+    names = (*model.parameters, *now.delays)
+    limits += [radian] * len(now.delays)
+    return tuple(name for name, std, limit in zip(names, spread, limits, strict=True) if std > limit)
+
+
+def _restless(model: Model, values: FloatArray, spread: FloatArray) -> IdentifiabilityError:
+    """Return the error of steps that do not come to rest, with the parameters that nothing holds."""
+    loose = [name for name, one, std in zip(model.parameters, values, spread, strict=True) if std > abs(one)]
+    if not loose:
+        return diverged(f"after {COMPOSITE_ROUNDS} rounds the physical parameters still move")
+    return IdentifiabilityError.at(
+        "method iv",
+        f"the records do not hold {', '.join(loose)}: after {COMPOSITE_ROUNDS} rounds they still move, with "
+        "standard deviations above their values",
+        "sense more (modelgen show --sensors all), give one of them as known, excite more, or give the "
+        "delays of forces where they are known (--delay none)",
+    )
+
+
+def _allowed(model: Model, start: Mapping[str, float], rules: Rules) -> FloatArray:
+    """Return a start without what the rules do not allow, shape (parameters,)."""
+    first = np.array([start[name] for name in model.parameters])
+    held = [name in rules.at_zero for name in model.parameters]
+    negative = [rules.bounded and name in bounded_names(model) for name in model.parameters] & (first < 0.0)
+    return np.where(held | negative, 0.0, first)
+
+
+def _keeps_sign(model: Model, name: str, rules: Rules) -> bool:
+    """Tell whether a parameter keeps its sign because no step goes far: a bound lets damping go to zero."""
+    if name not in model.roles or name in rules.at_zero:
+        return False
+    role = model.roles[name].role
+    return role not in SIGNED and not (rules.bounded and role == "damping")
+
+
+def _moved(model: Model, now: Unknowns, move: FloatArray, sample: float, rules: Rules) -> Unknowns:
+    """Return the unknowns after a step, shortened where it would leave the range of the linear rows."""
+    c = len(now.p)
+    bound = np.array([_keeps_sign(model, name, rules) for name in model.parameters])
+    share = np.abs(move[:c][bound]) / np.maximum(np.abs(now.p[bound]), np.finfo(float).tiny)
+    length = min(1.0, LARGEST_STEP / max(float(share.max(initial=0.0)), LARGEST_STEP))
+    late = np.clip(length * move[c:], -sample, sample)
+    delays = {
+        channel: delay + float(step) for (channel, delay), step in zip(now.delays.items(), late, strict=True)
+    }
+    return Unknowns(now.p + length * move[:c], delays)
+
+
+def _check_distance(model: Model, p: FloatArray, first: FloatArray, rules: Rules) -> None:
+    for name, value, start in zip(model.parameters, p, first, strict=True):
+        far = not abs(start) / FARTHEST <= abs(value) <= abs(start) * FARTHEST
+        if far and start and _keeps_sign(model, name, rules):
+            raise diverged(f"{name} runs away")

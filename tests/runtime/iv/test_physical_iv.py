@@ -1,0 +1,34 @@
+"""What becomes of steps in physical parameters that know nothing of their chain."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from generated import emps300_qm_qc
+from modelgen.runtime.iv.gauss_newton_step import Unknowns
+from modelgen.runtime.iv.physical_iv import _lost, _restless
+from modelgen.runtime.model.model import model_from_module
+
+MODEL = model_from_module(emps300_qm_qc)
+VALUES = np.arange(1.0, 1.0 + len(MODEL.parameters))
+
+
+def test_steps_without_rest_name_what_nothing_holds() -> None:
+    spread = np.where(np.isin(MODEL.parameters, ("J_c", "K")), 2.0, 0.1) * VALUES
+    told = str(_restless(MODEL, VALUES, spread))
+    assert "the records do not hold J_c, K: " in told
+    assert "--delay none" in told
+    assert "still move" in str(_restless(MODEL, VALUES, 0.1 * VALUES))
+
+
+def test_bodies_springs_and_delays_are_lost_by_their_size() -> None:
+    setting = SimpleNamespace(model=MODEL, choice=SimpleNamespace(cutoff_hz=100.0))
+    now = Unknowns(VALUES, {"Gamma_m": 0.0})
+    # friction may be anything: only inertias and stiffnesses have a size that they need
+    spread = np.r_[2.0 * VALUES, 1e-3]
+    lost = [name for name in MODEL.parameters if MODEL.roles[name].role in ("inertia", "stiffness")]
+    assert _lost(setting, now, spread) == tuple(lost)  # type: ignore[arg-type]
+    late = np.r_[0.1 * VALUES, 2e-3]
+    assert _lost(setting, now, late) == ("Gamma_m",)  # type: ignore[arg-type]
