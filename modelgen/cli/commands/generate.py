@@ -33,6 +33,7 @@ def generate(
 ) -> None:
     """Generate one module for each sensor set of each SPEC; of an arm one module.
 
+    Modules that modelgen wrote before are replaced; a file of another origin is left, with a message.
     With --check nothing is written: what is missing, different or left over is named, with exit code 1.
     """
     from modelgen.render.target_writer import check_target, write_target

@@ -19,7 +19,7 @@ from modelgen.runtime.iv.gauss_newton_step import Rules, Unknowns, in_base_colum
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.physical_iv import PLAIN, Found, Rows, fit_physical_iv
 from modelgen.runtime.iv.starting_values import physical_starts
-from modelgen.runtime.iv.thresholds import HELD_DELAY
+from modelgen.runtime.iv.thresholds import HELD_DELAY, HELD_PARTS, HELD_ROUNDS, HELD_STARTS
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
@@ -108,7 +108,15 @@ def _first_found(setting: Setting, rows: Rows, beginnings: Iterable[Beginning], 
             if not found.lost:
                 return found
             lost.append(found)
-    held = (_with_held_delays(setting, rows, delays, start, rules) for start, delays in tried if delays)
+    sample = 1.0 / min(record.fs for record in setting.records)
+    held = (
+        _with_held_delays(
+            setting, rows, {key: delay + part * sample for key, delay in delays.items()}, start, rules
+        )
+        for part in HELD_PARTS
+        for start, delays in tried[:HELD_STARTS]
+        if delays
+    )
     known = next((found for found in held if found is not None), None)
     if known is not None or lost:
         return known or lost[0]
@@ -119,27 +127,30 @@ def _first_found(setting: Setting, rows: Rows, beginnings: Iterable[Beginning], 
 def _with_held_delays(
     setting: Setting, rows: Rows, delays: Mapping[str, float], start: Mapping[str, float], rules: Rules
 ) -> Found | None:
-    """Return the estimate of a chain whose forces are as late as at the start, None where that is not so.
+    """Return the estimate of a chain whose delays are held, None where nothing near the start suits.
 
+    They are held as at the start, or where steps from estimates with held delays lead.
     Far from the solution delays and an overdamped link look alike, and steps in both lead away. The
     covariance is that of parameters and delays together: it holds what an unknown delay changes.
     """
-    model = setting.model
-    there = replace(setting, records=tuple(advanced(record, delays) for record in setting.records))
-    try:
-        found = fit_physical_iv(there, rows, {}, start, rules)
-    except IdentifiabilityError:
-        return None
-    if found.lost:
-        return None
-    step = step_from(setting, fit_matched(found.observation), Unknowns(found.p, delays), rules)
-    c = len(model.parameters)
-    moved, spread = step.x[c:] - np.array([*delays.values()]), step.spread[c:]
-    if not np.all(np.abs(moved) <= HELD_DELAY * spread):
-        return None
-    note = f"parameters and delays do not come to rest together: {_delays_held(delays)}"
-    fit = in_base_columns(step, delays, 1)
-    return replace(found, fit=replace(fit, notes=(*found.fit.notes, note)))
+    model, c = setting.model, len(setting.model.parameters)
+    for _ in range(HELD_ROUNDS):
+        there = replace(setting, records=tuple(advanced(record, delays) for record in setting.records))
+        try:
+            found = fit_physical_iv(there, rows, {}, start, rules)
+        except IdentifiabilityError:
+            return None
+        if found.lost:
+            return None
+        step = step_from(setting, fit_matched(found.observation), Unknowns(found.p, delays), rules)
+        moved, spread = step.x[c:], step.spread[c:]
+        if np.all(np.abs(moved) <= HELD_DELAY * spread):
+            note = f"parameters and delays do not come to rest together: {_delays_held(delays)}"
+            fit = in_base_columns(step, delays, 1)
+            return replace(found, fit=replace(fit, notes=(*found.fit.notes, note)))
+        start = found.values(model)
+        delays = {key: delay + one for (key, delay), one in zip(delays.items(), moved.tolist(), strict=True)}
+    return None
 
 
 def _delays_held(delays: Mapping[str, float]) -> str:

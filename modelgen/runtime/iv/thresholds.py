@@ -31,8 +31,10 @@ COMPOSITE_MOVE = 0.02
 SMALL_CHANGE = 1e-6
 # what has a standard deviation beyond this share of its value may move: its value is not reported.
 HOPELESS = 0.5
-# Delays are held where a start has them if a step from there moves them by no more standard deviations.
-HELD_DELAY = 2.0
+# Delays are held where a step moves them by no more standard deviations; so often they are set anew.
+HELD_DELAY, HELD_ROUNDS = 2.0, 4
+# They are tried at so many starts' own, and these parts of a sample later.
+HELD_STARTS, HELD_PARTS = 3, (0.0, 0.5)
 # A step changes no parameter of the body or link by more than this share: far away the rows are not linear.
 LARGEST_STEP = 0.5
 # Nor can a parameter be this many times smaller or larger than at the start.
