@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from modelgen.cli.main import app
 from modelgen.runtime.records.read_record import read_record
+from modelgen.spec.load import catalog_path
 
 RUN = CliRunner()
 
@@ -55,7 +56,6 @@ def test_an_elastic_arm_is_read_by_its_sensor_set(tmp_path: Path) -> None:
         (("two_link", "--excitation", "chirp"), "fourier"),
         (("two_link", "--excitation", "fourier", "--sensors", "s"), "leave it out"),
         (("two_link", "--excitation", "fourier", "--noise", "q_7=1"), "q_7"),
-        (("puma560", "--excitation", "fourier"), "--parameters"),
         (("elastic_two_link", "--excitation", "fourier"), "encoders, rates, torques"),
         (("elastic_two_link", "--excitation", "fourier", "--sensors", "s"), "no sensor set"),
         (("two_link", "--excitation", "fourier", "--duration-s", "0"), "samples"),
@@ -66,6 +66,13 @@ def test_mistakes_are_told(tmp_path: Path, arguments: tuple[str, ...], what: str
     code, output = simulate(*arguments, "-o", tmp_path / "run.csv")
     assert code == 2 and what in output, output
     assert not list(tmp_path.iterdir())
+
+
+def test_an_arm_without_values_is_told_to_have_some(tmp_path: Path) -> None:
+    text = catalog_path("puma560").read_text(encoding="utf-8").partition("[parameters.")[0]
+    (tmp_path / "arm.toml").write_text(text)
+    code, output = simulate(tmp_path / "arm.toml", "--excitation", "fourier", "-o", tmp_path / "run.csv")
+    assert code == 2 and "--parameters" in output and not (tmp_path / "run.csv").exists(), output
 
 
 @pytest.mark.parametrize(

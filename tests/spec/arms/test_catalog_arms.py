@@ -9,7 +9,7 @@ import pytest
 
 from modelgen.errors import SpecError
 from modelgen.render.environment import environment
-from modelgen.spec.arms.arm import ArmSpec
+from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec
 from modelgen.spec.arms.load import load_arm, parse_arm
 from modelgen.spec.arms.parameters import arm_parameters
 from modelgen.spec.arms.poses import zero_poses
@@ -33,8 +33,20 @@ def test_every_example_is_complete(name: str) -> None:
     assert catalog_path(name).read_text(encoding="utf-8").startswith("# ")
     spec = arm(name)
     assert spec.name == name
+    assert spec.parameter_sets
     for values in spec.parameter_sets.values():
         assert list(values) == [parameter.name for parameter in arm_parameters(spec)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_bodies_can_have_the_values_of_the_catalogue(name: str) -> None:
+    """Where a link's ten parameters are those of masses, no moment about a plane is negative."""
+    for values in arm(name).parameter_sets.values():
+        for link in dict.fromkeys(key[2:] for key in values if key.startswith("m_")):
+            xx, xy, xz, yy, yz, zz, x, y, z, m = (float(values[f"{p}_{link}"]) for p in LINK_PARAMETERS)
+            planes = 0.5 * (xx + yy + zz) * np.eye(3) - [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+            pseudo = np.block([[planes, np.array([[x], [y], [z]])], [np.array([[x, y, z, m]])]])
+            assert np.linalg.eigvalsh(pseudo).min() >= -1e-9
 
 
 def test_an_arm_is_no_chain_and_a_chain_no_arm() -> None:
