@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -31,7 +31,7 @@ import numpy as np
 from interval_coverage import LINES, NOISE, POSITIONS, model_of, true_records
 
 from modelgen.errors import ModelgenError
-from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
+from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.filter_choice.signal_to_noise import gain
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import IV
@@ -172,7 +172,8 @@ def row_covariance(cell: Cell, record: Record, choice: object, blocks: Sequence,
     model, factor = model_of(cell.sensors), choice.decimation[blocks[0].record]  # type: ignore[attr-defined]
     f = np.fft.rfftfreq(POINTS, 1.0 / record.fs)
     power = gain(f, choice, 0, record.fs) ** 2  # type: ignore[arg-type]
-    ways = [channel_terms(model, block.row, x) for block in blocks]
+    entries = noise_ways(model, record, choice, factor)  # type: ignore[arg-type]
+    ways = [entries[block.row].of_residual(x).slopes for block in blocks]
     rows = []
     for i, one in enumerate(ways):
         line = []
@@ -183,12 +184,16 @@ def row_covariance(cell: Cell, record: Record, choice: object, blocks: Sequence,
                 if cell.colour and key != "Gamma_m":
                     z = np.exp(-2j * np.pi * f / record.fs)
                     spectrum *= (1.0 - cell.colour**2) / np.abs(1.0 - cell.colour * z) ** 2
-                cross += response(one[key], f) * np.conj(response(other[key], f)) * spectrum
+                cross += _response(one[key], f) * np.conj(_response(other[key], f)) * spectrum
             lags = np.fft.irfft(cross * power, POINTS)
             apart = blocks[i].place[:, None] - blocks[j].place[None, :]
             line.append(lags[(factor * apart) % POINTS])
         rows.append(np.hstack(line))
     return np.vstack(rows)
+
+
+def _response(slopes: Mapping[int, np.ndarray], f: np.ndarray) -> np.ndarray:
+    return np.asarray(sum(float(slope[0, 0]) * (2j * np.pi * f) ** order for order, slope in slopes.items()))
 
 
 def lines(cell: Cell, trials: Sequence[Trial], best: dict[str, float]) -> Iterator[str]:

@@ -7,15 +7,13 @@ E[dW^T dY] to W^T Y. What least squares would have found without them is (W^T W 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from modelgen.array_types import FloatArray, IntArray
+from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.kernel_noise import added_noise
-from modelgen.runtime.diagnostics.kernel_slopes import RowSlopes, row_slopes, shared_noise
-from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
+from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.row_noise import noise_band
 from modelgen.runtime.diagnostics.thresholds import (
     LEAST_BIAS,
@@ -26,7 +24,6 @@ from modelgen.runtime.diagnostics.thresholds import (
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
@@ -41,66 +38,22 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
     # instruments keep what drives report from biasing the columns of their gains
     free = {one.key for one in model.actuators} if fit.projected is not None else set()
     added, crossed = np.zeros((c, c)), np.zeros(c)
-    if isinstance(model.kernel, DeflectedKernel):
-        return _without_noise(fit, *_through_kernel(model, records, choice, fit))
-    of_record: dict[int, tuple[RowSlopes, ...]] = {}
-    if model.kernel is not None:
-        of_record = {
-            index: row_slopes(model, records[index], choice, choice.decimation[index])
-            for index in fit.by_record
-        }
+    place = np.full(len(model.base_parameters), -1)
+    place[[model.base_parameters.index(name) for name in fit.columns]] = np.arange(c)
     for block, weight in zip(fit.blocks, fit.weights, strict=True):
         record = records[block.record]
-        touched = np.arange(c) if block.touched is None else block.touched
+        ways = noise_ways(model, record, choice, choice.decimation[block.record])[block.row]
+        own = np.flatnonzero(place[ways.columns] >= 0)
+        at = place[ways.columns[own]]
         band = noise_band(record, choice)
-        if of_record:
-            columns = [*(model.base_parameters.index(fit.columns[place]) for place in touched), -1]
-            products = _of_slopes(of_record[block.record][block.row], columns, *band)
-        else:
-            products = _of_signals(_ways(model, fit, block.row, touched), *band)
-        for channel, shared in products:
+        for channel in ways.slopes:
             if channel in free:
                 continue
             noise = weight**2 * block.count * record.facts.spectrum(channel).noise
-            added[np.ix_(touched, touched)] += noise * shared[:-1, :-1]
-            crossed[touched] += noise * shared[:-1, -1]
+            shared = ways.products(channel, *band)
+            added[np.ix_(at, at)] += noise * shared[np.ix_(own, own)]
+            crossed[at] += noise * shared[own, -1]
     return _without_noise(fit, added, crossed)
-
-
-def _through_kernel(
-    model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit
-) -> tuple[FloatArray, FloatArray]:
-    """Return N and E[dW^T dY] of rows whose every entry is made of noisy readings by a kernel."""
-    places = [model.base_parameters.index(name) for name in fit.columns]
-    added, crossed = np.zeros((len(places),) * 2), np.zeros(len(places))
-    noises = {
-        index: added_noise(model, records[index], choice, choice.decimation[index])
-        for index in dict.fromkeys(block.record for block in fit.blocks)
-    }
-    for block, weight in zip(fit.blocks, fit.weights, strict=True):
-        if block.row in noises[block.record]:
-            of_columns, of_left = noises[block.record][block.row]
-            added += weight**2 * block.count * of_columns[np.ix_(places, places)]
-            crossed += weight**2 * block.count * of_left[places]
-    return added, crossed
-
-
-def _of_signals(
-    ways: Mapping[str, list[list[tuple[float, int]]]], frequency_hz: FloatArray, power: FloatArray
-) -> Iterator[tuple[str, FloatArray]]:
-    """Yield for every channel the mean products of what its noise, of power 1, adds to columns and Y."""
-    for channel, terms in ways.items():
-        responses = np.array([response(way, frequency_hz) for way in terms])
-        yield channel, np.real(np.conj(responses) * power @ responses.T)
-
-
-def _of_slopes(
-    slopes: RowSlopes, columns: Sequence[int], frequency_hz: FloatArray, power: FloatArray
-) -> Iterator[tuple[str, FloatArray]]:
-    """Yield the same where the columns are nonlinear in the channels."""
-    for channel, by_order in slopes.items():
-        moved = {times: one[columns] for times, one in by_order.items()}
-        yield channel, shared_noise(moved, frequency_hz, power)
 
 
 def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> FloatArray:
@@ -122,19 +75,6 @@ def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> FloatArr
     # a parameter over its scale is a unit vector in these directions
     part = np.sum(along[:, share > 1.0 - LEAST_SIGNAL] ** 2, axis=1)
     return np.asarray(np.where(part > LOST_PART, np.inf, x - found))
-
-
-def _ways(model: Model, fit: Fit, row: int, touched: IntArray) -> dict[str, list[list[tuple[float, int]]]]:
-    """Return for every channel in W its way into each column that a row touches, and last into Y."""
-    nothing = np.zeros(len(model.base_parameters))
-    alone = []
-    for name in (fit.columns[column] for column in touched):
-        own = nothing.copy()
-        own[model.base_parameters.index(name)] = -1.0  # channel_terms counts columns as -W x
-        alone.append(channel_terms(model, row, own, measured=False))
-    left = channel_terms(model, row, nothing)
-    channels = dict.fromkeys(channel for ways in alone for channel in ways)
-    return {key: [*(ways.get(key, []) for ways in alone), left.get(key, [])] for key in channels}
 
 
 def lost_in_noise(fit: Fit, bias: FloatArray) -> dict[str, str]:

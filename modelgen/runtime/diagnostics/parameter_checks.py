@@ -78,8 +78,9 @@ def null_solution(
 
 def _drowned(fit: Fit, index: int, model: Model, record: Record, choice: FilterChoice) -> bool:
     """Tell whether what a row leaves is hardly more than noise of the sensors."""
-    x = fit.all_parameters(model.base_parameters)
-    return fit.rms(index) < LARGEST_NOISE * row_noise(model, record, choice, fit.blocks[index].row, x)
+    x, block = fit.all_parameters(model.base_parameters), fit.blocks[index]
+    noise = row_noise(model, record, choice, choice.decimation[block.record], block.row, x)
+    return fit.rms(index) < LARGEST_NOISE * noise
 
 
 def negative_values(model: Model, parameters: Sequence[Parameter]) -> tuple[Advice, ...]:

@@ -102,7 +102,7 @@ def residual_tests(
         # noise in rows of power is that of forces times speeds: it has no colour of its own
         left = fit.residual_norms[index] > SMALLEST_ERROR * block.terms_norm(fit.solution.x)
         if left and not model.by_power:
-            colour = coloured(model, block, run.residual, x, choice, record.fs)
+            colour = coloured(model, record, block, run.residual, x, choice)
         white, bound = whiteness(colour, len(fit.blocks)) if colour else (None, None)
         correlation = _correlation(fit, index, run, step_s) if colour else None
         repeated = None

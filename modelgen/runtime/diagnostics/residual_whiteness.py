@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.diagnostics.noise_ways import NoiseWays, noise_ways
 from modelgen.runtime.diagnostics.thresholds import (
     CONFIDENCE,
     FEWEST_LINES,
@@ -27,6 +27,7 @@ from modelgen.runtime.filter_choice.signal_to_noise import gain
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.nonnegative import nonnegative
 from modelgen.runtime.numerics.tails import chi_square_beyond
+from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock
 
 
@@ -49,30 +50,32 @@ class Coloured:
 
 
 def coloured(
-    model: Model, block: RowBlock, residual: FloatArray, x: FloatArray, choice: FilterChoice, fs: float
+    model: Model, record: Record, block: RowBlock, residual: FloatArray, x: FloatArray, choice: FilterChoice
 ) -> Coloured | None:
     """Fit the noise of the channels to a residual's spectrum; None where there is too little of it.
 
     Parameters
     ----------
+    record : Record
+        That of the block.
     block : RowBlock
         The block of the residual.
     residual : array, shape (n,)
         Of a stretch without a gap.
     x : array, shape (columns,)
         All base parameters in the model's order, zero for those not in the fit.
-    fs : float
-        Sampling frequency of the record in Hz.
     """
     e = residual - residual.mean()
     n = len(e)
-    rate = fs / choice.decimation[block.record]
+    factor = choice.decimation[block.record]
+    rate = record.fs / factor
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / max(n, 1))
     # lines two apart are independent behind this window
     every = slice(2, None, 2)
     frequency_hz = np.asarray(np.fft.rfftfreq(n, 1.0 / rate)[every], dtype=float)
     power = np.abs(np.fft.rfft(e * window)[every]) ** 2
-    shapes = _shapes(model, block.row, x, choice, frequency_hz, rate, fs)
+    ways = noise_ways(model, record, choice, factor)[block.row].of_residual(x)
+    shapes = _shapes(ways, model.rows[block.row].differentiated, choice, frequency_hz, rate, record.fs)
     inside = shapes.max(axis=1) > LEAST_POWER * shapes.max() if shapes.size else np.zeros(0, dtype=bool)
     if inside.sum() < FEWEST_LINES or not np.any(power[inside] > 0.0):
         return None
@@ -96,9 +99,8 @@ def whiteness(found: Coloured, tests: int = 1) -> tuple[float, float]:
 
 
 def _shapes(
-    model: Model,
-    row: int,
-    x: FloatArray,
+    ways: NoiseWays,
+    differentiated: int,
     choice: FilterChoice,
     frequency_hz: FloatArray,
     rate: float,
@@ -106,49 +108,20 @@ def _shapes(
 ) -> FloatArray:
     """Return the spectrum that white noise of each channel gives the row, shape (frequencies, channels).
 
-    What lies above half the decimated rate is folded back.
+    A white force in the row comes last. What lies above half the decimated rate is folded back.
     """
     folds = range(int(np.ceil(0.5 * fs / rate)) + 1)
-    # noise of the channels on their ways into the row, and a white force in it
-    ways = [*channel_terms(model, row, x).values(), [(1.0, model.rows[row].differentiated)]]
-    shapes = np.zeros((len(frequency_hz), len(ways)))
+    shapes = np.zeros((len(frequency_hz), len(ways.slopes) + 1))
     for fold in folds:
         for sign in (1.0, -1.0):
             at = fold * rate + sign * frequency_hz
             valid = (at > 0.0) & (at <= 0.5 * fs)
             if not valid.any():
                 continue
-            low_pass = gain(at[valid], choice, 0, fs)
-            for column, terms in enumerate(ways):
-                shapes[valid, column] += (low_pass * np.abs(response(terms, at[valid]))) ** 2
+            force = (2.0 * np.pi * at[valid]) ** (2 * differentiated)
+            power = np.column_stack([*ways.spectra(at[valid]).values(), force])
+            shapes[valid] += gain(at[valid], choice, 0, fs)[:, None] ** 2 * power
     return shapes[:, shapes.max(axis=0, initial=0.0) > 0.0]
-
-
-def channel_terms(
-    model: Model, row: int, x: FloatArray, measured: bool = True
-) -> dict[str, list[tuple[float, int]]]:
-    """Return for every channel its way into Y - W x of a row, as pairs (weight, derivative).
-
-    Without `measured` Y is left out. What is not linear in a channel (a direction of motion) does not count.
-    """
-    signals = {signal.key: signal for signal in model.signals}
-    terms = list(model.measurement_columns[row]) if measured else []
-    for column, entries in model.regressor_columns[row].items():
-        if x[column]:
-            terms += [(-float(x[column]) * coefficient, key) for coefficient, key in entries]
-    found: dict[str, list[tuple[float, int]]] = {}
-    for weight, key in terms:
-        signal = signals.get(key)
-        channel = signal and (signal.sensor or signal.actuator)
-        if signal is not None and channel:
-            found.setdefault(channel, []).append((weight, signal.derivative))
-    return found
-
-
-def response(terms: list[tuple[float, int]], frequency_hz: FloatArray) -> npt.NDArray[np.complex128]:
-    """Return the sum of weight times (j omega)^derivative at frequencies in Hz, shape (n,)."""
-    s = 2j * np.pi * frequency_hz
-    return np.asarray(sum((weight * s**order for weight, order in terms), np.zeros(len(s), dtype=complex)))
 
 
 def _fitted(shapes: FloatArray, power: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.diagnostics.residual_whiteness import channel_terms, response
+from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.thresholds import (
     FRICTION_OVER_REST,
     HIGHEST,
@@ -30,19 +30,21 @@ def noise_band(record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatA
     return frequency_hz, gain(frequency_hz, choice, 0, record.fs) ** 2 * top_hz / NOISE_LINES
 
 
-def row_noise(model: Model, record: Record, choice: FilterChoice, row: int, x: FloatArray) -> float:
+def row_noise(
+    model: Model, record: Record, choice: FilterChoice, factor: int, row: int, x: FloatArray
+) -> float:
     """Return the rms that noise of the sensors gives Y - W x of a row, in its unit.
 
     Parameters
     ----------
+    factor : int
+        Decimation of the record.
     x : array, shape (columns,)
         All base parameters in the model's order, zero for those not in the fit.
     """
     frequency_hz, power = noise_band(record, choice)
-    total = 0.0
-    for channel, terms in channel_terms(model, row, x).items():
-        noise = record.facts.spectrum(channel).noise
-        total += noise * float(np.abs(response(terms, frequency_hz)) ** 2 @ power)
+    spectra = noise_ways(model, record, choice, factor)[row].of_residual(x).spectra(frequency_hz)
+    total = sum(record.facts.spectrum(key).noise * float(one @ power) for key, one in spectra.items())
     return sqrt(total)
 
 
@@ -65,7 +67,8 @@ def exceeding_noise(
     """
     found, x = [], fit.all_parameters(model.base_parameters)
     for index, (block, left) in enumerate(zip(fit.blocks, fit.left_shares, strict=True)):
-        noise = row_noise(model, records[block.record], choice, block.row, x)
+        factor = choice.decimation[block.record]
+        noise = row_noise(model, records[block.record], choice, factor, block.row, x)
         if left > share and fit.rms(index) > multiple * noise:
             found.append((block, left))
     return found

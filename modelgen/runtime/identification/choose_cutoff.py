@@ -29,6 +29,7 @@ from modelgen.runtime.identification.thresholds import (
     CLEARLY_BETTER,
     CUTOFF_STEPS,
     FULLY_KNOWN,
+    LEAST_CALM,
     LITTLE_BIAS,
     LOAD_ROW_LEFT,
     NEARLY_BEST,
@@ -142,27 +143,29 @@ def _explained(choice: FilterChoice, first: FilterChoice) -> FilterChoice:
 
 
 def with_calm_turns(task: Task) -> Task:
-    """Return a task with the lowest cut-off at which rows with a force leave turns out and keep enough.
+    """Return a task with a cut-off at which rows with a force leave turns out and keep enough samples.
 
     While a joint sticks its friction is no sign of a speed, and the low-pass of the rows spreads that around
     every turn. The rows of least squares see little of noise behind a low cut-off; noise does not bias
-    instruments, so these may see a wider band, in which a turn is short. It is the same task where there is
-    no such cut-off. What was given stays as it is.
+    instruments, so these may see a wider band, in which a turn is short. It is the lowest cut-off at which
+    every row keeps `CALM_SHARE` of its record, else the one at which the row that keeps least keeps most, if
+    that is `LEAST_CALM`; else the same task. What was given stays as it is.
     """
     filters, job = task.filters, task.job
     if filters.cutoff_hz is not None or filters.directions:
         return task
     choice, lowest_fs = task.choice, min(record.fs for record in task.records)
+    found = []
     for _ in range(CALM_CUTOFFS):
         try:
             blocks = replace(job, choice=choice).calm(job.records).blocks
         except (DataError, IdentifiabilityError):
-            return task
-        if all(_calm(block, job, choice) for block in blocks if block.has_force):
             break
+        shares = (_calm_share(block, job, choice) for block in blocks if block.has_force)
+        found.append((min(shares, default=0.0), choice))
         cutoff_hz = CALM_STEP * choice.cutoff_hz
-        if cutoff_hz * SIGNAL_CUTOFF > HIGHEST_CUTOFF * lowest_fs:
-            return task
+        if found[-1][0] >= CALM_SHARE or cutoff_hz * SIGNAL_CUTOFF > HIGHEST_CUTOFF * lowest_fs:
+            break
         choice = choose_filter(
             job.model,
             job.records,
@@ -173,9 +176,8 @@ def with_calm_turns(task: Task) -> Task:
             signal_cutoff_hz=filters.signal_cutoff_hz,
         )
         choice = replace(choice, slow_speeds=task.choice.slow_speeds)
-    else:
-        return task
-    if choice is task.choice:
+    share, choice = max(found, key=lambda one: one[0], default=(0.0, task.choice))
+    if share < LEAST_CALM or choice is task.choice:
         return task
     sentence = (
         f"Cut-off {choice.cutoff_hz:.4g} Hz in place of {task.choice.cutoff_hz:.4g} Hz: rows that leave out "
@@ -186,7 +188,7 @@ def with_calm_turns(task: Task) -> Task:
     return replace(task, choice=choice, job=replace(job, choice=choice))
 
 
-def _calm(block: RowBlock, job: Job, choice: FilterChoice) -> bool:
-    """Tell whether a block leaves turns out, and keeps enough of its record."""
+def _calm_share(block: RowBlock, job: Job, choice: FilterChoice) -> float:
+    """Return the share of its record that a block keeps, 0 where it does not leave turns out."""
     every = job.records[block.record].n / choice.decimation[block.record]
-    return not block.turning and block.count >= CALM_SHARE * every
+    return 0.0 if block.turning else block.count / every

@@ -103,9 +103,9 @@ LONGEST_LAG = 0.5
 
 # Cut-offs at which turns of arms are to be short enough: so many, each so many times the one before;
 CALM_CUTOFFS, CALM_STEP = 6, 1.6
-# and the share of a record that every row is to keep there: with half of it and gaps, intervals are a
-# fifth too narrow in simulations.
-CALM_SHARE = 0.75
+# and the share of a record that every row is to keep there. With half of it and gaps intervals are a fifth
+# too narrow in simulations, which is less harm than turns that are not left out: below that they stay in.
+CALM_SHARE, LEAST_CALM = 0.75, 0.5
 # Least squares of an arm that leave this share of a row, and this multiple of the noise, lack what no
 # instruments would cure; in simulations stick and slip alone leaves up to four times the noise.
 LEFT_BY_ARMS, FAR_OVER_NOISE = 0.01, 6.0

@@ -7,8 +7,10 @@ mean) is asked of all of them.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +23,7 @@ from modelgen.runtime.records.period import first_lag
 from modelgen.runtime.records.thresholds import ACTIVE, PIECES, WHOLE
 
 ComplexArray = npt.NDArray[np.complex128]
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,13 @@ class RecordFacts:
         self._lags: dict[str, int | None] = {}
         self._lines: dict[str, tuple[ComplexArray, ...]] = {}
         self._stretches: dict[str, tuple[FloatArray, ...]] = {}
+        self._kept: dict[Hashable, Any] = {}
+
+    def kept(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """Return what was made of the record under a key, made when first asked for."""
+        if key not in self._kept:
+            self._kept[key] = make()
+        return cast(Made, self._kept[key])
 
     def stretches(self, channel: str) -> tuple[FloatArray, ...]:
         """Return the samples of a channel, or of a long record stretches of equal length, shape (m,) each."""

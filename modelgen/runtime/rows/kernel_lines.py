@@ -60,16 +60,8 @@ class KernelLines:
         return before, behind
 
     @cached_property
-    def _formed(self) -> Mapping[str, int]:
-        """How often inner lines are differentiated, by their keys."""
-        if not isinstance(self.kernel, DeflectedKernel):
-            return {}
-        keys = frozenset(self.kernel.inner.keys)
-        return {key: order for key, order in sorted(self.kernel.reads) if key in keys}
-
-    @property
     def _reach(self) -> int:
-        return len(self.stencil) * max(self._formed.values(), default=0)
+        return inner_reach(self.kernel, self.stencil)
 
     def at(self, filtered: Filtered, start: int, count: int) -> dict[str, FloatArray]:
         """Return every line at the samples kept from `start` on, shape (count,) each.
@@ -81,25 +73,53 @@ class KernelLines:
         inside = before + (count - 1) * self.low_passes[0].factor + 1 + behind + 2 * reach
         made = {channel: filtered(channel, one, low, inside) for channel, one in self.operators.items()}
         read = {key: made[channel][:, column] for key, (channel, column) in self.inputs.items()}
-        lines, orders = self._lines(read), self.kernel.orders
+        lines = formed(self.kernel, with_inner(self.kernel, read, self.stencil, self.fs))
+        orders = self.kernel.orders
         return {
             key: self.low_passes[orders.get(key, 0)].apply(line, before, count)[:, 0]
             for key, line in lines.items()
         }
 
-    def _lines(self, read: Mapping[Read, FloatArray]) -> Mapping[str, FloatArray]:
-        if not isinstance(self.kernel, DeflectedKernel):
-            return self.kernel.lines({key: read[place] for key, place in self.kernel.reads_of.items()})
-        if not self._formed:
-            return self.kernel.lines(read)
-        inner, reach = self.kernel.inner, self._reach
-        signals = {key: read[place] for key, place in inner.reads_of.items()}
-        known = {place: value[reach : len(value) - reach] for place, value in read.items()}
-        for key, line in inner.lines(signals).items():
-            for order in range(self._formed[key] + 1):
-                known[key, order] = line[reach : len(line) - reach]
-                line = differentiate(line, 1.0 / self.fs, 1, self.stencil)
-        return self.kernel.lines(known)
+
+def inner_orders(kernel: Kernel | DeflectedKernel) -> dict[str, int]:
+    """Return how often the lines that others are made of are differentiated at most, by their keys."""
+    if not isinstance(kernel, DeflectedKernel):
+        return {}
+    keys = frozenset(kernel.inner.keys)
+    return {key: order for key, order in sorted(kernel.reads) if key in keys}
+
+
+def with_inner(
+    kernel: Kernel | DeflectedKernel, read: Mapping[Read, FloatArray], stencil: tuple[float, ...], fs: float
+) -> dict[Read, FloatArray]:
+    """Return what is read, shape (N,) each, and lines that others are made of, with their derivatives.
+
+    These are central differences at the sampling frequency `fs` in Hz, which need some samples at both ends:
+    all is shorter by those, unless there are no such lines.
+    """
+    orders = inner_orders(kernel)
+    if not isinstance(kernel, DeflectedKernel) or not orders:
+        return dict(read)
+    reach = inner_reach(kernel, stencil)
+    known = {place: value[reach : len(value) - reach] for place, value in read.items()}
+    signals = {key: read[place] for key, place in kernel.inner.reads_of.items()}
+    for key, line in kernel.inner.lines(signals).items():
+        for order in range(orders[key] + 1):
+            known[key, order] = line[reach : len(line) - reach]
+            line = differentiate(line, 1.0 / fs, 1, stencil)
+    return known
+
+
+def inner_reach(kernel: Kernel | DeflectedKernel, stencil: tuple[float, ...]) -> int:
+    """Return how many samples at each end `with_inner` takes."""
+    return len(stencil) * max(inner_orders(kernel).values(), default=0)
+
+
+def formed(kernel: Kernel | DeflectedKernel, known: Mapping[Read, FloatArray]) -> Mapping[str, FloatArray]:
+    """Return every line of a kernel, shape (N,) each, from what `with_inner` returns."""
+    if isinstance(kernel, DeflectedKernel):
+        return kernel.lines(known)
+    return kernel.lines({key: known[place] for key, place in kernel.reads_of.items()})
 
 
 def kernel_lines(model: Model, filtering: Filtering, fast: bool | None) -> KernelLines | None:
@@ -109,9 +129,9 @@ def kernel_lines(model: Model, filtering: Filtering, fast: bool | None) -> Kerne
         return None
     orders: dict[str, list[int]] = {}
     inputs = {}
-    formed = frozenset(kernel.inner.keys) if isinstance(kernel, DeflectedKernel) else ()
+    inner = inner_orders(kernel)
     for source, order in dict.fromkeys(kernel.reads):
-        if source in formed:
+        if source in inner:
             continue
         inputs[source, order] = (source, len(orders.setdefault(source, [])))
         orders[source].append(order)

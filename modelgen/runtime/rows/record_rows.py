@@ -95,8 +95,8 @@ class RecordRows:
         parts = list(self.over_chunks(of))
         return tuple(np.concatenate(row, axis=1) for row in zip(*parts, strict=True))
 
-    def derivatives(self, channel: str, orders: Sequence[int]) -> FloatArray:
-        """Return filtered derivatives of a force's channel at the samples kept, shape (grid, orders)."""
+    def derivatives(self, source: str, orders: Sequence[int]) -> FloatArray:
+        """Return filtered derivatives of a channel or feature at the samples kept, shape (grid, orders)."""
         filtering = self.plan.filtering
         operator = fused_operator(
             filtering.linear,
@@ -109,7 +109,10 @@ class RecordRows:
         before, behind = operator.margins
 
         def of(chunk: Chunk) -> FloatArray:
-            samples = read_continued(self.source, channel, chunk.start - before, chunk.stop + behind)
+            if source in self.plan.features:
+                feature = self.plan.features[source]
+                return self.plan.filtered_feature(chunk, feature, operator, chunk.first, chunk.count)
+            samples = read_continued(self.source, source, chunk.start - before, chunk.stop + behind)
             return operator.apply(samples, before, chunk.count)
 
         return np.concatenate(list(self.over_chunks(of)))

@@ -102,7 +102,7 @@ class SignalPlan:
 
     def feature(self, stretch: Stretch, feature: Feature, start: int, count: int) -> FloatArray:
         """Return a feature, formed at full rate, filtered, at samples kept from `start`, shape (count,)."""
-        return self._filtered_feature(stretch, feature, self.feature_operator, start, count)[:, 0]
+        return self.filtered_feature(stretch, feature, self.feature_operator, start, count)[:, 0]
 
     def kernel_features(self, stretch: Stretch, start: int, count: int) -> dict[str, FloatArray]:
         """Return the features of the kernel at samples kept from `start` on, shape (count,) each."""
@@ -110,7 +110,7 @@ class SignalPlan:
 
         def filtered(source: str, operator: FusedOperator, first: int, samples: int) -> FloatArray:
             if source in self.features:
-                return self._filtered_feature(stretch, self.features[source], operator, first, samples)
+                return self.filtered_feature(stretch, self.features[source], operator, first, samples)
             return self._filtered(stretch, source, operator, first, samples)
 
         return self.kernel.at(filtered, start, count)
@@ -135,7 +135,7 @@ class SignalPlan:
             self._without_rounding(found[:, column], reading, derivative)
         return found
 
-    def _filtered_feature(
+    def filtered_feature(
         self, stretch: Stretch, feature: Feature, operator: FusedOperator, start: int, count: int
     ) -> FloatArray:
         """Return what an operator makes of a feature, formed at the full rate, shape (count, derivatives)."""

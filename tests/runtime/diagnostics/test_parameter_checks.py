@@ -126,7 +126,7 @@ def test_the_noise_of_a_row_is_that_of_a_record_of_noise_alone() -> None:
     choice = FilterChoice(6, 200.0, 100.0, (1,), 100.0, 100.0, (), (), ())
     for block in observe(model, [record], choice).blocks:
         left = np.std(block.Y - block.W @ truth)
-        assert row_noise(model, record, choice, block.row, truth) == pytest.approx(left, rel=0.05)
+        assert row_noise(model, record, choice, 1, block.row, truth) == pytest.approx(left, rel=0.05)
 
 
 def test_a_load_row_that_noise_pulls_to_zero_is_named() -> None:

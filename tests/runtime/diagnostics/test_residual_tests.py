@@ -36,7 +36,7 @@ def test_filtered_noise_of_both_channels_is_called_white_as_often_as_the_bound_s
     for seed in range(40):
         record = rigid_record(n=12000, noise=2e-6, force_noise=2.0, seed=seed)
         fit = fit_of(record)
-        found = coloured(RIGID, fit.blocks[0], fit.residuals[0], solution(fit), CHOICE, FS)
+        found = coloured(RIGID, record, fit.blocks[0], fit.residuals[0], solution(fit), CHOICE)
         assert found is not None
         statistic, bound = whiteness(found)
         statistics.append(statistic)
@@ -124,7 +124,7 @@ def test_what_repeats_in_every_period_is_told_from_noise() -> None:
 def test_the_bounds_are_those_of_all_rows_together() -> None:
     record = rigid_record()
     fit = fit_of(record)
-    found = coloured(RIGID, fit.blocks[0], fit.residuals[0], solution(fit), CHOICE, FS)
+    found = coloured(RIGID, record, fit.blocks[0], fit.residuals[0], solution(fit), CHOICE)
     assert found is not None
     assert whiteness(found, 10)[1] > whiteness(found, 1)[1]
     twice = replace(fit, blocks=fit.blocks * 2, residuals=fit.residuals * 2, weights=fit.weights * 2)

@@ -10,10 +10,12 @@ import pytest
 
 from modelgen import CheckOptions, Filters, identify
 from modelgen.render.arms.arm_writer import arm_module
+from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.rows.observation import observe
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
@@ -176,3 +178,20 @@ def test_steps_are_linear_about_the_point_to_second_order() -> None:
     slopes = np.concatenate([b.dense(len(point)).W for b in observe(about, [part], choice).blocks])
     wanted = (held(point + step) - held(point - step)) / 2.0
     np.testing.assert_allclose(slopes @ step, wanted, atol=1e-5 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("case", ["torques", "motors alone, gears", "links alone, gears"])
+def test_the_noise_that_rows_are_expected_to_hold_is_what_they_hold(case: str) -> None:
+    model, record, truth = made(case)
+    x = np.array([*truth.values()])
+    if isinstance(model.kernel, DeflectedKernel):
+        model = replace(model, kernel=model.kernel.at(x))
+    clean, loud = with_derived(model, [record, noisy(model, record, 1)])
+    choice = choose_filter(model, [clean])
+    pairs = zip(*(observe(model, [one], choice).blocks for one in (clean, loud)), strict=True)
+    for one, other in pairs:
+        _, here, there = np.intersect1d(one.place, other.place, return_indices=True)
+        before, after = one.dense(len(x)), other.dense(len(x))
+        added = (after.Y - after.W @ x)[there] - (before.Y - before.W @ x)[here]
+        expected = row_noise(model, loud, choice, choice.decimation[0], one.row, x)
+        assert expected == pytest.approx(np.std(added), rel=0.2)

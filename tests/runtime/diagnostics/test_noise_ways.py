@@ -9,6 +9,7 @@ import pytest
 
 from modelgen import CheckOptions, Filters, identify
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.methods import WLS
 from modelgen.runtime.least_squares.wls import fit_matched
@@ -62,3 +63,16 @@ def test_intervals_count_it_and_what_is_nothing_but_noise_is_refused() -> None:
         assert abs(value - exact[name]) < 2.5 * biased.bse[name]
     drowned = identify(model, noisy(3e-4, 1), WLS(), filters, quick)
     assert {"Izz_1_R", "my_1", "mx_2", "my_2", "Izz_2"} <= {*drowned.not_identifiable}
+
+
+def test_what_a_row_leaves_of_a_record_is_the_noise_that_is_expected_of_it() -> None:
+    model, values, clean = arm()
+    choice = choose_filter(model, [clean], cutoff_hz=60.0, signal_cutoff_hz=200.0)
+    truth = model.base_from_physical(values)
+    record = noisy(1e-5, 3)
+    before, after = (observe(model, [one], choice).blocks for one in (clean, record))
+    for one, other in zip(before, after, strict=True):
+        _, here, there = np.intersect1d(one.place, other.place, return_indices=True)
+        added = (other.Y - other.W @ truth)[there] - (one.Y - one.W @ truth)[here]
+        expected = row_noise(model, record, choice, choice.decimation[0], one.row, truth)
+        assert expected == pytest.approx(np.std(added), rel=0.1)

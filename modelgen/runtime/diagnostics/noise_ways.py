@@ -1,0 +1,181 @@
+"""What white noise of the sensors does to the columns of rows, to first order.
+
+A column changes by its slope in a derivative of a reading times that derivative of the reading's noise.
+Slopes of columns that are linear in the readings are constants. Others change as slowly as the motion, noise
+is fast: they are differences, at samples from stretches all over the record, and what counts of them is the
+mean of their products over these samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.diagnostics.thresholds import SLOPE_SAMPLES, SLOPE_STEP, SLOPE_STRETCHES
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.model.arm_kernel import Kernel, Read
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.model.model import Model, Signal, Terms
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.filter_sections import matched_filtering
+from modelgen.runtime.rows.kernel_lines import formed, inner_orders, inner_reach, with_inner
+from modelgen.runtime.rows.record_rows import RecordRows
+from modelgen.runtime.rows.signal_plan import signal_plan
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseWays:
+    """Ways of the readings' noise into a row.
+
+    Attributes
+    ----------
+    columns : array of int, shape (c,)
+        Columns that the row touches, of all the model's.
+    slopes : mapping of str to mapping of int to array, shape (c + 1, samples)
+        Channel to how often its noise is differentiated to what each column changes by, and last the left
+        side; there is one sample where all are linear.
+    """
+
+    columns: IntArray
+    slopes: Mapping[str, Mapping[int, FloatArray]]
+
+    def of_residual(self, x: FloatArray) -> NoiseWays:
+        """Return the ways into Y - W x, a left side without columns; x has all columns of the model."""
+        mixed = np.append(-x[self.columns], 1.0)
+        slopes = {
+            channel: {order: (mixed @ slope)[None] for order, slope in by_order.items()}
+            for channel, by_order in self.slopes.items()
+        }
+        return NoiseWays(self.columns[:0], slopes)
+
+    def products(self, channel: str, frequency_hz: FloatArray, power: FloatArray) -> FloatArray:
+        """Return the mean products of what noise of a channel adds to columns and left side, (c + 1, c + 1).
+
+        `power`, shape (n,), is that of the noise in each line behind the low-pass.
+        """
+        s = 2j * np.pi * frequency_hz
+        total: FloatArray = np.zeros(())
+        for one, left in self.slopes[channel].items():
+            for other, right in self.slopes[channel].items():
+                alike = float(np.real(np.conj(s**one) * s**other) @ power)
+                total = total + alike * (left @ right.T) / left.shape[1]
+        return total
+
+    def spectra(self, frequency_hz: FloatArray) -> dict[str, FloatArray]:
+        """Return the power of what white noise of each channel adds to the left side, shape (n,) each."""
+        omega, found = 2.0 * np.pi * frequency_hz, {}
+        for channel, by_order in self.slopes.items():
+            lines = [(1j * omega) ** order for order in by_order]
+            left = np.array([slope[-1] for slope in by_order.values()])
+            shared = left @ left.T / left.shape[1]
+            found[channel] = np.real(np.einsum("in,ij,jn->n", np.conj(lines), shared, np.array(lines)))
+        return found
+
+
+def noise_ways(model: Model, record: Record, choice: FilterChoice, factor: int) -> tuple[NoiseWays, ...]:
+    """Return the ways into every row; `factor` is the decimation of the record."""
+    return record.facts.kept((model, choice, factor), lambda: _found(model, record, choice, factor))
+
+
+def _found(model: Model, record: Record, choice: FilterChoice, factor: int) -> tuple[NoiseWays, ...]:
+    kernel = model.kernel
+    of_lines: Mapping[str, Mapping[Read, FloatArray]] = {}
+    samples, orders = 1, dict[str, int]()
+    if kernel is not None:
+        values = _values(model, kernel, record, choice, factor)
+        samples, orders = SLOPE_STRETCHES * SLOPE_SAMPLES, dict(kernel.orders)
+        of_lines = _line_slopes(kernel, values, {signal.channel for signal in _readings(model)})
+    plain = {one.key: {(one.channel, one.derivative): np.ones(1)} for one in _readings(model)}
+    found = []
+    for touched, left in zip(model.regressor_columns, model.measurement_columns, strict=True):
+        slopes: dict[str, dict[int, FloatArray]] = {}
+        sums: list[Terms] = [*touched.values(), left]
+        for place, (weight, key) in ((place, term) for place, terms in enumerate(sums) for term in terms):
+            ways = of_lines[key] if key in of_lines else plain.get(key, {})
+            for (channel, order), slope in ways.items():
+                own = slopes.setdefault(channel, {})
+                times = order + orders.get(key, 0)
+                if times not in own:
+                    own[times] = np.zeros((len(sums), samples))
+                own[times][place] += weight * slope
+        found.append(NoiseWays(np.array(list(touched), dtype=int), slopes))
+    return tuple(found)
+
+
+def _readings(model: Model) -> list[Signal]:
+    """Return the signals that sensors and actuators read: what the record says is carried has no noise."""
+    return [one for one in model.signals if (one.sensor or one.actuator) and one.channel not in model.loads]
+
+
+def _values(
+    model: Model, kernel: Kernel | DeflectedKernel, record: Record, choice: FilterChoice, factor: int
+) -> dict[Read, FloatArray]:
+    """Return what lines are made of, behind the low-pass, at the samples, shape (samples,) each."""
+    inner = inner_orders(kernel)
+    step = 1 if inner else factor  # what others are made of is differentiated at the full rate
+    plan = signal_plan(model, matched_filtering(choice, record.fs, step), False)
+    stencil = plan.filtering.stencil
+    reach, stride = inner_reach(kernel, stencil), SLOPE_SAMPLES * factor
+    starts = np.linspace(0, max(record.n - stride, 0), SLOPE_STRETCHES + 2)[1:-1].astype(int).tolist()
+    orders: dict[str, list[int]] = {}
+    for source, order in (read for read in dict.fromkeys(kernel.reads) if read[0] not in inner):
+        orders.setdefault(source, []).append(order)
+    found: dict[Read, list[FloatArray]] = {}
+    for start in starts:
+        rows = RecordRows(record, plan, range(start - reach, start + stride + reach, step))
+        read: dict[Read, FloatArray] = {}
+        for source, of in orders.items():
+            table = rows.derivatives(source, of)
+            read |= {(source, order): table[:, column] for column, order in enumerate(of)}
+        for place, value in with_inner(kernel, read, stencil, record.fs).items():
+            found.setdefault(place, []).append(value[:: factor // step])
+    return {place: np.concatenate(parts) for place, parts in found.items()}
+
+
+def _line_slopes(
+    kernel: Kernel | DeflectedKernel, values: Mapping[Read, FloatArray], noisy: Set[str]
+) -> dict[str, dict[Read, FloatArray]]:
+    """Return d line / d reading at the samples, by line and reading; without those that are zero.
+
+    A line that others are made of takes its noise there, differentiated as often as the line is.
+    """
+    if not isinstance(kernel, DeflectedKernel):
+        return _slopes(partial(formed, kernel), kernel.keys, values, noisy)
+    inner = kernel.inner
+    reads = {place: values[place] for place in inner.reads_of.values()}
+    below = _slopes(partial(formed, inner), inner.keys, reads, noisy) if inner.keys else {}
+    # a direction of what is given jumps: as one that is measured, it is without noise
+    directions = {f"{way} {one.name}" for one in kernel.speeds for way in ("sign", "forward", "backward")}
+    lines = [k for k in kernel.keys if not directions.intersection(key for _, key in kernel.sums.get(k, ()))]
+    settled = kernel.at(kernel.point, sampled=True)
+    found = _slopes(partial(formed, settled), lines, values, noisy | below.keys())
+    for ways in found.values():
+        for key, more in [place for place in ways if place[0] in below]:
+            along = ways.pop((key, more))
+            for (channel, order), slope in below[key].items():
+                ways[channel, order + more] = ways.get((channel, order + more), 0.0) + along * slope
+    return found
+
+
+def _slopes(
+    lines: Callable[[Mapping[Read, FloatArray]], Mapping[str, FloatArray]],
+    keys: Sequence[str],
+    values: Mapping[Read, FloatArray],
+    noisy: Set[str],
+) -> dict[str, dict[Read, FloatArray]]:
+    """Return d line / d value at the samples, by line and what is noisy of the values."""
+    found: dict[str, dict[Read, FloatArray]] = {key: {} for key in keys}
+    for read, value in values.items():
+        if read[0] not in noisy:
+            continue
+        step = SLOPE_STEP * (float(np.sqrt(np.mean(value**2))) or 1.0)
+        above, below = (lines({**values, read: value + sign * step}) for sign in (1.0, -1.0))
+        for key in keys:
+            slope = (above[key] - below[key]) / (2.0 * step)
+            if slope.any():
+                found[key][read] = slope
+    return found
