@@ -24,8 +24,9 @@ from modelgen.runtime.identification.thresholds import (
 from modelgen.runtime.iv.effect import DIRECTION, Effect
 from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
 from modelgen.runtime.iv.score_tests import Score
-from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS
+from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS, LEVEL
 from modelgen.runtime.iv.told_effects import left
+from modelgen.runtime.numerics.tails import normal_beyond
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +110,15 @@ class Search:
         What stood in for it (a clock for a delay, friction of one body for that of another) goes.
         """
         effects, sizes = (*self.effects, effect), (*self.now.sizes, 0.0)
+        certain = normal_beyond(0.5 * LEVEL)
         while True:
             found = self._solved(effects, sizes)
             if found is None:
                 return None
             real = [self._is_real(*one) for one in zip(effects, found.sizes, strict=True)]
+            # zeros that a start brought along are nuisances: they stay, whatever their size is
+            for place in range(self.given, len(effects) - 1):
+                real[place] &= abs(found.sizes[place]) > certain * found.stds[place]
             if all(real):
                 return effects, found
             if not real[-1]:

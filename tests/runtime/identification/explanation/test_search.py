@@ -1,0 +1,65 @@
+"""What goes from a search for effects once another one is estimated, and what stays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.explanation import search as module
+from modelgen.runtime.identification.explanation.search import Search
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.freed_effects import Freed
+from modelgen.runtime.iv.model_errors import effects_of
+from tests.runtime.two_mass_records import SMALL, two_mass_records
+
+EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), 2)}
+FRICTION, LATE, GAIN = (EFFECTS[name] for name in ("Coulomb friction on c", "delay of q_c", "gain of q_c"))
+
+
+@cache
+def job() -> Job:
+    records = tuple(two_mass_records())
+    return Job(SMALL, records, choose_filter(SMALL, records))
+
+
+def solved(monkeypatch: pytest.MonkeyPatch, certain: dict[str, float]) -> None:
+    """Let every fit find sizes that are so many of their standard deviations."""
+
+    def fit(setting: Any, rows: Any, start: Any, effects: Sequence[Effect], *rest: Any) -> Freed:
+        stds = tuple(1e-6 for _ in effects)
+        sizes = tuple(certain[effect.name] * 1e-6 for effect in effects)
+        return Freed(cast(Any, None), cast(Any, SimpleNamespace()), setting, sizes, stds)
+
+    monkeypatch.setattr(module, "fit_with_effects", fit)
+
+
+def searching(*effects: Effect, given: int = 0) -> Search:
+    now = Freed(cast(Any, None), cast(Any, None), job().setting(), tuple(1e-6 for _ in effects))
+    return Search(job(), None, now, effects, given, {}, np.zeros((6, 6)))
+
+
+def test_what_stood_in_for_an_effect_goes_once_that_one_is_estimated(monkeypatch: pytest.MonkeyPatch) -> None:
+    solved(monkeypatch, {LATE.name: 1.5, GAIN.name: -8.0, FRICTION.name: 20.0})
+    found = searching(LATE, GAIN)._freed(FRICTION)
+    assert found is not None
+    assert found[0] == (GAIN, FRICTION)
+    assert len(found[1].sizes) == 2
+
+
+def test_effects_that_a_start_brought_along_stay_however_small(monkeypatch: pytest.MonkeyPatch) -> None:
+    solved(monkeypatch, {LATE.name: 0.1, FRICTION.name: 20.0})
+    found = searching(LATE, given=1)._freed(FRICTION)
+    assert found is not None
+    assert found[0] == (LATE, FRICTION)
+
+
+def test_an_effect_whose_sign_physics_forbids_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    solved(monkeypatch, {LATE.name: 5.0, FRICTION.name: -20.0})
+    assert searching(LATE)._freed(FRICTION) is None
