@@ -10,6 +10,7 @@ motion found is supposed next; it converges to that of the nonlinear equations.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import factorial
 from typing import Protocol
 
 import numpy as np
@@ -27,6 +28,7 @@ from modelgen.runtime.simulation.arms.thresholds import (
     ROUNDS,
     RUNAWAY,
     SETTLED,
+    SLOWEST,
     SMALLEST_WINDOW,
     WINDOW,
 )
@@ -155,29 +157,39 @@ def _maps(linear: _Linear, step_s: float) -> tuple[FloatArray, FloatArray]:
     """Return what a step makes of (q, v, 1), shape (K, 2 n, 2 n + 1), and of the signs, (K, 2 n, C).
 
     Magnus' expansion by Simpson's rule (Iserles et al. 2000): the exponential of
-    h (A0 + 4 A1 + A2) / 6 + h^2 (A2 A0 - A0 A2) / 12, with A at begin, middle and end of the step.
+    h (A0 + 4 A1 + A2) / 6 + h^2 (A2 A0 - A0 A2) / 12, with A at begin, middle and end of the step. What does
+    not depend on the state is a parabola in time through the same places, integrated exactly.
     """
-    n, size = linear.by_q.shape[1], 2 * linear.by_q.shape[1]
-    h, further = step_s, np.concatenate((linear.at_rest, linear.by_signs), axis=2)
-    # speeds times h stand beside positions: all entries are in their unit
-    by_q, by_v, forced = h**2 * linear.by_q, h * linear.by_v, h**2 * further
+    h, n = step_s, linear.by_q.shape[1]
+    further = np.concatenate((linear.at_rest, linear.by_signs), axis=2)
+    # speeds in a unit in which both halves of the exponent are about as large
+    unit = float(np.sqrt(np.clip(h**2 * np.abs(linear.by_q).sum(axis=2).max(), SLOWEST, 1.0)))
+    by_q, by_v, forced = h**2 / unit * linear.by_q, h * linear.by_v, h**2 / unit * further
     (q0, q1, q2), (v0, v1, v2), (f0, f1, f2) = ((x[:-1:2], x[1::2], x[2::2]) for x in (by_q, by_v, forced))
-    exponent = np.zeros((len(q0), size, size + further.shape[2]))
-    exponent[:, :n, n:size] = np.eye(n) + (v0 - v2) / 12.0
-    exponent[:, :n, :n], exponent[:, :n, size:] = (q0 - q2) / 12.0, (f0 - f2) / 12.0
-    for place, (x0, x1, x2) in ((slice(n), (q0, q1, q2)), (slice(size, None), (f0, f1, f2))):
-        exponent[:, n:, place] = (x0 + 4.0 * x1 + x2) / 6.0 + (v2 @ x0 - v0 @ x2) / 12.0
-    exponent[:, n:, n:size] = (v0 + 4.0 * v1 + v2) / 6.0 + (q2 - q0 + v2 @ v0 - v0 @ v2) / 12.0
-    total, term = exponent.copy(), exponent
-    total[:, :, :size] += np.eye(size)
-    for degree in range(2, DEGREES):
-        term = exponent[:, :, :size] @ term / degree
-        total += term
-        if np.abs(term).max() < ROUNDED:
-            break
-    total[:, n:] /= h
-    total[:, :, n:size] *= h
-    return total[:, :, : size + 1], total[:, :, size + 1 :]
+    exponent = np.zeros((len(q0), 2 * n, 2 * n))
+    exponent[:, :n, :n], exponent[:, :n, n:] = unit * (q0 - q2) / 12.0, unit * (np.eye(n) + (v0 - v2) / 12.0)
+    exponent[:, n:, :n] = (q0 + 4.0 * q1 + q2) / 6.0 + (v2 @ q0 - v0 @ q2) / 12.0
+    exponent[:, n:, n:] = (v0 + 4.0 * v1 + v2) / 6.0 + (unit * (q2 - q0) + v2 @ v0 - v0 @ v2) / 12.0
+    parabola = np.zeros((3, len(q0), 2 * n, forced.shape[2]))
+    parabola[0, :, n:] = f0 + (v2 - v0) @ (f0 + 4.0 * f1 + f2) / 72.0
+    parabola[1, :, n:], parabola[2, :, n:] = 4.0 * f1 - 3.0 * f0 - f2, 4.0 * (f0 - 2.0 * f1 + f2)
+    found = _series(exponent, parabola)
+    found[:, n:] *= unit / h
+    found[:, :, n : 2 * n] *= h / unit
+    return found[:, :, : 2 * n + 1], found[:, :, 2 * n + 1 :]
+
+
+def _series(exponent: FloatArray, parabola: FloatArray) -> FloatArray:
+    """Return the exponential, beside it the sums of E^j p_k / (j + k + 1)!, k = 0, 1, 2: Horner's rule."""
+    size = exponent.shape[1]
+    norm = float(np.abs(exponent).sum(axis=2).max(initial=0.0))
+    degree = next((k for k in range(4, DEGREES) if norm**k < ROUNDED * factorial(k)), DEGREES)
+    total = np.zeros((len(exponent), size, size + parabola.shape[3]))
+    for j in range(degree, -1, -1):
+        total = exponent @ total
+        total[:, :, :size] += np.eye(size) / factorial(j)
+        total[:, :, size:] += sum(one / factorial(j + k) for k, one in enumerate(parabola, start=1))
+    return total
 
 
 def _accelerated(linear: _Linear, states: FloatArray, forces: FloatArray, rate_hz: float) -> JointMotion:

@@ -26,7 +26,9 @@ RUNAWAY = 1e3
 SWEEPS, SWEPT = 60, 1e-13
 
 # Terms of a step's exponential, at most, and the share of a position at which they are rounding.
-DEGREES, ROUNDED = 40, 1e-17
+DEGREES, ROUNDED = 60, 1e-17
+# The unit of speeds in it follows the motion's rate times the step, whose square is at least this.
+SLOWEST = 1e-4
 
 # Bandwidth of the default controller in Hz, and its damping ratio.
 BANDWIDTH_HZ, DAMPING_RATIO = 10.0, 0.9
