@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
-from modelgen.runtime.filters.derivatives import differentiate, stencil_for
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.records.record import Record, refuse_lacking
 from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant
+from modelgen.runtime.simulation.arms.measured_motion import measured_motion
 from modelgen.runtime.simulation.arms.validate_arm import base_values, taken_as_zero
 from modelgen.runtime.simulation.thresholds import REACH_TOLERANCE
 from modelgen.runtime.simulation.validation import SignalCheck, Validation
@@ -49,14 +47,7 @@ def compare_forces(
     if not records:
         raise DataError.at("records", "there are none", "give at least one Record")
     extended = with_derived(model, records)
-    lacking = [
-        missing_name(record.name, "channel", key, record.signals)
-        for record in extended
-        for key in model.channels
-        if key not in record.signals
-    ]
-    if lacking:
-        raise DataError(*lacking)
+    refuse_lacking(extended, model.channels)
     base, absent = base_values(model, parameters)
     plant = arm_plant(model, base)
     return tuple(
@@ -87,10 +78,5 @@ def _compared(plant: ArmPlant, record: Record, held_out: bool, notes: tuple[str,
 def _forces(plant: ArmPlant, record: Record, choice: FilterChoice) -> dict[str, FloatArray]:
     """Return the forces that the measured motion needs, shape (n,) each."""
     wide_hz = choice.signal_cutoff_hz or choice.cutoff_hz
-    smooth = [
-        zero_phase(one, choice.filter_order, wide_hz, record.fs)
-        for one in plant.coordinates.seen_in(record.signals)
-    ]
-    stencil = stencil_for(wide_hz, record.fs)
-    v, a = (np.array([differentiate(q, record.dt, k, stencil) for q in smooth]) for k in (1, 2))
-    return plant.driving_forces(np.array(smooth), v, a)
+    motion = measured_motion(plant.coordinates, record, choice.filter_order, wide_hz)
+    return plant.driving_forces(motion.q, motion.v, motion.a)

@@ -201,11 +201,7 @@ class Record:
         """
         from modelgen.runtime.records.frequency_response import frequency_response
 
-        absent = [
-            missing_name(self.name, "channel", k, self.keys) for k in (output, input) if k not in self.keys
-        ]
-        if absent:
-            raise DataError(*absent)
+        refuse_lacking([self], (output, input))
         return frequency_response(self, output, input, resolution_hz, period_s)
 
     def select(self, keys: Iterable[str]) -> Record:
@@ -217,11 +213,7 @@ class Record:
             With one problem per channel that is absent.
         """
         wanted = tuple(keys)
-        problems = [
-            missing_name(self.name, "channel", key, self.signals) for key in wanted if key not in self.signals
-        ]
-        if problems:
-            raise DataError(*problems)
+        refuse_lacking([self], wanted)
         return Record({key: self.signals[key] for key in wanted}, self.fs, self.name, self.tag)
 
     def __eq__(self, other: object) -> bool:
@@ -254,6 +246,19 @@ def missing_name(where: str, kind: str, name: str, available: Iterable[str]) -> 
     close = nearest(name, names)
     hint = f"did you mean {close}? " if close is not None else ""
     return Problem(where, f"has no {kind} {shortened(name)}", f"{hint}available: {listed(names)}")
+
+
+def refuse_lacking(records: Iterable[Record], needed: Iterable[str]) -> None:
+    """Raise DataError with one problem per channel that a record lacks."""
+    wanted = tuple(needed)
+    lacking = [
+        missing_name(one.name, "channel", key, one.keys)
+        for one in records
+        for key in wanted
+        if key not in one.keys
+    ]
+    if lacking:
+        raise DataError(*lacking)
 
 
 def _label_problems(name: Any, tag: Any) -> list[Problem]:

@@ -14,12 +14,12 @@ from typing import Any, Protocol, TypedDict, Unpack, cast
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError, Problem
+from modelgen.errors import DataError
 from modelgen.keyword_options import with_defaults
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model, Sensor
-from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.records.record import Record, refuse_lacking
 from modelgen.runtime.records.same_data import refuse_same_data
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
 from modelgen.runtime.simulation.drive import Drive
@@ -79,16 +79,9 @@ def validate(
         the model.
     """
     given = with_defaults("validate", options, ValidationOptions(cutoff_hz=None, oversample=None))
-    problems = [
-        missing_name(record.name, "channel", key, record.signals)
-        for record in records
-        for key in (*model.channels, "reference")
-        if key not in record.signals
-    ]
     if not records:
-        problems = [Problem("records", "there are none", "give at least one Record")]
-    if problems:
-        raise DataError(*problems)
+        raise DataError.at("records", "there are none", "give at least one Record")
+    refuse_lacking(records, (*model.channels, "reference"))
     refuse_same_data(records, model.channels)
     plant = make_plant(model, parameters, actuator)
     drive = drive or Drive()

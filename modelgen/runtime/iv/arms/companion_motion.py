@@ -14,16 +14,14 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.derivatives import differentiate, stencil_for
-from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.thresholds import ARM_SMOOTHING, ARM_SMOOTHING_ORDER
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant
+from modelgen.runtime.simulation.arms.arm_plant import arm_plant
 from modelgen.runtime.simulation.arms.followed_reference import followed, nodes_a_sample, true_signals
 from modelgen.runtime.simulation.arms.joint_controller import JointController
-from modelgen.runtime.simulation.arms.joint_motion import JointMotion
 from modelgen.runtime.simulation.arms.joint_reference import JointReference
+from modelgen.runtime.simulation.arms.measured_motion import measured_motion
 from modelgen.runtime.simulation.arms.validate_arm import first_state, reference_motion
 
 
@@ -59,8 +57,8 @@ def arm_beside(
         start = first_state(plant, record, _smoothing_hz(record, choice))
         factor = nodes_a_sample(plant, controller, reference.motion)
         return true_signals(plant, followed(plant, reference, controller, start, factor), factor)
-    motion = _slow_part(plant, record, choice)
     own = plant.coordinates
+    motion = measured_motion(own, record, ARM_SMOOTHING_ORDER, _smoothing_hz(record, choice))
     found = dict(zip(own.channels, own.reads @ motion.q, strict=True))
     for key, terms in model.derived.items():
         found[key] = np.sum([weight * found[of] for weight, of in terms], axis=0)
@@ -69,18 +67,6 @@ def arm_beside(
 
 def _smoothing_hz(record: Record, choice: FilterChoice) -> float:
     return min(ARM_SMOOTHING * (choice.dynamics_hz or choice.cutoff_hz), 0.4 * record.fs)
-
-
-def _slow_part(plant: ArmPlant, record: Record, choice: FilterChoice) -> JointMotion:
-    """Return what of the measured motion is slow."""
-    smoothing_hz = _smoothing_hz(record, choice)
-    lines = [
-        zero_phase(one, ARM_SMOOTHING_ORDER, smoothing_hz, record.fs)
-        for one in plant.coordinates.seen_in(record.signals)
-    ]
-    stencil = stencil_for(smoothing_hz, record.fs)
-    v, a = (np.array([differentiate(q, record.dt, k, stencil) for q in lines]) for k in (1, 2))
-    return JointMotion(np.array(lines), v, a, record.fs)
 
 
 def joint_controller(controller: object) -> JointController | None:

@@ -12,7 +12,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import is_usable
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.records.record import Record, refuse_lacking
 from modelgen.runtime.simulation.arms.arm_coordinates import joint_units
 from modelgen.runtime.simulation.arms.fourier_trajectory import FourierTrajectory, at_rest
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion, motion_of
@@ -54,13 +54,7 @@ def reference_from_record(model: Model, record: Record) -> JointReference:
         With one problem per joint without a position, and for fewer than four samples.
     """
     joints, given = joint_units(model), record.signals
-    missing = [
-        missing_name(record.name, "channel", f"q_{name}", given)
-        for name in joints
-        if f"q_{name}" not in given
-    ]
-    if missing:
-        raise DataError(*missing)
+    refuse_lacking([record], [f"q_{name}" for name in joints])
     if record.n < 4:
         raise DataError.at(record.name, f"has {record.n} samples", "give four or more")
     q = np.array([given[f"q_{name}"] for name in joints])

@@ -9,7 +9,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, listed
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.records.record import Record, refuse_lacking
 from modelgen.runtime.records.same_data import refuse_same_data
 from modelgen.runtime.simulation.arms.arm_coordinates import joint_units
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant
@@ -17,6 +17,7 @@ from modelgen.runtime.simulation.arms.followed_reference import followed, nodes_
 from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion, motion_of
 from modelgen.runtime.simulation.arms.joint_reference import JointReference
+from modelgen.runtime.simulation.arms.measured_motion import measured_motion
 from modelgen.runtime.simulation.thresholds import CUTOFF_SHARE, FILTER_ORDER
 from modelgen.runtime.simulation.validation import SignalCheck, Validation
 
@@ -80,14 +81,7 @@ def validate_arm(
         raise DataError.at("records", "there are none", "give at least one Record")
     needed = (*model.channels, *(f"reference_{name}" for name in joint_units(model)))
     needed = tuple(key for key in needed if key not in model.derived)
-    lacking = [
-        missing_name(record.name, "channel", key, record.signals)
-        for record in records
-        for key in needed
-        if key not in record.signals
-    ]
-    if lacking:
-        raise DataError(*lacking)
+    refuse_lacking(records, needed)
     refuse_same_data(records, model.channels)
     base, absent = base_values(model, parameters)
     plant = arm_plant(model, base, tame=True)
@@ -130,11 +124,5 @@ def reference_motion(plant: ArmPlant, record: Record) -> JointMotion:
 
 def first_state(plant: ArmPlant, record: Record, cutoff_hz: float) -> FloatArray:
     """Return positions, then speeds, at the first sample of a record, shape (2 coordinates,)."""
-    from modelgen.runtime.filters.derivatives import differentiate
-    from modelgen.runtime.filters.zero_phase import zero_phase
-
-    q = [
-        zero_phase(one, FILTER_ORDER, cutoff_hz, record.fs)
-        for one in plant.coordinates.seen_in(record.signals)
-    ]
-    return np.array([one[0] for one in q] + [differentiate(one, record.dt)[0] for one in q])
+    motion = measured_motion(plant.coordinates, record, FILTER_ORDER, cutoff_hz)
+    return np.concatenate((motion.q[:, 0], motion.v[:, 0]))
