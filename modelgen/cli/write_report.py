@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from modelgen.cli.figure import Panel
     from modelgen.cli.sensor_sets.identified import Identified
     from modelgen.runtime.model.model import Model
-    from modelgen.runtime.records.read_record import Reading
     from modelgen.runtime.records.record import Record
     from modelgen.runtime.results.estimate import Estimate
     from modelgen.runtime.simulation.validation import Validation
@@ -45,12 +44,15 @@ def report_text(
     its place.
     """
     given = {name: str(value) for name, value in options.items() if value not in (None, (), [])}
+    unmade = Unmade()
+    loops: tuple[Validation, ...] = ()
+    if controller:
+        loops = unmade.attempt("loop", lambda: closed_loops(found, controller), loops)
     if found.joint is not None:
         from modelgen.cli.sensor_sets.joint_page import joint_page
 
-        return joint_page(found.joint, given)
+        return joint_page(found.joint, given, loops, unmade)
     (model,), readings, estimate = found.models.values(), found.readings, found.estimate
-    unmade = Unmade()
     described = load_chain_or_arm(spec) if spec else _spec_of(model, module)
     sets: Sequence[Mapping[str, Any]] = ()
     picture = None
@@ -59,9 +61,6 @@ def report_text(
         sets = unmade.attempt("sensors", lambda: sensor_set_rows(chain), ())
     elif described is not None:
         picture = arm_section(described)
-    loops: tuple[Validation, ...] = ()
-    if controller:
-        loops = unmade.attempt("loop", lambda: closed_loops(model, readings, estimate, controller), loops)
     return report_page(model, readings, estimate, given, sets, loops, unmade, picture)
 
 
@@ -114,22 +113,22 @@ def force_panels(model: Model, records: Sequence[Record], estimate: Estimate) ->
     ]
 
 
-def closed_loops(
-    model: Model, readings: Sequence[Reading], estimate: Estimate, controller: Path
-) -> tuple[Validation, ...]:
-    """Return the records' closed loops, measured and simulated with the estimate's parameters."""
+def closed_loops(found: Identified, controller: Path) -> tuple[Validation, ...]:
+    """Return the records' closed loops, measured and simulated with the parameters of the answer."""
     from modelgen.runtime.simulation.arms.joint_controller import load_joint_controller
     from modelgen.runtime.simulation.arms.validate_arm import validate_arm
     from modelgen.runtime.simulation.controller_file import load_controller
     from modelgen.runtime.simulation.validate import parameters_of, validate
 
-    records = [reading.record for reading in readings]
-    parameters = parameters_of(estimate.to_dict(), model)
-    if model.is_arm:
-        law = load_joint_controller(controller)
-        return validate_arm(model, parameters, records, law, used=estimate.records)
-    loop, drive = load_controller(controller)
-    return validate(model, parameters, records, loop, drive=drive, used=estimate.records)
+    loops: list[Validation] = []
+    for _, model, records, _ in found.alone():
+        parameters, used = parameters_of(found.estimate, model), found.estimate.records
+        if model.is_arm:
+            loops += validate_arm(model, parameters, records, load_joint_controller(controller), used=used)
+        else:
+            loop, drive = load_controller(controller)
+            loops += validate(model, parameters, records, loop, drive=drive, used=used)
+    return tuple(loops)
 
 
 def sensor_set_rows(chain: ChainSpec) -> list[dict[str, str]]:

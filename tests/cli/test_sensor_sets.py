@@ -119,10 +119,25 @@ def test_what_fits_no_set_or_two_is_explained(folder: Path) -> None:
     assert "sensors of al" in none and "name one of all" in none
     missing = run("identify", str(folder / "all.csv"), code=2)
     assert "--model" in missing and "--spec" in missing
-    loop = ("--controller", str(folder / "loop.toml"))
-    files = [str(folder / f"{name}.csv") for name in SETS]
-    several = run("identify", *files, "--spec", spec, "--sensors", "low", "--sensors", "ends", *loop, code=2)
-    assert "is of one sensor set" in several
+
+
+@pytest.mark.slow
+def test_records_of_several_sets_are_simulated_in_closed_loop(folder: Path, tmp_path: Path) -> None:
+    spec, loop = str(folder / "tower.toml"), tmp_path / "loop.toml"
+    loop.write_text("[controller]\nkp = 20000.0\nkv = 500.0\n", encoding="utf-8")
+    wanted = [word for name in SETS for word in ("--sensors", name)]
+    for name in SETS:
+        given = ("simulate", spec, "--sensors", name, "--excitation", "chirp", "--with-reference")
+        rate = ("--fs", "1000", "--duration-s", "3", "--noise", "F=1e-3", "--controller", str(loop))
+        run(*given, *rate, "-o", str(tmp_path / f"{name}.csv"))
+    files = [str(tmp_path / f"{name}.csv") for name in SETS]
+    page = ("--controller", str(loop), "--method", "wls", "--report", str(tmp_path / "r.html"))
+    run("identify", *files, "--spec", spec, *wanted, *page)
+    text = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert text.count("closed loop") >= 2 and "<canvas" in text and "Closed loop: Not made" not in text
+    lacking = run("identify", *(str(folder / f"{name}.csv") for name in SETS), "--spec", spec, *wanted,
+                  "--controller", str(loop), "--report", str(tmp_path / "s.html"), code=2)  # fmt: skip
+    assert "reference" in lacking
 
 
 def test_a_direction_that_one_set_asks_for_is_not_asked_of_another(tmp_path: Path) -> None:

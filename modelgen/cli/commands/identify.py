@@ -105,7 +105,6 @@ def identify(
         identified,
         models_of,
         read_for,
-        refuse_several,
         sensors_from,
     )
 
@@ -116,7 +115,6 @@ def identify(
     outputs.check(spec, controller, of_arm)  # before the work, not after it
     inputs = inputs_of_loop(next(iter(models.values()))) if controller and report_file else ()
     read = read_for(data, models, given, tag or (), of_records, inputs, payload or ())
-    refuse_several({title for title, _ in read}, {"--controller": controller})
     settings = settings_typed(estimation, given, context.params)
     found = identified(models, read, settings)
     note(reading_lines(data, found.readings))

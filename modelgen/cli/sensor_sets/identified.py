@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modelgen.cli.data_arguments import DataOptions, carrying, read_files, tagged
-from modelgen.errors import DataError, listed
+from modelgen.errors import DataError
 
 if TYPE_CHECKING:
     from modelgen.runtime.joining.joint_estimate import JointEstimate
@@ -99,7 +99,7 @@ def read_for(
         used = list(models.values())
         readings = carrying(tagged(read_files(data, used, given, *inputs), tags), payloads, used)
         return [(title, one) for one in readings]
-    found = read_by_sensors(data, models, given, of_records)
+    found = read_by_sensors(data, models, given, of_records, inputs)
     readings = carrying(tagged([one for _, one in found], tags), payloads, list(models.values()))
     return [(title, one) for (title, _), one in zip(found, readings, strict=True)]
 
@@ -125,16 +125,3 @@ def sensors_from(given: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     """Return what --sensors says: names of sensor sets, and sets by record."""
     pairs = dict(item.split("=", 1) for item in given if "=" in item)
     return [item for item in given if "=" not in item], pairs
-
-
-def refuse_several(found: Collection[str], given: Mapping[str, Any]) -> None:
-    """Refuse options that are of one sensor set where the records are of several.
-
-    Raises
-    ------
-    DataError
-    """
-    wrong = [option for option, value in given.items() if value]
-    if len(found) > 1 and wrong:
-        what = f"is of one sensor set, and these records are of {listed(sorted(found))}"
-        raise DataError.at(wrong[0], what, "leave it out, or give the records of one set")

@@ -21,18 +21,19 @@ def read_by_sensors(
     models: Mapping[str, Model],
     options: DataOptions,
     chosen: Mapping[str, str] | None = None,
+    inputs: Sequence[Sequence[str]] = (),
 ) -> list[tuple[str, Reading]]:
     """Read one record a file for the sensor set it has the channels of; pairs of its title and the reading.
 
     Of the sets that a file has all channels of it is the one with the most; `chosen` maps names of records
-    (or files) to titles in place of that.
+    (or files) to titles in place of that. `inputs` are further channels of every record, see `read_files`.
 
     Raises
     ------
     DataError
         With one problem per mistake: a file that has the channels of no set, or of two equally large ones.
     """
-    how = {title: _options(model, models, options) for title, model in models.items()}
+    how = {title: _options(model, models, options, inputs) for title, model in models.items()}
     given = dict(chosen or {})
     found: list[tuple[str, Reading]] = []
     problems: list[Problem] = []
@@ -61,9 +62,11 @@ def by_set(
     return [(model, records) for model, records in found if records]
 
 
-def _options(model: Model, models: Mapping[str, Model], options: DataOptions) -> dict[str, Any]:
+def _options(
+    model: Model, models: Mapping[str, Model], options: DataOptions, inputs: Sequence[Sequence[str]]
+) -> dict[str, Any]:
     """Return the options of `read` for one set; what is mapped for the others does nothing here."""
-    every = reading_options(list(models.values()), options)
+    every = reading_options(list(models.values()), options, *inputs)
     others = {key for other in models.values() for key in (*channel_units(other), *other.channels)}
     others -= {*model.channels}
     # what is no channel of the chain is where a direction comes from

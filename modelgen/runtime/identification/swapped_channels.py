@@ -46,6 +46,10 @@ class _Sense:
     impossible: int
     unexplained: float
 
+    def explained_by(self, other: _Sense) -> bool:
+        """Tell whether the worst row of another fit leaves much less; to leave all of a term is the worst."""
+        return other.unexplained < BETTER * min(self.unexplained, 1.0)
+
 
 def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
     """Return what exchanging or reversing channels would mend; empty where nothing needs it.
@@ -62,25 +66,25 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
     if not given.impossible and given.unexplained < UNEXPLAINED:
         return ()
     run = METHODS["wls"].run
-    tried: list[tuple[float, _Change]] = []
+    tried: list[tuple[_Sense, _Change]] = []
     for change in list(_changes(job.model))[:TRIES]:
         try:
             other = _changed(job, change)
             found = _sense(other, run(other)[1])
         except ModelgenError:
             continue
-        better = found.unexplained < BETTER * given.unexplained
+        better = given.explained_by(found)
         if not found.impossible and (better or (given.impossible and found.unexplained < BETTER)):
-            tried.append((found.unexplained, change))
-    return (_told(job, given, *min(tried, key=lambda entry: entry[0])),) if tried else ()
+            tried.append((found, change))
+    return (_told(job, given, *min(tried, key=lambda entry: entry[0].unexplained)),) if tried else ()
 
 
-def _told(job: Job, given: _Sense, unexplained: float, change: _Change) -> Advice:
+def _told(job: Job, given: _Sense, found: _Sense, change: _Change) -> Advice:
     names = ", ".join(record.name for record in job.records)
     samples = max(record.n for record in job.records)
     what = f"may be {change.words}: "
-    if unexplained < BETTER * given.unexplained:
-        what += f"the worst row then leaves {100.0 * unexplained:.3g} % of its largest term unexplained"
+    if given.explained_by(found):
+        what += f"the worst row then leaves {100.0 * found.unexplained:.3g} % of its largest term unexplained"
         what += f" (now {100.0 * given.unexplained:.3g} %)"
     else:
         what += f"then no value is negative that cannot be ({given.impossible} are now)"

@@ -15,7 +15,7 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
-from modelgen.runtime.identification.swapped_channels import swapped_channels
+from modelgen.runtime.identification.swapped_channels import _Sense, swapped_channels
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -114,3 +114,9 @@ def test_what_no_exchange_mends_is_not_told() -> None:
     ]
     assert max(left) > 0.9
     assert swapped_channels(job, fit) == ()
+
+
+def test_a_row_that_leaves_more_than_all_is_not_mended_by_leaving_all() -> None:
+    given = _Sense(0, 3.54)
+    assert not given.explained_by(_Sense(0, 0.995))
+    assert given.explained_by(_Sense(0, 0.3))
