@@ -20,6 +20,7 @@ from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     DEFLECTIONS,
+    HELD_STEPS,
     LONGEST_LAG,
     MOST_STEPS,
     POINT_TOLERANCE,
@@ -27,6 +28,7 @@ from modelgen.runtime.identification.thresholds import (
     SETTLING_STEPS,
 )
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -85,21 +87,24 @@ def _rows_without(model: Model, kernel: DeflectedKernel) -> Model:
 def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> FloatArray | None:
     """Return the point at which steps come to rest, None where they do not.
 
-    Nor where a spring pushes, or is more of a damper: the series for what damping does ends early.
+    Nor where a spring pushes, or is more of a damper: the series for what damping does ends early. Steps that
+    go to and fro, across a reversal that comes and goes with the point, are halved.
     """
+    share, last = 1.0, np.zeros(len(point))
     for _ in range(MOST_STEPS):
         try:
             fit = _fit(job, kernel, point)
         except IdentifiabilityError:
             return None
-        moved = _moved(job.model, kernel, fit, point)
+        change = _moved(job.model, kernel, fit, point) - point
         left = abs(float(fit.triangle[-1, -1]))
-        rounding = ROUNDING * _size(fit, moved, job.model)
-        still = _size(fit, moved - point, job.model) <= max(POINT_TOLERANCE * left, rounding)
-        point = moved
+        rounding = ROUNDING * _size(fit, point + change, job.model)
+        if _size(fit, change + last, job.model) < 0.5 * _size(fit, change, job.model):
+            share *= 0.5
+        point, last = point + share * change, change
         if not _holds(kernel, point):
             return None
-        if still:
+        if share * _size(fit, change, job.model) <= max(POINT_TOLERANCE * left, rounding):
             motion_hz = job.choice.dynamics_hz or job.choice.cutoff_hz
             return point if kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG else None
     return None
@@ -108,11 +113,20 @@ def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> FloatArray 
 def _stepped(
     job: Job, kernel: DeflectedKernel, point: FloatArray, steps: int
 ) -> tuple[FloatArray | None, float]:
-    """Return the point after so many steps, None where one fails, and what the last one left."""
-    left = np.inf
-    for _ in range(steps):
+    """Return the point after so many steps, None where one fails, and what the last one left.
+
+    The first of them leave springs and dampers as they are, the next ones dampers: what acts less is to
+    follow what acts more.
+    """
+    left, names = np.inf, job.model.base_parameters
+    springs = {names[c] for row in kernel.giving for c in row.acting(0)}
+    dampers = {names[c] for row in kernel.giving for c in row.acting(1)}
+    for count in range(steps):
         try:
             fit = _fit(job, kernel, point)
+            held = springs | dampers if count < HELD_STEPS else dampers if count < 2 * HELD_STEPS else set()
+            if held:
+                fit = refit(fit, [name for name in fit.columns if name not in held])
         except IdentifiabilityError:
             return None, np.inf
         point = _moved(job.model, kernel, fit, point)
@@ -135,7 +149,7 @@ def _moved(model: Model, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -
     same step, which never leads below zero.
     """
     found = point.copy()
-    springs = {column for row in kernel.giving for column in row.springs}
+    springs = {column for row in kernel.giving for column in row.acting(0)}
     for name, value, lost in zip(fit.columns, fit.solution.x, fit.solution.undetermined, strict=True):
         column = model.base_parameters.index(name)
         if lost:
@@ -157,7 +171,7 @@ def _size(fit: Fit, change: FloatArray, model: Model) -> float:
 def _holds(kernel: DeflectedKernel, point: FloatArray) -> bool:
     """Return whether every spring pulls the way a spring does."""
     return bool(np.all(np.isfinite(point))) and all(
-        point[column] > 0.0 for row in kernel.giving for column in row.springs
+        point[column] > 0.0 for row in kernel.giving for column in row.acting(0)
     )
 
 
@@ -172,7 +186,7 @@ def _starts(model: Model, kernel: DeflectedKernel, records: Sequence[Record]) ->
         point = np.zeros(len(model.base_parameters))
         for row in kernel.giving:
             force, motion = (max(_span(kernel, terms, one) for one in records) for terms in row.size)
-            for column in row.springs:
+            for column in row.acting(0):
                 point[column] = force / (share * motion) if force and motion else 1.0
         yield point
 

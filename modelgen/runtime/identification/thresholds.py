@@ -92,10 +92,12 @@ COPIES_OF_ROWS_IV, COPIES_OF_CHANNELS = 5.0, 5.0
 FEWEST_LEFT = 5000
 
 # Where rows hold positions that springs give: deflections as shares of the motion to start from, steps after
-# which starts are compared, most steps, and the last step's size in units of the residual's norm, or of the
-# rows' where there is no noise; the largest angle in rad by which damping may delay a deflection.
+# which starts are compared, the first of them that hold springs and dampers and as many more that hold
+# dampers, most steps, and the last step's size in units of the residual's norm, or of the rows' where there
+# is no noise; the largest angle in rad by which damping may delay a deflection.
 DEFLECTIONS = (0.3, 0.1, 0.03, 0.01, 0.002)
-SETTLING_STEPS = 3
+SETTLING_STEPS = 6
+HELD_STEPS = 2
 MOST_STEPS = 30
 POINT_TOLERANCE = 1e-4
 ROUNDING = 1e-11

@@ -41,10 +41,10 @@ class GivingRow(NamedTuple):
     columns: Mapping[int, Sum]
     size: tuple[Sum, Sum]
 
-    @property
-    def springs(self) -> tuple[int, ...]:
-        """Columns that the position itself counts in: of the stiffness, unless it is known."""
-        return tuple(c for c, terms in self.columns.items() if _parts(terms, self.channel).position)
+    def acting(self, order: int) -> tuple[int, ...]:
+        """Return the columns that the position counts in (0), of a spring, or its speed (1), of a damper."""
+        key = _ordered(self.channel, order)
+        return tuple(c for c, terms in self.columns.items() if any(name == key for _, name in terms))
 
 
 class _Parts(NamedTuple):
