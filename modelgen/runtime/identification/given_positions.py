@@ -139,7 +139,8 @@ def _stepped(
 
 
 def _fit(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit:
-    return run_wls(replace(job, model=replace(job.model, kernel=kernel.at(point))))[1]
+    with np.errstate(all="ignore"):  # far from an estimate rows may overflow: such points do not hold
+        return run_wls(replace(job, model=replace(job.model, kernel=kernel.at(point))))[1]
 
 
 def _moved(model: Model, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -> FloatArray:

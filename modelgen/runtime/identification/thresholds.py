@@ -96,9 +96,9 @@ FEWEST_LEFT = 5000
 # dampers, most steps, and the last step's size in units of the residual's norm, or of the rows' where there
 # is no noise; the largest angle in rad by which damping may delay a deflection.
 DEFLECTIONS = (0.3, 0.1, 0.03, 0.01, 0.002)
-SETTLING_STEPS = 6
+SETTLING_STEPS = 5
 HELD_STEPS = 2
-MOST_STEPS = 30
+MOST_STEPS = 20
 POINT_TOLERANCE = 1e-4
 ROUNDING = 1e-11
 LONGEST_LAG = 0.5

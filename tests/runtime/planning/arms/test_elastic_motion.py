@@ -96,6 +96,18 @@ def test_slow_motion_gives_no_stiffness_from_motors_and_fast_motion_does() -> No
         assert abs(found.params["K_1"] - values["K_1"]) < 3.0 * found.bse["K_1"]
 
 
+@pytest.mark.slow
+def test_links_alone_find_damped_springs_near_the_modes_without_any_values() -> None:
+    spec, values = damped()
+    motion = moved(spec, values, 6.0, 8.0)
+    links = replace(with_sensors(spec, *both("link")), parameter_sets={})
+    model = model_of(links, "s")
+    found = identify(model, record_along(model, motion), "wls", checks=QUICK)
+    for name in ("K_1", "K_2", "D_1", "D_2", "Ia_1"):
+        assert abs(found.params[name] - values[name]) < 3.5 * found.bse[name]
+        assert found.bse[name] < 0.05 * values[name]
+
+
 def test_mistakes_are_told() -> None:
     spec, values = damped()
     model, still = model_of(spec, "encoders"), np.zeros(500)
