@@ -38,9 +38,9 @@ def comparison_tables(described: dict[str, Any]) -> Group:
         ("derivative", "right"),
     ]
     gain_columns.append(("gain 1/s^derivative", "right"))
-    parts += [
-        table("Noise: standard deviation after filter and differences, per unit", gain_columns, gain_rows)
-    ]
+    if gain_rows:
+        title = "Noise: standard deviation after filter and differences, per unit"
+        parts.append(table(title, gain_columns, gain_rows))
     if described["regressors"]:
         parts.append(Text("\nRegressors", style="bold"))
     for r in described["regressors"]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from typing import TYPE_CHECKING
+from zlib import crc32
 
 import numpy as np
 
@@ -19,12 +20,14 @@ ROUNDING = 1e-15
 DIGITS = 16
 SOLVED, LARGEST_SOLVED = 1e-9, 10**7  # likewise of a number of nine digits
 ONE = FormalSignal("one", "1", 0)
+# Entries of arms are compared by their values at so many samples.
+SAMPLES = 6
 Sum = dict[FormalSignal, Fraction]
 
 
 def formal_regressor(model: Model, title: str) -> FormalRegressor:
     """Return the rows of a model as exact vectors over (parameter, signal)."""
-    translate = _Translation(model)
+    translate = _Translation(model, title)
     columns = _column_parameters(model)
     rows = []
     for left, right in zip(model.measurement_columns, model.regressor_columns, strict=True):
@@ -92,15 +95,36 @@ def _text(share: Fraction) -> str:
     return str(share) if is_small(share) else f"{float(share):.10g}"
 
 
+def _line_values(model: Model) -> dict[str, list[float]]:
+    """Return each line of an arm's kernel at random values, which are the same for the same coordinates.
+
+    Lines are the same function, up to a factor, where their values are in the same ratios.
+    """
+    from modelgen.runtime.model.arm_kernel import ArmKernel
+
+    if not isinstance(model.kernel, ArmKernel):
+        return {}
+    places = {sensor.key: (sensor.body or sensor.key, sensor.order) for sensor in model.sensors}
+    signals = {}
+    for key, (source, order) in model.kernel.reads_of.items():
+        body, first = places.get(source, (source, 0))
+        seed = crc32(f"{body} {first + order}".encode())
+        signals[key] = np.random.default_rng(seed).uniform(0.3, 1.3, SAMPLES)
+    return {key: line.tolist() for key, line in model.kernel.lines(signals).items()}
+
+
 class _Translation:
     """From signal and feature keys to what they are of the bodies."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, title: str) -> None:
         self._model = model
+        self._title = title
+        self._lines = _line_values(model)
         self._signals = {signal.key: signal for signal in model.signals}
         self._features = {feature.key: feature for feature in model.features}
         self._sensors = {sensor.key: sensor for sensor in model.sensors}
-        self._actuators = {actuator.key: actuator.body for actuator in model.actuators}
+        # of an arm, a drive's torque and one that is measured behind it are of the same joint
+        self._actuators = {one.key: one.key if model.is_arm else one.body for one in model.actuators}
 
     def signal(self, key: str) -> Sum:
         if key == "1":
@@ -118,6 +142,12 @@ class _Translation:
         return {FormalSignal("q", body, order): share for body, share in self._combination(sensor).items()}
 
     def _feature(self, feature: Feature) -> Sum:
+        if feature.function == "kernel":
+            if feature.key not in self._lines:  # made about an estimate: no other model has it
+                return {FormalSignal("kernel", f"{self._title} {feature.key}", 0): Fraction(1)}
+            first, *more = self._lines[feature.key]
+            shape = " ".join(f"{value / first:.6e}" for value in more)
+            return {FormalSignal("kernel", shape, 0): exact(first)}
         pairs = [(1.0, feature.of)] if isinstance(feature.of, str) else feature.of
         inner: Sum = {}
         for coefficient, key in pairs:

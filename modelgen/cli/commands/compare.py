@@ -112,19 +112,25 @@ def compare(
 
 def _models(sources: Sequence[str], sensors: str | None, trust: bool) -> dict[str, Model]:
     """Return the models by a title that distinguishes them; a spec gives one per sensor set."""
-    from modelgen.cli.arguments import load_chain, sensor_sets
+    from modelgen.cli.arguments import load_chain_or_arm, modules_of
+    from modelgen.render.arms.arm_writer import arm_files
     from modelgen.render.writer import generate, module_name
     from modelgen.runtime.model.model import load_model, model_from_text
+    from modelgen.spec.load import ChainSpec
 
     found: dict[str, Model] = {}
     for source in sources:
         if Path(source).suffix == ".py":
             found[Path(source).stem] = load_model(source, trust)
             continue
-        chain = load_chain(source)
-        for name in sensor_sets(chain, sensors):
-            title = module_name(chain, name)
-            found[title] = model_from_text(generate(chain, name), title)
+        spec = load_chain_or_arm(source)
+        for name in modules_of(spec, sensors):
+            if isinstance(spec, ChainSpec):
+                title, text = module_name(spec, name), generate(spec, name)
+            else:
+                ((file, text),) = arm_files(spec, name).items()
+                title = Path(file).stem
+            found[title] = model_from_text(text, title)
     return found
 
 
@@ -184,6 +190,9 @@ def _describe_model(title: str, model: Model, parameters: str | None, fs_hz: flo
         "condition_number": None,
         "gains": [],
     }
+    if model.is_arm:
+        described["why"] = "of an arm they come from its records: --data"
+        return described
     chosen = parameters or next(iter(model.parameter_sets), None)
     if chosen not in model.parameter_sets:
         described["why"] = "no parameter set to simulate with" if chosen is None else f"no set {chosen}"
