@@ -1,8 +1,8 @@
 """Records of an arm with elastic joints along a motion of its links: exact, nothing is integrated.
 
 The links' motion says which torques the springs carry, these how far the motors are ahead of the links, and
-that what the motors exert. What a sensor set would give for a planned motion is then told by identifying such
-records before the experiment (`predicted_estimates`).
+that what the motors exert. Identified, such records show what rows and
+estimators do, without the errors of an integrator.
 """
 
 from __future__ import annotations
@@ -14,22 +14,18 @@ from typing import Any
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError, ModelgenError
+from modelgen.errors import DataError
 from modelgen.runtime.filters.derivatives import central_difference, differentiate
-from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.model.arm_channels import moving_joints
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.planning.arms.predicted_sets import USUAL_NOISE
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.results.estimate import Estimate
 
 # Differences exact up to degree 16; they are applied to positions, torques and positions of motors in turn.
 STENCIL = central_difference(8)
 EDGE = 64
 # Terms of (1 + s D / K)^-1.
 DAMPED = 3
-#: Standard deviations of readings where none are given, by unit: encoders of 20 bits, torques of a drive.
-USUAL_NOISE = {"rad": 5e-6, "m": 5e-6, "rad/s": 1e-3, "m/s": 1e-3, "N m": 0.1, "N": 1.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,29 +125,6 @@ def record_along(
         motion.fs,
         "prediction",
     )
-
-
-def predicted_estimates(
-    models: Sequence[Model], motion: ElasticMotion, noise: Mapping[str, float] | None = None
-) -> dict[str, Estimate | ModelgenError]:
-    """Return what each sensor set would find along a motion, or why it would find nothing.
-
-    Parameters
-    ----------
-    models : sequence of Model
-        One a sensor set.
-    motion : ElasticMotion
-    noise : mapping of str to float, optional
-        As of `record_along`.
-    """
-    found: dict[str, Estimate | ModelgenError] = {}
-    for model in models:
-        record = record_along(model, motion, noise)
-        try:
-            found[model.sensor_set] = identify(model, record, "wls", Filters(), CheckOptions())
-        except ModelgenError as error:
-            found[model.sensor_set] = error
-    return found
 
 
 def _encoders(model: Model) -> dict[str, tuple[str, str]]:

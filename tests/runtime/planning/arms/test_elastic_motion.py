@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 
 from modelgen import CheckOptions, identify
-from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.errors import DataError
 from modelgen.render.arms.arm_writer import arm_files
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.planning.arms.elastic_motion import (
-    USUAL_NOISE,
     ElasticMotion,
     elastic_motion,
-    predicted_estimates,
     record_along,
 )
+from modelgen.runtime.planning.arms.predicted_sets import USUAL_NOISE
 from modelgen.spec.arms.arm import ArmSpec
 from tests.runtime.made_arm_records import catalogued
 from tests.symbolic.arms.elastic_arms import SPATIAL, elastic, geared, values_of, with_sensors
@@ -79,21 +78,6 @@ def test_motors_alone_find_damped_springs() -> None:
     damping = [off.pop(name) for name in ("D_1", "D_2")]
     assert {"K_1", "K_2"} <= {*off} and max(off.values()) < 1e-3
     assert max(damping) < 5e-3  # a deflection that is late by D / K, to second order
-
-
-@pytest.mark.slow
-def test_slow_motion_gives_no_stiffness_from_motors_and_fast_motion_does() -> None:
-    spec, values = damped()
-    models = [model_of(spec, name) for name in ("encoders", "motors")]
-    slow = predicted_estimates(models[1:], moved(spec, values, 0.6))
-    fast = predicted_estimates(models, moved(spec, values, 6.0, 8.0))
-    nothing = slow["motors"]
-    assert isinstance(nothing, IdentifiabilityError) and "how far the springs deflect" in str(nothing)
-    for name, most in (("encoders", 1e-4), ("motors", 2e-3)):
-        found = fast[name]
-        assert not isinstance(found, Exception)
-        assert found.bse["K_1"] < most * values["K_1"]
-        assert abs(found.params["K_1"] - values["K_1"]) < 3.0 * found.bse["K_1"]
 
 
 @pytest.mark.slow

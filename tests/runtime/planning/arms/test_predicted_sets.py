@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -58,3 +59,22 @@ def test_what_cannot_be_found_and_noise_of_nothing_are_told() -> None:
     )
     with pytest.raises(DataError, match="q_7"):
         predicted_sets(model, values, encoders, [still], {"q_7": 1.0})
+
+
+@pytest.mark.slow
+def test_motors_alone_give_springs_in_fast_motion() -> None:
+    model, values, _ = sets()
+    spec = catalogued("elastic_two_link")
+    spec = replace(spec, sensor_sets={"motors": spec.sensor_sets["encoders"][:2]})
+    motors = {"motors": PlannedSet(model_of(spec, sensor_set="motors"), mounted(spec, "motors"))}
+    times, rng = np.arange(3001) / 1000.0, np.random.default_rng(1)
+    motion = np.zeros((3, 2, len(times)))
+    for k in range(1, 6):
+        rate, phases = 2.4 * np.pi * k, rng.uniform(0.0, 6.0, (2, 1))
+        waves = [rate**order * np.sin(rate * times + phases + order * np.pi / 2) for order in range(3)]
+        motion += 0.2 / k * np.array(waves)
+    reference = JointReference(JointMotion(*motion, 1000.0))
+    found = predicted_sets(model, values, motors, [reference])["motors"]
+    assert isinstance(found, Estimate) and found.bse["K_1"] < 5e-3 * values["K_1"]
+    for name in ("K_1", "K_2", "Ia_1"):
+        assert abs(found.params[name] - values[name]) < 4.0 * found.bse[name]
