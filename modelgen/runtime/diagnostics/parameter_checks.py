@@ -54,15 +54,15 @@ def null_solution(
     """Return the rows that the estimate leaves without meaning: run away to zero, or explaining nothing.
 
     A row whose force is hardly more than noise of the sensors has nothing to explain: it weighs next to
-    nothing and does no harm.
+    nothing and does no harm. With instruments noise biases no row: one that leaves nothing else is right.
     """
-    found = []
+    found, by_instruments = [], bool(fit.projected)
     for index, block in enumerate(fit.blocks):
         share = fit.unexplained(index)
         left = 1.0 if share is None else share
         if left < NULL_SHARE:
             continue
-        if block.has_force and _drowned(fit, index, model, records[block.record], choice):
+        if (block.has_force or by_instruments) and _drowned(fit, index, model, records[block.record], choice):
             continue
         where = f"{block.record_name}, row {block.row_name}"
         if block.has_force:
@@ -70,8 +70,10 @@ def null_solution(
             remedy = "check channels, signs, units and delays"
         else:
             unexplained = f"leaves {100.0 * left:.0f} % of its largest term"
-            what = f"has no force and {unexplained}: noise biases it towards zero"
-            remedy = "use method iv, lower the noise, or sense a force in that row"
+            what = f"has no force and {unexplained}"
+            remedy = "lower the noise, or sense a force in that row"
+            if not by_instruments:
+                what, remedy = f"{what}: noise biases it towards zero", f"use method iv, {remedy}"
         found.append(Advice("null solution", where, what, remedy))
     return tuple(found)
 

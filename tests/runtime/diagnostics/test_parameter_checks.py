@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from generated import emps300_qm_ac, emps300_qm_qc
+from modelgen.runtime.diagnostics import parameter_checks
 from modelgen.runtime.diagnostics.parameter_checks import (
     negative_values,
     null_solution,
@@ -129,7 +130,7 @@ def test_the_noise_of_a_row_is_that_of_a_record_of_noise_alone() -> None:
         assert row_noise(model, record, choice, 1, block.row, truth) == pytest.approx(left, rel=0.05)
 
 
-def test_a_load_row_that_noise_pulls_to_zero_is_named() -> None:
+def test_a_load_row_that_noise_pulls_to_zero_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     from modelgen.runtime.least_squares.wls import fit_paper
 
     rows = observation()
@@ -141,3 +142,11 @@ def test_a_load_row_that_noise_pulls_to_zero_is_named() -> None:
     (advice,) = null_solution(lost, TWO_MASS, (), CHOICE)
     assert advice.where == "run, row c"
     assert "noise biases it towards zero" in advice.what
+    # instruments are not biased by noise: such a row is right if noise is all that it leaves
+    by_instruments = replace(lost, projected=tuple(block.W for block in lost.blocks))
+    records = (Record({"q_m": np.zeros(9)}, FS, "run"),) * 2
+    for drowns in (True, False):
+        monkeypatch.setattr(parameter_checks, "_drowned", lambda *_, drowns=drowns: drowns)
+        found = null_solution(by_instruments, TWO_MASS, records, CHOICE)
+        assert len(found) == (not drowns)
+        assert all("iv" not in one.remedy.split() for one in found)
