@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from modelgen.runtime.iv.thresholds import (
     KNOWN_ROUNDS,
     LOOSER,
     PATIENT_ROUNDS,
+    SAMPLES_AN_UNKNOWN,
     SHORTER,
 )
 from modelgen.runtime.least_squares.delays import advanced, delay_rates
@@ -27,6 +28,7 @@ from modelgen.runtime.least_squares.further_columns import with_columns, without
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
 from modelgen.runtime.least_squares.wls import fit_at
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
 
@@ -86,9 +88,10 @@ def fit_with_effects(
     Raises
     ------
     IdentifiabilityError
-        When the rounds do not come to rest.
+        When the rounds do not come to rest, or samples are too few for them.
     """
     delays = {channel: delay for channel, delay, _ in start.delays}
+    _refuse_few(start, effects, setting.model)
     sample = 1.0 / min(record.fs for record in setting.records)
     c, now, sizes = len(start.columns), start, np.r_[known, np.zeros(len(effects) - len(known))]
     length, before = 1.0, np.zeros(c + len(delays) + len(effects))
@@ -128,17 +131,24 @@ def fit_with_effects(
         before = relative
         now = replace(plain, solution=replace(plain.solution, x=plain.solution.x + length * moves[:c]))
         sizes = sizes + length * (moves[c + len(late) :])
-        far = [
-            effect.name
-            for effect, size in zip(effects, sizes.tolist(), strict=True)
-            if effect.runs_away(size, 1.0 / sample)
-        ]
-        if far:
-            raise diverged(f"{', '.join(far)} runs away", plain, setting.model)
+        _refuse_far(zip(effects, sizes.tolist(), strict=True), 1.0 / sample, plain, setting.model)
         for channel, step in zip(delays, steps[: len(late)], strict=True):
             delays[channel] += length * float(np.clip(step, -sample, sample))
-    names = ", ".join(effect.name for effect in effects)
-    raise diverged(f"with {names} it does not come to rest", now, setting.model)
+    raise diverged(
+        f"with {', '.join(effect.name for effect in effects)} it does not come to rest", now, setting.model
+    )
+
+
+def _refuse_few(start: Fit, effects: Sequence[Effect], model: Model) -> None:
+    unknowns = len(start.columns) + len(start.delays) + len(effects)
+    if effects and start.count < SAMPLES_AN_UNKNOWN * unknowns:
+        raise diverged(f"{start.count} samples are left for {unknowns} unknowns", start, model)
+
+
+def _refuse_far(sized: Iterable[tuple[Effect, float]], fs: float, plain: Fit, model: Model) -> None:
+    far = [effect.name for effect, size in sized if effect.runs_away(size, fs)]
+    if far:
+        raise diverged(f"{', '.join(far)} runs away", plain, model)
 
 
 def _corrected(

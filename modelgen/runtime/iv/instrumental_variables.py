@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
 from modelgen.runtime.iv.divergence import diverged, refuse_runaway
@@ -86,9 +86,42 @@ def fit_iv(start: Fit, setting: Setting) -> Fit:
 
 
 def iv_round(fit: Fit, setting: Setting, runs: Mapping[int, Record] | None = None) -> Fit:
-    """Return the fit with instruments from the given one, or from noise-free records that there are."""
-    if runs is None:
-        runs = simulated(fit, setting, simulation_parameters(setting.model, fit))
+    """Return the fit with instruments from the given one, or from noise-free records that there are.
+
+    Where its simulation leads nowhere, it is simulated without what the rows do not tell (`_told`).
+
+    Raises
+    ------
+    IdentifiabilityError
+        When that leads nowhere either.
+    """
+    if runs is not None:
+        return _round(fit, setting, runs)
+    model = setting.model
+    try:
+        return _round(fit, setting, simulated(fit, setting, simulation_parameters(model, fit)))
+    except IdentifiabilityError:
+        held = _told(fit)
+        if held is fit:
+            raise
+        return _round(fit, setting, simulated(fit, setting, simulation_parameters(model, held)))
+
+
+def _told(fit: Fit) -> Fit:
+    """Return a fit without what its rows do not tell: sums of terms more uncertain than all terms together.
+
+    Friction that cannot be told from an offset may come out as anything, of either sign.
+    """
+    solution = fit.solution
+    x = solution.scale * solution.x
+    variances, V = np.linalg.eigh(np.outer(solution.scale, solution.scale) * hac_covariance(fit))
+    loose = V[:, variances > float(x @ x)]
+    if not loose.shape[1]:
+        return fit
+    return replace(fit, solution=replace(solution, x=(x - loose @ (loose.T @ x)) / solution.scale))
+
+
+def _round(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> Fit:
     following = solve_with(fit, instruments(fit, setting, runs))
     refuse_runaway(following.columns, following.solution.x, fit, setting.model)
     return replace(following, simulated=runs)

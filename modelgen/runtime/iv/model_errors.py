@@ -25,8 +25,9 @@ from modelgen.runtime.records.record import Record
 def effects_of(model: Model, bodies: Sequence[str], records: int) -> tuple[Effect, ...]:
     """Return the effects that are looked for: of sensors, of forces, of bodies and of links."""
     found: list[Effect] = []
+    level = _read_with_their_level(model)
     for sensor in model.sensors:
-        found += _sensor_effects(sensor, records)
+        found += _sensor_effects(sensor, records if sensor.key in level else 0)
     for actuator in model.actuators:
         found += _force_effects(actuator.key)
     found += chain_effects(model, bodies)
@@ -36,7 +37,14 @@ def effects_of(model: Model, bodies: Sequence[str], records: int) -> tuple[Effec
 def zero_effects(model: Model, records: int) -> tuple[Effect, ...]:
     """Return the zeros of all positions but the first one, in every record: only differences are seen."""
     keys = [sensor.key for sensor in model.sensors if sensor.measures == "position" and sensor.body]
+    level = _read_with_their_level(model)
+    keys = [key for key in keys if key in level]
     return tuple(zero_effect(key, index, records) for key in keys[1:] for index in range(records))
+
+
+def _read_with_their_level(model: Model) -> frozenset[str | None]:
+    """Return the sensors that a row reads undifferentiated: what a zero does to the others is rounding."""
+    return frozenset(signal.sensor for signal in model.signals if signal.derivative == 0)
 
 
 def zero_effect(key: str, index: int | None, records: int) -> Effect:
@@ -79,6 +87,7 @@ def _clock(key: str) -> Effect:
 
 
 def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
+    """Yield the effects of a sensor, its zero in each of so many records."""
     key = sensor.key
     yield _delay(key)
     yield low_pass(key, force=False)

@@ -60,18 +60,20 @@ def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
     return polished(np.asarray(np.linalg.qr(np.column_stack([W, Y]), mode="r")), [(W, Y)])
 
 
-def polished(triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]]) -> LeastSquares:
+def polished(
+    triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]], tolerance: float = RANK_TOLERANCE
+) -> LeastSquares:
     """Return the solution of R = `triangle` of [W Y], freed of what rounding has moved.
 
     `parts` are W and Y themselves, cut into pieces of shape (n, c) and (n,); none where rounding is no
-    matter.
+    matter. Singular values below the share `tolerance` of the largest count as zero.
     """
     c = triangle.shape[1] - 1
     scale = np.linalg.norm(triangle[:, :c], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)  # what is zero everywhere is undetermined
     scaled = triangle[:c, :c] / scale
     U, s, Vt = np.linalg.svd(scaled)
-    kept = s > RANK_TOLERANCE * s[0]
+    kept = s > tolerance * s[0]
     V = Vt[kept].T
     x = V @ (U[:, kept].T @ triangle[:c, c] / s[kept]) / scale
     inverse = (V / s[kept] ** 2) @ V.T / np.outer(scale, scale)

@@ -9,6 +9,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.orthogonal_solution import polished
+from modelgen.runtime.least_squares.thresholds import SIMULATED_TOLERANCE
 from modelgen.runtime.numerics.qr_triangle import tall_triangle, triangle_of
 
 
@@ -49,6 +50,7 @@ def with_regressors(fit: Fit, projected: tuple[FloatArray, ...]) -> Fit:
 def _regressed(fit: Fit, projected: tuple[FloatArray, ...], triangle: FloatArray) -> Fit:
     """Return the same, given the triangle of the weighted [projected Y], shape (c + 1, c + 1)."""
     parts = zip(fit.weights, projected, fit.blocks, strict=True)
-    solution = polished(triangle, [(weight * part, weight * block.Y) for weight, part, block in parts])
+    weighted = [(weight * part, weight * block.Y) for weight, part, block in parts]
+    solution = polished(triangle, weighted, SIMULATED_TOLERANCE)
     residuals = tuple(block.residual(solution.x) for block in fit.blocks)
     return replace(fit, solution=solution, residuals=residuals, projected=projected, series=None)

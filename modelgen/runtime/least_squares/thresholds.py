@@ -32,6 +32,9 @@ SMALL_MOVE = 1e-4
 
 # Singular values of the scaled W below this share of the largest count as zero,
 RANK_TOLERANCE = 1e-10
+# those of projected rows below this: filters and masks leave so much of what is left out, and rounds along it
+# would wander,
+SIMULATED_TOLERANCE = 1e-7
 # and columns with more than this share in such a direction cannot be told from others.
 NULL_SHARE = 1e-4
 # A solution is refined where rounding may exceed this share of it, and wherever that costs next to nothing;

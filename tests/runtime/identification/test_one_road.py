@@ -265,3 +265,12 @@ def test_a_row_without_a_force_does_not_go_to_zero() -> None:
         assert abs(found.params[name] - value) < 3.0 * found.bse[name]
     with pytest.raises(IdentifiabilityError, match="row c go to zero"):
         identify(model, records, "iv")
+
+
+@pytest.mark.slow
+def test_friction_that_is_one_with_an_offset_does_not_lead_the_simulation_astray() -> None:
+    model, records = experiment(32)
+    estimate, truth = identify(model, records), next(iter(model.parameter_sets.values()))
+    for name in ("Jm", "Jc", "K"):
+        assert abs(estimate.params[name] - truth[name]) < 3.0 * estimate.bse[name]
+        assert estimate.bse[name] < 0.05 * truth[name]

@@ -87,6 +87,12 @@ def test_sizes_that_run_away_are_an_error(monkeypatch: pytest.MonkeyPatch) -> No
         freed(0.25, LATE)
 
 
+def test_few_samples_tell_nothing_of_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(freed_effects, "SAMPLES_AN_UNKNOWN", 1_000_000)
+    with pytest.raises(IdentifiabilityError, match="samples are left for 8 unknowns"):
+        freed(0.25, LATE)
+
+
 def test_effects_that_do_not_come_to_rest_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(freed_effects, "EFFECT_ROUNDS", 1)
     with pytest.raises(IdentifiabilityError, match="with delay of q_c it does not come to rest"):

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from generated import emps_rigid_qm
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
@@ -17,6 +18,7 @@ from modelgen.runtime.iv.effect import Effect, unlike
 from modelgen.runtime.iv.effect_rows import simulated_records
 from modelgen.runtime.iv.low_pass import low_pass, without_average, without_lag
 from modelgen.runtime.iv.model_errors import effects_of, zero_effects
+from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from tests.runtime.two_mass_records import FS, GEARED, SMALL, TRUTH, two_mass_records
 
@@ -70,6 +72,14 @@ def test_zeros_are_those_of_all_positions_but_the_first_in_every_record() -> Non
         "zero of q_c in record 2",
     ]
     assert [effect.name for effect in zero_effects(GEARED, 1)] == ["zero of q_c"]
+
+
+def test_an_encoder_that_rows_differentiate_has_no_zero() -> None:
+    # what a constant does to a derivative is rounding
+    rigid = model_from_module(emps_rigid_qm)
+    names = [effect.name for effect in effects_of(rigid, ("m",), 2)]
+    assert "delay of q_m" in names
+    assert not [name for name in names if name.startswith("zero")]
 
 
 @pytest.mark.parametrize("samples", [0.25, -0.25, 1.0])
