@@ -22,14 +22,19 @@ from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
 
-def effects_of(model: Model, bodies: Sequence[str], records: int) -> tuple[Effect, ...]:
-    """Return the effects that are looked for: of sensors, of forces, of bodies and of links."""
+def effects_of(
+    model: Model, bodies: Sequence[str], records: int, late: Sequence[str] = ()
+) -> tuple[Effect, ...]:
+    """Return the effects that are looked for: of sensors, of forces, of bodies and of links.
+
+    `late` are forces whose delay is not estimated otherwise.
+    """
     found: list[Effect] = []
     level = _read_with_their_level(model)
     for sensor in model.sensors:
         found += _sensor_effects(sensor, records if sensor.key in level else 0)
     for actuator in model.actuators:
-        found += _force_effects(actuator.key)
+        found += _force_effects(actuator.key, actuator.key in late)
     found += chain_effects(model, bodies)
     return tuple(found)
 
@@ -100,7 +105,9 @@ def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
         yield zero_effect(key, index, records)
 
 
-def _force_effects(key: str) -> Iterator[Effect]:
+def _force_effects(key: str, late: bool) -> Iterator[Effect]:
+    if late:
+        yield _delay(key)
     yield low_pass(key, force=True)
     yield _clock(key)
 

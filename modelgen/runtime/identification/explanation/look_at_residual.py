@@ -38,7 +38,10 @@ def look(
         simulated = simulated_records(now.fit, now.setting)
     except IdentifiabilityError:
         return Seen()
-    every = effects_of(job.model, simulated[0].plant.bodies, len(job.records))
+    # where every sample feels a reversal, a delay of a force is estimated only where the residual shows it
+    known_late = [channel for channel, _, _ in now.fit.delays]
+    late = [channel for channel in job.late if channel not in known_late]
+    every = effects_of(job.model, simulated[0].plant.bodies, len(job.records), late)
     if not any(block.turning for block in now.fit.blocks):
         every = tuple(one for one in every if one.kind != DIRECTION)
     tested = [one for one in unlike(every, known) if not kinds or one.kind in kinds]
