@@ -125,7 +125,7 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     """
     iv = first.found
     try:
-        plain = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
+        plain = _calm_least_squares(task, method)
     except (IdentifiabilityError, DataError):
         return first
     fit = plain.found.fit
@@ -150,6 +150,15 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     found = replace(plain.found, advice=told)
     weighed, _ = other_weights(task.job, fit)
     return _with_note(replace(plain, found=found), note, np.outer(move, move) + weighed)
+
+
+def _calm_least_squares(task: Task, method: Auto) -> Begun:
+    """Return least squares without the samples that feel a reversal, which bias it, where memory holds it.
+
+    A body that sticks has a friction of any size, and a sampled sign changes early or late.
+    """
+    turns = beyond_limit(task.job, method.instrumental) is not None
+    return run_method(replace(task, job=replace(task.job, late=(), turns=turns)), method.least_squares)
 
 
 def contradiction(fit: Fit, other: Fit) -> FloatArray:
@@ -255,7 +264,7 @@ def _stand_in(
     """Return least squares where instruments find nothing, if it can be trusted; else raise that error."""
     why = why or f"instruments find nothing ({error.problems[0].what})"
     try:
-        found = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
+        found = _calm_least_squares(task, method)
     except (IdentifiabilityError, DataError):
         raise error from None
     fit = found.found.fit

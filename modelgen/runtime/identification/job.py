@@ -37,7 +37,8 @@ class Job:
     an observation of the records with the same filter for directions, or nothing. `effects` are what the
     model lacks and is estimated as well, from `sizes` on. Rows of least squares that take more than
     `memory_limit` bytes are made again whenever they are asked for. Instruments start at the physical
-    parameters `begin`, if there are any and no `start`.
+    parameters `begin`, if there are any and no `start`. Least squares uses samples that feel a reversal only
+    with `turns`.
     """
 
     model: Model
@@ -56,6 +57,7 @@ class Job:
     sizes: tuple[float, ...] = ()
     memory_limit: float | None = None
     begin: Mapping[str, float] | None = None
+    turns: bool = True
 
     def observed(self, records: tuple[Record, ...], turns: bool = True) -> Observation:
         """Return the rows of records that these stand for, delays compensated, say."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def run_wls(job: Job) -> tuple[Observation, Fit]:
     """Weighted least squares on matched-filtered rows."""
-    observed = job.observing()
+    observed = job.observing(job.turns)
 
     def run(records: tuple[Record, ...], _: Fit | None) -> tuple[Observation, Fit]:
         observation = observed(records)
