@@ -9,7 +9,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.magnitudes import is_usable
-from modelgen.runtime.iv.thresholds import LEFT_OF_FORCE
+from modelgen.runtime.iv.thresholds import LEFT_OF_FORCE, SAMPLES_AN_UNKNOWN
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import negative_columns
@@ -48,6 +48,13 @@ def diverged(what: str, fit: Fit | None = None, model: Model | None = None) -> I
     lacking = [LACKING[role] for role in roles] or [OTHERWISE]
     remedy = f"{CHANNELS}; if so, {', '.join(lacking)}"
     return IdentifiabilityError.at("method iv", f"does not converge: {told}", remedy)
+
+
+def refuse_few(fit: Fit, further: int, model: Model) -> None:
+    """Raise the error of a fit with too few samples for its columns and so many further unknowns."""
+    unknowns = len(fit.columns) + further
+    if fit.count < SAMPLES_AN_UNKNOWN * unknowns:
+        raise diverged(f"{fit.count} samples are left for {unknowns} unknowns", fit, model)
 
 
 def refuse_runaway(names: Sequence[str], values: FloatArray, fit: Fit, model: Model) -> None:

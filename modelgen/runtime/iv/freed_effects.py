@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.iv.divergence import diverged, refuse_runaway
+from modelgen.runtime.iv.divergence import diverged, refuse_few, refuse_runaway
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments, weighed
@@ -19,7 +19,6 @@ from modelgen.runtime.iv.thresholds import (
     KNOWN_ROUNDS,
     LOOSER,
     PATIENT_ROUNDS,
-    SAMPLES_AN_UNKNOWN,
     SHORTER,
 )
 from modelgen.runtime.least_squares.delays import advanced, delay_rates
@@ -91,7 +90,7 @@ def fit_with_effects(
         When the rounds do not come to rest, or samples are too few for them.
     """
     delays = {channel: delay for channel, delay, _ in start.delays}
-    _refuse_few(start, effects, setting.model)
+    refuse_few(start, len(delays) + len(effects), setting.model)
     sample = 1.0 / min(record.fs for record in setting.records)
     c, now, sizes = len(start.columns), start, np.r_[known, np.zeros(len(effects) - len(known))]
     length, before = 1.0, np.zeros(c + len(delays) + len(effects))
@@ -137,12 +136,6 @@ def fit_with_effects(
     raise diverged(
         f"with {', '.join(effect.name for effect in effects)} it does not come to rest", now, setting.model
     )
-
-
-def _refuse_few(start: Fit, effects: Sequence[Effect], model: Model) -> None:
-    unknowns = len(start.columns) + len(start.delays) + len(effects)
-    if effects and start.count < SAMPLES_AN_UNKNOWN * unknowns:
-        raise diverged(f"{start.count} samples are left for {unknowns} unknowns", start, model)
 
 
 def _refuse_far(sized: Iterable[tuple[Effect, float]], fs: float, plain: Fit, model: Model) -> None:

@@ -17,7 +17,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
-from modelgen.runtime.iv.divergence import diverged, refuse_runaway
+from modelgen.runtime.iv.divergence import diverged, refuse_few, refuse_runaway
 from modelgen.runtime.iv.thresholds import (
     EXACTNESS,
     FORESEEN,
@@ -65,10 +65,11 @@ def fit_iv(start: Fit, setting: Setting) -> Fit:
     Raises
     ------
     IdentifiabilityError
-        When the iteration diverges, or does not come to rest.
+        When the iteration diverges, or does not come to rest, or samples are too few for it.
     DataError
         When the model cannot be simulated.
     """
+    refuse_few(start, 0, setting.model)
     fit, moves, runs = start, list[float](), start.simulated
     for _ in range(ROUNDS):
         following = iv_round(fit, setting, runs)

@@ -121,8 +121,7 @@ LARGEST_SHARE = 3.0
 # Another effect explains the residual as well where it falls behind by less than this, as a chi square.
 AS_GOOD = 20.0
 
-# Fewer samples than so many for each unknown tell nothing of an effect: rounds with it wander, and where they
-# end is rounding.
+# With fewer samples than so many for each unknown rounds wander, and where they end is rounding.
 SAMPLES_AN_UNKNOWN = 10
 # Rounds with effects, at most; fewer where their sizes are known nearly.
 EFFECT_ROUNDS, KNOWN_ROUNDS = 25, 6

@@ -11,7 +11,7 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
-from modelgen.runtime.iv import effect, freed_effects
+from modelgen.runtime.iv import divergence, effect, freed_effects
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
 from modelgen.runtime.iv.instrumental_variables import Setting
@@ -88,7 +88,7 @@ def test_sizes_that_run_away_are_an_error(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_few_samples_tell_nothing_of_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(freed_effects, "SAMPLES_AN_UNKNOWN", 1_000_000)
+    monkeypatch.setattr(divergence, "SAMPLES_AN_UNKNOWN", 1_000_000)
     with pytest.raises(IdentifiabilityError, match="samples are left for 8 unknowns"):
         freed(0.25, LATE)
 
