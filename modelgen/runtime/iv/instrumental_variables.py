@@ -65,11 +65,10 @@ def fit_iv(start: Fit, setting: Setting) -> Fit:
     Raises
     ------
     IdentifiabilityError
-        When the iteration diverges, or does not come to rest, or samples are too few for it.
+        When the iteration diverges, or does not come to rest.
     DataError
         When the model cannot be simulated.
     """
-    refuse_few(start, 0, setting.model)
     fit, moves, runs = start, list[float](), start.simulated
     for _ in range(ROUNDS):
         following = iv_round(fit, setting, runs)
@@ -94,8 +93,9 @@ def iv_round(fit: Fit, setting: Setting, runs: Mapping[int, Record] | None = Non
     Raises
     ------
     IdentifiabilityError
-        When that leads nowhere either.
+        When that leads nowhere either, or samples are too few.
     """
+    refuse_few(fit, 0, setting.model)
     if runs is not None:
         return _round(fit, setting, runs)
     model = setting.model
