@@ -185,6 +185,16 @@ def test_compare_pairs_rows_with_records_by_their_tags(here: Path) -> None:
         assert "--data: is missing" in run("compare", "emps300", *lonely, code=2)
 
 
+def test_compare_tells_two_versions_of_one_model_by_their_files(here: Path) -> None:
+    text = Path(AC).read_text()
+    for folder in ("old", "new"):
+        (here / folder).mkdir()
+        (here / folder / "axis.py").write_text(text)
+    found = run_json("compare", "old/axis.py", "new/axis.py")
+    assert [m["model"] for m in found["models"]] == ["axis", "axis (new/axis.py)"]
+    assert [r["verdict"] for r in found["regressors"]] == ["equal"]
+
+
 def test_compare_needs_two_models() -> None:
     assert "names 1 model; give two or more" in run("compare", QC, code=2)
 

@@ -111,7 +111,10 @@ def compare(
 
 
 def _models(sources: Sequence[str], sensors: str | None, trust: bool) -> dict[str, Model]:
-    """Return the models by a title that distinguishes them; a spec gives one per sensor set."""
+    """Return the models by a title that distinguishes them; a spec gives one per sensor set.
+
+    Where two files call theirs alike, as two versions of one do, the second is told by its file.
+    """
     from modelgen.cli.arguments import load_chain_or_arm, modules_of
     from modelgen.render.arms.arm_writer import arm_files
     from modelgen.render.writer import generate, module_name
@@ -121,7 +124,7 @@ def _models(sources: Sequence[str], sensors: str | None, trust: bool) -> dict[st
     found: dict[str, Model] = {}
     for source in sources:
         if Path(source).suffix == ".py":
-            found[Path(source).stem] = load_model(source, trust)
+            found[_title(Path(source).stem, source, found)] = load_model(source, trust)
             continue
         spec = load_chain_or_arm(source)
         for name in modules_of(spec, sensors):
@@ -130,8 +133,12 @@ def _models(sources: Sequence[str], sensors: str | None, trust: bool) -> dict[st
             else:
                 ((file, text),) = arm_files(spec, name).items()
                 title = Path(file).stem
-            found[title] = model_from_text(text, title)
+            found[_title(title, source, found)] = model_from_text(text, title)
     return found
+
+
+def _title(name: str, source: str, found: Mapping[str, Model]) -> str:
+    return f"{name} ({source})" if name in found else name
 
 
 def _known(models: Mapping[str, Model], values: Mapping[str, float]) -> dict[str, Model]:
