@@ -18,7 +18,7 @@ PIVOT_SHARE = 0.3
 # A sum of parameters without numbers of their own is told where its interval is within this share of it.
 KNOWN_SHARE = 0.3
 # Beyond this the columns are as good as equal, and no variance can be worked out from them.
-HIGHEST_INDEX = 1e9
+HIGHEST_INDEX = 1e7
 
 # Starts of the search for other solutions.
 STARTS = 24

@@ -112,7 +112,7 @@ def test_an_angle_beside_a_right_one_is_noted(tmp_path: Path) -> None:
 
 REFUSED = {
     "sensor sets": ("show tx40 --sensors q", ["describes an arm without sensor sets"]),
-    "a chain's command": ("compare tx40", ["tx40.toml: arm: describes an arm"]),
+    "a comparison with nothing": ("compare tx40", ["names 1 model; give two or more"]),
     "a misspelt sensor set": ("show elastic_two_link --sensors encoder", ['did you mean "encoders"?']),
     "a project": ("new a --arm --project", ["--project: is for chains"]),
     "a name with quotes": ("new a\"b --arm", ["is not a name"]),

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from generated import emps300_qm_qc
+from modelgen.runtime.identification.refusals import dependent_columns
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.parameters.dependence import dependences
@@ -105,3 +107,16 @@ def test_two_separate_pairs_are_two_groups() -> None:
     assert [group.columns for group in groups] == [("J_m", "F_vm"), ("F_vmc", "K")]
     assert [group.combinations[0].text for group in groups] == ["J_m + F_vm", "F_vmc - K"]
     assert groups[0].others("J_m") == "F_vm"
+
+
+def test_columns_that_a_simulation_moves_as_one_are_known_as_a_sum() -> None:
+    Z = columns()
+    # all but rounding of the filters is one: J_c with F_vmc
+    Z[:, 4] = Z[:, 3] + 1e-8 * Z[:, 4]
+    noise = 1e-3 * np.random.default_rng(2).standard_normal(Z.shape)
+    noise[:, 4] = noise[:, 3]
+    W = Z + noise
+    reasons = dependent_columns(two_stage(fit_of(W), (Z,)))
+    assert list(reasons) == [COLUMNS[3], COLUMNS[4]]
+    for name in reasons:
+        assert f"W is short of rank; known is {COLUMNS[3]} + {COLUMNS[4]} = 4.4999 +- " in reasons[name]
