@@ -125,7 +125,7 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     """
     iv = first.found
     try:
-        plain = _calm_least_squares(task, method)
+        plain = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
     except (IdentifiabilityError, DataError):
         return first
     fit = plain.found.fit
@@ -150,15 +150,6 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     found = replace(plain.found, advice=told)
     weighed, _ = other_weights(task.job, fit)
     return _with_note(replace(plain, found=found), note, np.outer(move, move) + weighed)
-
-
-def _calm_least_squares(task: Task, method: Auto) -> Begun:
-    """Return least squares without the samples that feel a reversal, which bias it, where memory holds it.
-
-    A body that sticks has a friction of any size, and a sampled sign changes early or late.
-    """
-    turns = beyond_limit(task.job, method.instrumental) is not None
-    return run_method(replace(task, job=replace(task.job, late=(), turns=turns)), method.least_squares)
 
 
 def contradiction(fit: Fit, other: Fit) -> FloatArray:
@@ -263,8 +254,11 @@ def _stand_in(
 ) -> Begun:
     """Return least squares where instruments find nothing, if it can be trusted; else raise that error."""
     why = why or f"instruments find nothing ({error.problems[0].what})"
+    # without the samples that feel a reversal, where memory holds that: a body that sticks has a friction of
+    # any size, and no instruments tell how much that matters
+    turns = beyond_limit(task.job, method.instrumental) is not None
     try:
-        found = _calm_least_squares(task, method)
+        found = run_method(replace(task, job=replace(task.job, late=(), turns=turns)), method.least_squares)
     except (IdentifiabilityError, DataError):
         raise error from None
     fit = found.found.fit
