@@ -16,6 +16,11 @@ from modelgen.runtime.identification.explanation.coarse_starts import coarse_sta
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import explained_by_stretches
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, run_method
+from modelgen.runtime.identification.explanation.held_commands import (
+    better_held,
+    held_commands,
+    with_holds_of,
+)
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
@@ -67,16 +72,28 @@ def default_method(task: Task, method: Auto) -> Begun:
         lower = _with_usable_cutoff(task)
         if lower is task:
             return _stand_in(task, method, error)
-        task = lower
-        try:
-            first = _instrumental(task, method.instrumental)
-        except (IdentifiabilityError, DataError):
+        task, found = lower, _tried(lower, method)
+        if found is None:
             return _stand_in(task, method, error)
+        first = found
+    held = held_commands(first) if task.checks.drift_check else ()
+    again = _tried(with_holds_of(task, held), method) if held else None
+    better = None if again is None else better_held(first, again, held)
+    if better is not None:
+        task, first = with_holds_of(task, held), better
     if first.found.fit.carried is not None:
         return _with_note(first, "method iv, in the physical parameters")
     if not _exceeding(first):
         return _with_note(first, "method iv: noise of the sensors does not bias instruments")
     return _least_squares_instead(task, method, first)
+
+
+def _tried(task: Task, method: Auto) -> Begun | None:
+    """Return instruments; None where they find nothing."""
+    try:
+        return _instrumental(task, method.instrumental)
+    except (IdentifiabilityError, DataError):
+        return None
 
 
 def _of_arm(task: Task, method: Auto) -> Begun:

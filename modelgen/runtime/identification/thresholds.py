@@ -29,6 +29,8 @@ DISAGREEMENT = 3.0
 # its value, and no row is left unexplained.
 STANDS_IN = 0.3
 
+# A force is half a sample early to within this share of a sample.
+HALF_SAMPLE = 0.05
 # So many effects are estimated at most: the records do not hold more.
 MOST_EFFECTS = 3
 # What an effect moves is known to this share, by kind: channels are set right by a low-pass of first order,
