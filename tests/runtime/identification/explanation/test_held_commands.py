@@ -1,0 +1,39 @@
+"""Commands that a drive holds: found by their half sample, undone with the average that goes with it."""
+
+from __future__ import annotations
+
+import pytest
+
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.methods import Auto
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.drive import Drive
+from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.two_mass_records import NOISE, SMALL, TRUTH
+
+FS = 2000.0
+
+
+def chirp(drive: Drive | None) -> Record:
+    options = {"fs": FS, "duration_s": 3.0, "noise": NOISE, "seed": 3}
+    return simulate(SMALL, TRUTH, "chirp", drive=drive, **options).record  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_a_held_command_is_taken_for_one_without_being_told() -> None:
+    record = chirp(Drive(rate_hz=FS))
+    estimate, told = identify(SMALL, record), identify(SMALL, record, Auto(held=("Gamma_m",)))
+    assert [one.where for one in estimate.checks.advice if "held over every sample" in one.what] == [
+        "Gamma_m"
+    ]
+    assert not [one for one in told.checks.advice if "held over every sample" in one.what]
+    for name in ("J_m", "J_c", "K"):
+        assert abs(estimate.params[name] - TRUTH[name]) < 3.0 * estimate.bse[name]
+        assert estimate.bse[name] < 2e-3 * TRUTH[name]
+        assert abs(estimate.params[name] - told.params[name]) < 2.0 * estimate.bse[name]
+
+
+@pytest.mark.slow
+def test_a_force_that_is_on_time_is_none() -> None:
+    estimate = identify(SMALL, chirp(None))
+    assert not [one for one in estimate.checks.advice if "held over every sample" in one.what]
