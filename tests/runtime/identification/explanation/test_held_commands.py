@@ -7,11 +7,16 @@ import pytest
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.two_mass_records import NOISE, SMALL, TRUTH
 
 FS = 2000.0
+
+
+def told_held(estimate: Estimate) -> list[str]:
+    return [one.where for one in estimate.checks.advice if "held over every sample" in one.what]
 
 
 def chirp(drive: Drive | None) -> Record:
@@ -23,10 +28,8 @@ def chirp(drive: Drive | None) -> Record:
 def test_a_held_command_is_taken_for_one_without_being_told() -> None:
     record = chirp(Drive(rate_hz=FS))
     estimate, told = identify(SMALL, record), identify(SMALL, record, Auto(held=("Gamma_m",)))
-    assert [one.where for one in estimate.checks.advice if "held over every sample" in one.what] == [
-        "Gamma_m"
-    ]
-    assert not [one for one in told.checks.advice if "held over every sample" in one.what]
+    assert told_held(estimate) == ["Gamma_m"]
+    assert not told_held(told)
     for name in ("J_m", "J_c", "K"):
         assert abs(estimate.params[name] - TRUTH[name]) < 3.0 * estimate.bse[name]
         assert estimate.bse[name] < 2e-3 * TRUTH[name]
@@ -35,5 +38,4 @@ def test_a_held_command_is_taken_for_one_without_being_told() -> None:
 
 @pytest.mark.slow
 def test_a_force_that_is_on_time_is_none() -> None:
-    estimate = identify(SMALL, chirp(None))
-    assert not [one for one in estimate.checks.advice if "held over every sample" in one.what]
+    assert not told_held(identify(SMALL, chirp(None)))
