@@ -77,10 +77,12 @@ def default_method(task: Task, method: Auto) -> Begun:
             return _stand_in(task, method, error)
         first = found
     held = held_commands(first) if task.checks.drift_check else ()
-    again = _tried(with_holds_of(task, held), method) if held else None
-    better = None if again is None else better_held(first, again, held)
-    if better is not None:
-        task, first = with_holds_of(task, held), better
+    if held:
+        there = with_holds_of(task, held)
+        again = _tried(there, method)
+        better = None if again is None else better_held(first, again, held)
+        if better is not None:
+            task, first = there, better
     if first.found.fit.carried is not None:
         return _with_note(first, "method iv, in the physical parameters")
     if not _exceeding(first):

@@ -72,24 +72,29 @@ def also_read(channels: ArmChannels, reads: Iterable[tuple[str, int]]) -> ArmCha
     return replace(channels, signals=tuple(signals.values()))
 
 
+def moving(module: Any) -> list[Entry]:
+    """Return the entries of an arm's joints that are not fixed, in the order of TRANSMISSION."""
+    return [one for one in module.JOINTS if one["kind"] != "fixed"]
+
+
 def moving_joints(module: Any) -> list[str]:
-    """Return the names of an arm's joints that are not fixed, in the order of TRANSMISSION."""
-    return [one["name"] for one in module.JOINTS if one["kind"] != "fixed"]
+    """Return their names."""
+    return [one["name"] for one in moving(module)]
 
 
 def _of_joints(module: Any) -> ArmChannels:
-    moving = [joint for joint in module.JOINTS if joint["kind"] != "fixed"]
-    sensors = [_sensor(f"q_{j['name']}", j["name"], "position", j["kind"] == "revolute") for j in moving]
-    speeds = [Speed(j["name"], f"d1_q_{j['name']}", ((1.0, f"d1_q_{j['name']}"),)) for j in moving]
+    joints = moving(module)
+    sensors = [_sensor(f"q_{j['name']}", j["name"], "position", j["kind"] == "revolute") for j in joints]
+    speeds = [Speed(j["name"], f"d1_q_{j['name']}", ((1.0, f"d1_q_{j['name']}"),)) for j in joints]
     derived: dict[str, Sum] = {}
     for index, row in enumerate(module.TRANSMISSION):
         moved = [(ratio, place) for place, ratio in enumerate(row) if ratio]
         if len(moved) > 1:
-            own, name = row[index] or moved[0][0], moving[index]["name"] + COUPLED
-            lever = tuple((ratio / own, f"q_{moving[place]['name']}") for ratio, place in moved)
+            own, name = row[index] or moved[0][0], joints[index]["name"] + COUPLED
+            lever = tuple((ratio / own, f"q_{joints[place]['name']}") for ratio, place in moved)
             derived[f"q_{name}"] = lever
             speeds.append(Speed(name, f"d1_q_{name}", tuple((r, f"d1_{key}") for r, key in lever)))
-            sensors.append(_sensor(f"q_{name}", name, "position", moving[index]["kind"] == "revolute"))
+            sensors.append(_sensor(f"q_{name}", name, "position", joints[index]["kind"] == "revolute"))
     signals = [_read(sensor, order) for sensor in sensors for order in (0, 1, 2)]
     forces = _actuators(module)
     signals += [_pushed(force, 0) for force in forces]
@@ -194,7 +199,7 @@ def _actuators(module: Any) -> list[Entry]:
         elif key.startswith("base_"):
             found.append(_force(key, key, key[5] == "n"))
         elif key.startswith("tau_"):
-            found.append(_force(key, key[4:], _turns(module, key[4:]), _gear(module, key[4:])))
+            found.append(_force(key, key[4:], _turns(module, key[4:]), gear(module, key[4:])))
     return found
 
 
@@ -202,7 +207,7 @@ def _force(key: str, body: str, turns: bool, lever: float = 1.0) -> Entry:
     return {"key": key, "body": body, "unit": "N m" if turns else "N", "lever": lever}
 
 
-def _gear(module: Any, joint: str) -> float:
+def gear(module: Any, joint: str) -> float:
     """Return what a motor's force is multiplied by at the joints that it moves, at most."""
     return float(max(map(abs, module.TRANSMISSION[moving_joints(module).index(joint)])))
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from modelgen.runtime.model.arm_channels import ArmChannels
+from modelgen.runtime.model.arm_channels import ArmChannels, gear
 from modelgen.runtime.model.arm_kernel import ArmKernel, Read, Sum
 from modelgen.runtime.model.deflected_kernel import (
     DeflectedKernel,
@@ -154,10 +154,7 @@ def _size(module: Any, channel: str, left: Sequence[Sum], row: Mapping[int, Sum]
         return own, springs[0] if springs else ()
     joint = sensor["joint"]
     moved = tuple((f, key) for f, key, _ in module.SPEEDS[joint] if key not in module.ESTIMATED)
-    lever = 1.0
-    if module.ROW_KIND == "motor":
-        moving = [one["name"] for one in module.JOINTS if one["kind"] != "fixed"]
-        lever = max(map(abs, module.TRANSMISSION[moving.index(joint)]))
+    lever = gear(module, joint) if module.ROW_KIND == "motor" else 1.0
     return tuple((lever * weight, key) for weight, key in left[module.ROWS.index(joint)]), moved
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.model.arm_channels import moving
 from modelgen.runtime.model.model import Model
 
 MOTOR = " motor"
@@ -65,8 +66,7 @@ class ArmCoordinates:
 
 def joint_units(model: Model) -> dict[str, str]:
     """Return the joints that move: name to rad or m."""
-    joints = (one for one in model.module.JOINTS if one["kind"] != "fixed")
-    return {one["name"]: "m" if one["kind"] == "prismatic" else "rad" for one in joints}
+    return {one["name"]: "m" if one["kind"] == "prismatic" else "rad" for one in moving(model.module)}
 
 
 def arm_coordinates(model: Model) -> ArmCoordinates | None:
