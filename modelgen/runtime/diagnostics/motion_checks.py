@@ -144,9 +144,12 @@ def short_records(
 def band_above_filter(records: Sequence[Record], choice: FilterChoice) -> tuple[Advice, ...]:
     """Return the records whose decimation passes more than the sensors' filter (method pham2002 only).
 
-    What the sensors have lost above their cut-off then stays in the forces, and no parameter explains it.
+    What the sensors have lost above their cut-off then stays in the forces, and no parameter explains it;
+    unless forces are filtered as sensors are.
     """
-    found = []
+    found: list[Advice] = []
+    if choice.filtered_forces:
+        return ()
     for record, factor in zip(records, choice.decimation, strict=True):
         band_hz = DECIMATE_CUTOFF * record.fs / (2.0 * factor) if factor > 1 else 0.5 * record.fs
         if band_hz > choice.cutoff_hz * (1.0 + 1e-9):

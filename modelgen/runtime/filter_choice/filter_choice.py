@@ -61,7 +61,8 @@ class FilterChoice:
     `decimation` holds one factor per record; frequencies in Hz. `dynamics_hz` is the highest common dynamics
     of the records, None where nothing moves; `notes` are warnings. `signal_cutoff_hz` is that of the wide
     low-pass in front of rows that are nonlinear in their signals (arms), None for others; `slow_speeds` are
-    speeds in SI by their sensor, below which rows of the sensor's body leave samples out.
+    speeds in SI by their sensor, below which rows of the sensor's body leave samples out. `filtered_forces`
+    is for the paper's procedure only, which leaves forces as they are unless asked; others filter all.
     """
 
     filter_order: int
@@ -75,6 +76,7 @@ class FilterChoice:
     notes: tuple[str, ...]
     signal_cutoff_hz: float | None = None
     slow_speeds: tuple[tuple[str, float], ...] = ()
+    filtered_forces: bool = False
 
 
 def choose_filter(
@@ -86,12 +88,12 @@ def choose_filter(
     decimation: int | None = None,
     direction_cutoff_hz: float | None = None,
     signal_cutoff_hz: float | None = None,
-    matched: bool = True,
+    paper: str | None = None,
 ) -> FilterChoice:
     """Choose filter order, cut-offs and decimation; what is given is taken as it is.
 
     One cut-off serves all records, the highest that any of them asks for: a trapezoid alone excites little.
-    `matched` only decides what the sentences say of forces and directions of motion.
+    `paper` is what the sentences say of the paper's procedure, in place of directions of motion.
 
     Raises
     ------
@@ -135,7 +137,7 @@ def choose_filter(
     notes += lost
     motion = dynamics if dynamics and not model.is_arm else cutoff
     direction = float(direction_cutoff_hz or min(motion, cutoff))
-    sentences.append(_direction_sentence(direction, direction_cutoff_hz is not None, matched))
+    sentences.append(paper or _direction_sentence(direction, direction_cutoff_hz is not None))
     wide, said = _signal_cutoff(model, records, cutoff, dynamics, signal_cutoff_hz)
     sentences += said
     factors, said = _decimations(records, decimation, cutoff)
@@ -168,9 +170,7 @@ def _decimations(
     ]
 
 
-def _direction_sentence(direction_hz: float, given: bool, matched: bool) -> str:
-    if not matched:
-        return "Sensors are low-passed, forces are not; MATLAB's decimate filters all columns."
+def _direction_sentence(direction_hz: float, given: bool) -> str:
     end = " as given." if given else "."
     return f"Directions of motion are the signs of velocities below {direction_hz:.4g} Hz{end}"
 

@@ -33,6 +33,9 @@ class Filters:
         Cut-off in Hz of the wide low-pass in front of rows that are nonlinear in their signals (arms).
     slow_speeds : mapping of str to float
         Sensor of a position or velocity -> speed in SI; rows of its body leave slower samples out.
+    filtered_forces : bool
+        For method "pham2002" alone: forces go through the low-pass of the sensors, as in what was published
+        with such rows later (of the TX40, say). The paper leaves them as they are; other methods filter all.
     drop : int, optional
         Samples left out at the beginning of every record; with matched filters at least the filter's reach.
     directions : mapping of str to str
@@ -50,6 +53,7 @@ class Filters:
     direction_cutoff_hz: float | None = None
     signal_cutoff_hz: float | None = None
     slow_speeds: Mapping[str, float] = field(default_factory=dict)
+    filtered_forces: bool = False
     drop: int | None = None
     directions: Mapping[str, str] = field(default_factory=dict)
     memory_limit_mb: float | None = None
@@ -166,6 +170,9 @@ def option_problems(method: Method, filters: Filters, checks: CheckOptions) -> l
     if drop is not None and (isinstance(drop, bool) or not isinstance(drop, Integral) or drop < 0):
         problems.append(Problem("drop", f"is {drop!r}", "give a number of samples, 0 or more"))
     problems += limit_problems(filters.memory_limit_mb)
+    if filters.filtered_forces and method.matched:
+        what = f"are asked for, and method {method.name} filters forces in any case"
+        problems.append(Problem("filtered_forces", what, "leave it out"))
     if isinstance(pairing, str) and pairing != PAPER:
         problems.append(Problem("rows_for_tag", f"is {pairing!r}", f'give a mapping, or "{PAPER}"'))
     if not checks.prune_percent > 0.0:

@@ -28,6 +28,7 @@ from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.same_data import refuse_same_data
 from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.rows.masks import slow_speeds
+from modelgen.runtime.rows.paper_rows import paper_sentence
 from modelgen.runtime.rows.rows_by_tag import rows_for_tags
 
 
@@ -98,9 +99,10 @@ def prepared(
             decimation=filters.decimation,
             direction_cutoff_hz=filters.direction_cutoff_hz,
             signal_cutoff_hz=filters.signal_cutoff_hz,
-            matched=method.matched,
+            paper=None if method.matched else paper_sentence(filters.filtered_forces),
         )
-    choice = replace(choice, slow_speeds=slow_speeds(model, filters.slow_speeds))
+    slow = slow_speeds(model, filters.slow_speeds)
+    choice = replace(choice, slow_speeds=slow, filtered_forces=filters.filtered_forces)
 
     def ready(given: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
         extended = with_directions(model, given, filters.directions, choice.direction_cutoff_hz)

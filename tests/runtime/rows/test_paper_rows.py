@@ -1,13 +1,16 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from generated import emps300_qm_ac, emps_rigid_asymmetric_qm, emps_rigid_qm
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.filters.zero_phase import decimation_start, zero_phase
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.options import values_of
+from modelgen.runtime.identification.options import Filters, values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.paper_rows import observe_paper
@@ -92,3 +95,32 @@ def test_a_short_record_is_refused_with_the_number_needed() -> None:
     choice = choose_filter(RIGID, [record], cutoff_hz=90.0, decimation=30)
     with pytest.raises(DataError, match=r"has 100 samples.*at least 151"):
         observe_paper(RIGID, [record], choice)
+
+
+def test_forces_go_through_the_filter_of_the_sensors_where_asked() -> None:
+    record = random_record(RIGID.channels, 600)
+    choice = replace(choose_filter(RIGID, [record], cutoff_hz=20.0, decimation=5), filtered_forces=True)
+    force = zero_phase(record.signals["F"], choice.filter_order, 20.0, record.fs)
+    filtered = Record({**record.signals, "F": force}, record.fs, record.name)
+    found = observe_paper(RIGID, [record], choice).blocks[0]
+    wanted = observe_paper(RIGID, [filtered], replace(choice, filtered_forces=False)).blocks[0]
+    np.testing.assert_array_equal(found.Y, wanted.Y)
+    np.testing.assert_array_equal(found.W, wanted.W)
+
+
+def test_samples_slower_than_given_are_left_out() -> None:
+    record = random_record(RIGID.channels, 600)
+    choice = choose_filter(RIGID, [record], cutoff_hz=20.0, decimation=5)
+    every = observe_paper(RIGID, [record], choice).blocks[0]
+    found = observe_paper(RIGID, [record], replace(choice, slow_speeds=(("d1_q_m", 20.0),))).blocks[0]
+    low_passed = zero_phase(record.signals["q_m"], choice.filter_order, 20.0, record.fs)
+    fast = np.abs(np.gradient(low_passed, 1e-3))[decimation_start(600, 5) :: 5] >= 20.0
+    assert 0 < found.masked == np.sum(~fast) < 120
+    np.testing.assert_array_equal(found.place, np.flatnonzero(fast))
+    np.testing.assert_array_equal(found.W, every.W[fast])
+
+
+def test_filtered_forces_are_refused_where_they_are_filtered_in_any_case() -> None:
+    record = random_record(RIGID.channels, 600)
+    with pytest.raises(DataError, match=r"filtered_forces.*method wls filters forces in any case"):
+        identify(RIGID, record, "wls", Filters(filtered_forces=True))
