@@ -32,6 +32,7 @@ def describe_sensor_sets(arm: ArmSpec, chosen: str | None) -> list[Description]:
             "sensors": [_sensor(sensor) for sensor in arm.sensor_sets[summary.name]],
             "rows": _rows(summary.model.rows) if summary.model else [],
             "estimated": [one.channel for one in summary.model.rows.estimated] if summary.model else [],
+            "unread": _unread(summary.model.rows) if summary.model else [],
             "base_parameters": [base.name for base in summary.model.base] if summary.model else [],
             "lost": list(summary.lost),
             "reason": summary.model.rows.lacking if summary.model else summary.reason,
@@ -62,6 +63,10 @@ def sensor_set_tables(described: Sequence[Description]) -> Iterator[Any]:
             for one in described
         ],
     )
+    for one in described:
+        if one["unread"]:
+            keys = ", ".join(one["unread"])
+            yield Text(f"{one['name']}: no row reads {keys}: what they measure follows from other sensors")
 
 
 def _rows(rows: ArmRows) -> list[Description]:
@@ -69,6 +74,12 @@ def _rows(rows: ArmRows) -> list[Description]:
     used = {one.row for one in rows.estimated}
     found = zip(rows.names, rows.differentiated, strict=True)
     return [{"name": name, "differentiated": times} for name, times in found if name not in used]
+
+
+def _unread(rows: ArmRows) -> list[str]:
+    """Return the sensors of which nothing is in the rows."""
+    read = {key for channels in rows.channels.values() for key, *_ in channels}
+    return [sensor.key for sensor in rows.sensors if read.isdisjoint(sensor.channels)]
 
 
 def _short(name: str) -> str:

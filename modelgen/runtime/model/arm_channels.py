@@ -18,6 +18,8 @@ from modelgen.runtime.model.arm_kernel import Sum
 COUPLED = "_motor"
 LOAD = "load_"
 Entry = dict[str, Any]
+_FIRST = ("position", "velocity", "acceleration")
+_KINDS = {"gyro": "velocity", "accelerometer": "acceleration"}
 _ORDERED = re.compile(r"d([1-3])_")
 
 
@@ -172,8 +174,8 @@ def _sensors(module: Any, sensor: Mapping[str, Any]) -> Iterator[Entry]:
     name, side, measures = sensor["joint"], sensor["side"], sensor["measures"]
     if measures == "torque":
         return
-    turns = measures == "gyro" or _turns(module, name)
-    kind = "position" if measures == "position" else "velocity"
+    turns = measures != "accelerometer" and (measures == "gyro" or _turns(module, name))
+    kind = _KINDS.get(measures, measures)
     for channel in sensor["channels"]:
         if side == "deflection":
             yield _sensor(channel, None, kind, turns) | {"deflection": (f"{name} motor", name)}
@@ -184,7 +186,7 @@ def _sensors(module: Any, sensor: Mapping[str, Any]) -> Iterator[Entry]:
 
 
 def _sensor(key: str, body: str | None, measures: str, turns: bool) -> Entry:
-    unit = _per_s("rad" if turns else "m", 0 if measures == "position" else 1)
+    unit = _per_s("rad" if turns else "m", _FIRST.index(measures))
     return {"key": key, "body": body, "deflection": None, "measures": measures, "unit": unit}
 
 
@@ -218,7 +220,7 @@ def _turns(module: Any, joint: str) -> bool:
 
 def _read(sensor: Entry, order: int) -> Entry:
     """Return the signal of a sensor's channel, differentiated so many times."""
-    first = 0 if sensor["measures"] == "position" else 1
+    first = _FIRST.index(sensor["measures"])
     unit = _per_s("rad" if sensor["unit"].startswith("rad") else "m", first + order)
     return _signal(_differentiated(sensor["key"], order), sensor["key"], None, order, unit)
 

@@ -162,30 +162,46 @@ _KINDS = {
 
 
 def _rows(module: Any, channels: ArmChannels) -> tuple[dict[str, Any], ...]:
-    """Return the rows: force or torque of a joint, of a motor, of a spring, or of the base."""
-    kinds = {joint["name"]: joint["kind"] for joint in module.JOINTS}
+    """Return the rows: balances of a joint, a motor, a spring or the base, and axes of mounted sensors."""
     speeds = {one.name: one.key for one in channels.speeds}
     often = getattr(module, "DIFFERENTIATED", (0,) * len(module.ROWS))
     reversals = getattr(module, "REVERSALS", ((),) * len(module.ROWS))
+    axes = {
+        f"{sensor['key']} {channel[-1]}": sensor
+        for sensor in getattr(module, "SENSORS", ())
+        for channel in sensor["channels"]
+    }
     found = []
     for name, times, reversed_by in zip(module.ROWS, often, reversals, strict=True):
-        ending = next((end for end in _KINDS if name not in kinds and name.endswith(end)), "")
-        joint = name.removesuffix(ending)
-        base = joint not in kinds
-        turns = name.startswith("base_n") if base else kinds[joint] == "revolute"
-        origin = _KINDS.get(ending, f"torque of {module.ROW_KIND} {{0}}").format(joint)
-        origin = "torque on the base" if base else origin
-        unit = ("N m" if turns else "N") + ("/s" if times else "")
-        found.append(
-            {
-                "name": name,
-                "origin": origin if turns else origin.replace("torque", "force"),
-                "bodies": (joint,),
-                "differentiated": times,
-                "order": 2 + times,
-                "reversals": tuple(speeds[one] for one in reversed_by),
-                "lever": 1.0,
-                "unit": unit,
-            }
-        )
+        told = _felt(name, axes[name]) if name in axes else _balanced(module, name, times)
+        turned = tuple(speeds[one] for one in reversed_by)
+        found.append({"name": name, "differentiated": times, "reversals": turned, "lever": 1.0, **told})
     return tuple(found)
+
+
+def _balanced(module: Any, name: str, times: int) -> dict[str, Any]:
+    """Return what the row of a balance is of, the highest order of its motion, and its unit."""
+    kinds = {joint["name"]: joint["kind"] for joint in module.JOINTS}
+    ending = next((end for end in _KINDS if name not in kinds and name.endswith(end)), "")
+    joint = name.removesuffix(ending)
+    base = joint not in kinds
+    turns = name.startswith("base_n") if base else kinds[joint] == "revolute"
+    origin = _KINDS.get(ending, f"torque of {module.ROW_KIND} {{0}}").format(joint)
+    origin = "torque on the base" if base else origin
+    return {
+        "origin": origin if turns else origin.replace("torque", "force"),
+        "bodies": (joint,),
+        "order": 2 + times,
+        "unit": ("N m" if turns else "N") + ("/s" if times else ""),
+    }
+
+
+def _felt(name: str, sensor: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the same of the row of an axis of a gyro or an accelerometer."""
+    gyro = sensor["measures"] == "gyro"
+    return {
+        "origin": f"motion of the link of joint {sensor['joint']}, as {sensor['measures']} {name} reads it",
+        "bodies": (sensor["joint"],),
+        "order": 1 if gyro else 2,
+        "unit": "rad/s" if gyro else "m/s^2",
+    }

@@ -15,6 +15,8 @@ JointKind = Literal["revolute", "prismatic", "fixed"]
 Friction = Literal["symmetric", "asymmetric"]
 Side = Literal["motor", "link", "deflection", "between"]
 ArmMeasures = Literal["position", "velocity", "torque", "gyro", "accelerometer"]
+#: What sensors with three axes, mounted on a link, measure.
+INERTIAL = ("gyro", "accelerometer")
 
 #: The ten parameters of a link about the origin of its joint's frame, in the order of the regressor.
 LINK_PARAMETERS = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
@@ -153,7 +155,7 @@ class ArmSensor:
     @property
     def channels(self) -> tuple[str, ...]:
         """What it gives: one key, or three."""
-        if self.measures in ("gyro", "accelerometer"):
+        if self.measures in INERTIAL:
             return tuple(f"{self.key}_{axis}" for axis in "xyz")
         return (self.key,)
 

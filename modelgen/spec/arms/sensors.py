@@ -8,7 +8,7 @@ from dataclasses import replace
 from modelgen.documents import Document
 from modelgen.errors import Problem
 from modelgen.spec.arms.angles import read_angle
-from modelgen.spec.arms.arm import ArmMeasures, ArmSensor, ArmSpec, Joint, Side
+from modelgen.spec.arms.arm import INERTIAL, ArmMeasures, ArmSensor, ArmSpec, Joint, Side
 from modelgen.spec.arms.lengths import read_length
 from modelgen.spec.arms.parameters import arm_parameters
 from modelgen.spec.arms.placements import origin_placement
@@ -17,7 +17,6 @@ from modelgen.spec.words import identifier_problem, path, shown, suggest
 
 #: The sensor set of an arm with elastic joints whose file says nothing of sensors.
 USUAL_SET = "encoders"
-INERTIAL = ("gyro", "accelerometer")
 _EXAMPLE = 'qm_1 = { joint = "1", side = "motor", measures = "position" }'
 
 

@@ -4,30 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import NamedTuple
 
 from modelgen.errors import ModelError
-from modelgen.spec.arms.arm import ArmMeasures, ArmSensor, ArmSpec, Joint, Side
+from modelgen.spec.arms.arm import ArmMeasures, ArmSensor, ArmSpec, Joint, Length, Shift, Side, Step
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel, ArmBaseParameter, arm_base_model
 
 
 class _Kind(NamedTuple):
-    """A sensor that every joint may have, and whether only elastic joints need it."""
+    """A sensor that every joint may have, whether only elastic ones need it, and where on the link it is."""
 
     key: str
     side: Side
     measures: ArmMeasures
     elastic_only: bool = False
+    mounting: tuple[Step, ...] = ()
 
 
 _MOTOR, _LINK = _Kind("qm", "motor", "position", True), _Kind("q", "link", "position")
 _RATE, _TORQUE = _Kind("dq", "link", "velocity", True), _Kind("t", "between", "torque")
+#: Beside the axis of its joint, where it feels this one turn.
+_FELT = _Kind("a", "link", "accelerometer", True, (Shift(0, Length(Fraction(1, 10))),))
 #: What robots have: by name, the sensors of every joint. A rigid joint has one encoder.
 USUAL_SETS: dict[str, tuple[_Kind, ...]] = {
     "motor and link encoders": (_MOTOR, _LINK),
     "motor and link encoders, joint torques": (_MOTOR, _LINK, _TORQUE),
     "motor encoders, link speeds": (_MOTOR, _RATE),
+    "motor encoders, link accelerometers": (_MOTOR, _FELT),
     "motor encoders, joint torques": (_MOTOR, _TORQUE),
     "motor encoders": (_MOTOR,),
     "link encoders, joint torques": (_LINK, _TORQUE),
@@ -85,6 +90,7 @@ def with_usual_sets(spec: ArmSpec) -> ArmSpec:
 def _sensors(joint: Joint, kinds: Iterable[_Kind]) -> Iterable[ArmSensor]:
     for kind in kinds:
         if joint.elastic or not kind.elastic_only:
-            yield ArmSensor(f"{kind.key}_{joint.name}", joint.name, kind.side, kind.measures)
+            key = f"{kind.key}_{joint.name}"
+            yield ArmSensor(key, joint.name, kind.side, kind.measures, kind.mounting)
         elif kind is _MOTOR and _LINK not in kinds:  # the encoder of a rigid joint says where both are
             yield ArmSensor(f"q_{joint.name}", joint.name, "link", "position")

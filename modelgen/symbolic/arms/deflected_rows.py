@@ -3,20 +3,22 @@
 Where the link is hidden, q = q_m - (Gamma - drive) / K, or q_m - torque / K where the torque is measured.
 Where the motor is, q_m = q + links / K, or q + torque / K. That row is then used up (`Estimated`), and the
 others hold with the position that it gives: linear in the remaining parameters for given springs, so that all
-are found together by separable least squares.
+are found together by separable least squares. What gyros and accelerometers on such links read is one row an
+axis, reading = motion of the link: it holds no parameter but those that give the position.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 from modelgen.errors import ModelError
-from modelgen.spec.arms.arm import ArmSensor, ArmSpec, Joint
+from modelgen.spec.arms.arm import INERTIAL, ArmSensor, ArmSpec, Joint
 from modelgen.symbolic.arms.balances import Balance
 from modelgen.symbolic.arms.drives import motor_coordinate
-from modelgen.symbolic.arms.expressions.graph import ZERO, Graph
+from modelgen.symbolic.arms.expressions.graph import ZERO, Graph, Symbol
+from modelgen.symbolic.arms.kinematics import felt, link_motions
 from modelgen.symbolic.arms.readable_rows import ReadRows, readable_rows
 from modelgen.symbolic.arms.row_parts import RowParts
 from modelgen.symbolic.arms.sensing import Sensing
@@ -39,6 +41,11 @@ class _Hidden(NamedTuple):
     row: str
     given: str
     sensor: ArmSensor
+
+    @property
+    def behind(self) -> bool:
+        """Whether it is the link's end."""
+        return self.sensor.side == "link"
 
 
 def sensed_rows(
@@ -70,6 +77,7 @@ def sensed_rows(
     used = {one.row: one for one in hidden}
     every = (*sensors, *(one.sensor for one in hidden))
     further = [_driven(graph, parts, one.joint) for one in hidden if one.row == one.given]
+    further += _felt(graph, spec, sensing, sensors, {one.joint.name for one in hidden if one.behind})
     seen = readable_rows(graph, spec, parts, [*rows, *further], Sensing(spec, every), where)
     try:
         linear = readable_rows(graph, spec, parts, rows, sensing, where)
@@ -125,6 +133,26 @@ def _driven(graph: Graph, parts: RowParts, joint: Joint) -> Balance:
     for column, entry in parts.links[joint.name].items():
         entries[column] = graph.subtract(entries.get(column, ZERO), entry)
     return Balance(joint.name + DRIVEN, entries, ZERO)
+
+
+def _felt(
+    graph: Graph, spec: ArmSpec, sensing: Sensing, sensors: Sequence[ArmSensor], hidden: Collection[str]
+) -> Iterator[Balance]:
+    """Yield reading less motion = 0 of axes of sensors on links that move with hidden joints.
+
+    Gyros whose differences are speeds of joints say those, and nothing else.
+    """
+    read = {key for joint in spec.moving for key, *_ in sensing.channels(joint.name, 1) or ()}
+    motions = link_motions(graph, spec)
+    for sensor in sensors:
+        if sensor.measures not in INERTIAL or not read.isdisjoint(sensor.channels):
+            continue
+        for channel, motion in zip(sensor.channels, felt(graph, motions[sensor.joint], sensor), strict=True):
+            nodes = (graph.nodes[index].symbol for index in graph.needed([motion]))
+            if any(symbol is not None and symbol.name in hidden for symbol in nodes):
+                reading = graph.symbol(Symbol("reading", channel))
+                name = f"{sensor.key} {channel[-1]}"
+                yield Balance(name, {}, graph.subtract(reading, motion))
 
 
 def _free_key(key: str, sensors: Sequence[ArmSensor]) -> str:

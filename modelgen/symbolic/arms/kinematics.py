@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from modelgen.spec.arms.arm import ArmSpec, Joint
+from modelgen.spec.arms.arm import ArmSensor, ArmSpec, Joint
 from modelgen.symbolic.arms.expressions.graph import ONE, ZERO, Graph, Ref, Symbol
 from modelgen.symbolic.arms.placements import Lengths, Placement, placement
 
@@ -64,6 +64,17 @@ def link_motions(graph: Graph, spec: ArmSpec, base_rows: bool = False) -> dict[s
             graph, joint, base if joint.parent is None else motions[joint.parent]
         )
     return motions
+
+
+def felt(graph: Graph, motion: LinkMotion, sensor: ArmSensor) -> Vector:
+    """Return what a gyro or an accelerometer on a link reads along its own axes."""
+    moved = _link_motion(graph, mounting_of(sensor), motion)
+    return moved.speed.angular if sensor.measures == "gyro" else moved.acceleration.linear
+
+
+def mounting_of(sensor: ArmSensor) -> Joint:
+    """Return the mounting of a gyro or an accelerometer as a joint that does not move."""
+    return Joint("", None, "fixed", sensor.mounting, ())
 
 
 def _link_motion(graph: Graph, joint: Joint, parent: LinkMotion) -> LinkMotion:

@@ -63,7 +63,7 @@ def readable_rows(
             needed = _needed(graph, tried, parts, turned)
             read = {symbol: _read(sensing, symbol) for symbol in needed}
             lacking = [symbol for symbol, found in read.items() if found is None]
-            if not lacking and tried.entries:
+            if not lacking and (tried.entries or any(symbol.kind == "reading" for symbol in needed)):
                 chosen.append((tried, times))
                 jumping.append(turned)
                 channels |= {symbol: found for symbol, found in read.items() if found is not None}
@@ -116,7 +116,7 @@ def _needed(graph: Graph, row: Balance, parts: RowParts, turned: Sequence[str]) 
             continue
         if symbol.kind in ("cosine", "sine"):
             found[Symbol("position", symbol.name)] = None
-        elif symbol.kind in ("position", "torque"):
+        elif symbol.kind in ("position", "torque", "reading"):
             found[symbol] = None
     return list(found)
 
@@ -124,6 +124,8 @@ def _needed(graph: Graph, row: Balance, parts: RowParts, turned: Sequence[str]) 
 def _read(sensing: Sensing, symbol: Channel) -> Channels | None:
     if symbol.kind == "torque":
         return ((sensing.torques[symbol.name], symbol.order, Fraction(1)),)
+    if symbol.kind == "reading":
+        return ((symbol.name, symbol.order, Fraction(1)),)
     return sensing.channels(symbol.name, symbol.order)
 
 

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from typing import NamedTuple
 
-from modelgen.spec.arms.arm import ArmSensor, ArmSpec, Joint
+from modelgen.spec.arms.arm import ArmSensor, ArmSpec
 from modelgen.symbolic.arms.drives import motor_coordinate
+from modelgen.symbolic.arms.kinematics import mounting_of
 from modelgen.symbolic.arms.placements import Matrix, placement
 
 #: What is added up: how often each name counts.
@@ -136,8 +137,7 @@ def _turning(spec: ArmSpec, sensors: tuple[ArmSensor, ...]) -> dict[str, Turning
     for sensor in reversed(sensors):
         if sensor.measures == "gyro":
             x, y, z = ({key: Fraction(1)} for key in sensor.channels)
-            mounting = Joint("", None, "fixed", sensor.mounting, ())
-            found[sensor.joint] = _rotated((x, y, z), placement(mounting).rotation)
+            found[sensor.joint] = _rotated((x, y, z), placement(mounting_of(sensor)).rotation)
     alike = [joint for joint in spec.joints if joint.kind != "revolute"]
     for joint in reversed(alike):
         if joint.name in found and joint.parent is not None:

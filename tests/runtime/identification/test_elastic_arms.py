@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
 from modelgen import CheckOptions, Filters, identify
+from modelgen.array_types import FloatArray
+from modelgen.cli.arms.simulate_arm import arm_model, mounted
 from modelgen.errors import IdentifiabilityError
 from modelgen.render.arms.arm_writer import arm_module
 from modelgen.runtime.diagnostics.row_noise import row_noise
@@ -18,9 +21,14 @@ from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.rows.observation import observe
+from modelgen.runtime.simulation.arms.arm_plant import arm_plant
+from modelgen.runtime.simulation.arms.joint_motion import JointMotion
+from modelgen.runtime.simulation.arms.mounted_sensors import sensor_channels
+from modelgen.spec.arms.arm import Angle, ArmSensor, ArmSpec, Length, Shift, Turn
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
 from tests.symbolic.arms.elastic_arms import (
+    Motion,
     exact_record,
     geared,
     readings,
@@ -31,9 +39,20 @@ from tests.symbolic.arms.elastic_arms import (
 )
 from tests.symbolic.arms.test_elastic_rows import SETS, both
 
+MOUNTING = (Shift(0, Length(Fraction(1, 4))), Turn(2, Angle(Fraction(3, 5), Fraction(4, 5), 0.9273)))
+
+
+def felt(spec: ArmSpec, *links: str, gyro: bool = False) -> ArmSpec:
+    """Return the arm with encoders at its motors and accelerometers on links, and gyros if asked for."""
+    motors = [ArmSensor(f"qm_{joint.name}", joint.name, "motor", "position") for joint in spec.moving]
+    made = [ArmSensor(f"a_{name}", name, "link", "accelerometer", MOUNTING) for name in links]
+    made += [ArmSensor(f"g_{name}", name, "link", "gyro", MOUNTING) for name in links if gyro]
+    return replace(spec, sensor_sets={**spec.sensor_sets, "s": (*motors, *made)})
+
+
 QUICK = CheckOptions(tests=False)
 FS = 1000.0
-NOISE = {"rad": 5e-6, "rad/s": 5e-5, "N m": 0.1}
+NOISE = {"rad": 5e-6, "rad/s": 5e-5, "m/s^2": 1e-2, "N m": 0.1}
 CASES = {
     **SETS,
     # no sensor sees where links are: their springs say it
@@ -47,11 +66,21 @@ CASES = {
     "links alone, spatial": (with_sensors(spatial(), *both("link", names="123")), "s", 30),
     "links alone, six joints": (with_sensors(SETS["six joints"][0], *both("link", names="123456")), "s", 66),
     "torques at links": (with_sensors(two_link(), *both("link"), *both("between", "torque")), "s", 16),
+    # what links feel says how they move, each axis in a row of its own
+    "gyro and accelerometer of the last link": (felt(geared(two_link()), "2", gyro=True), "s", 19),
+    "accelerometers, spatial": (felt(spatial(), "1", "2", "3"), "s", 30),
     # rows that are differentiated do not hold where a motor reverses
     "speeds of links": (with_sensors(two_link(), *both(), *both("link", "velocity")), "s", 16),
 }
-SLOW = ("six joints", "links alone, six joints", "motors alone, spatial", "links alone, spatial")
-SECONDS = {"links alone, six joints": 6.0}
+SLOW = (
+    "six joints",
+    "links alone, six joints",
+    "motors alone, spatial",
+    "links alone, spatial",
+    "accelerometers, spatial",
+    "gyro and accelerometer of the last link",
+)
+SECONDS = {"links alone, six joints": 6.0, "accelerometers, spatial": 3.0}
 # a wide filter, for its reach around every reversal
 FILTERS = {"speeds of links": Filters(cutoff_hz=60.0)}
 
@@ -64,10 +93,23 @@ def made(case: str, seconds: float = 12.0) -> tuple[Model, Record, dict[str, flo
     model = model_from_text(arm_module(arm_base_model(arm_rows(spec, sensor_set=sensor_set))), "elastic")
     values = values_of(spec, rng)
     motion, forces = exact_record(spec, values, np.arange(0.0, seconds, 1.0 / FS), rng)
-    signals = readings(spec, motion, forces, sensor_set)
+    signals = readings(spec, motion, forces, sensor_set) | felt_along(spec, values, motion, sensor_set)
     base = model.base_from_physical({name: values[name] for name in model.parameters})
     truth = dict(zip(model.base_parameters, base.tolist(), strict=True))
     return model, Record({key: signals[key] for key in model.channels}, FS, "arm"), truth
+
+
+def felt_along(
+    spec: ArmSpec, values: dict[str, float], motion: Motion, sensor_set: str
+) -> dict[str, FloatArray]:
+    """Return what gyros and accelerometers read."""
+    sensors = [one for one in mounted(spec, sensor_set) if one.way]
+    if not sensors:
+        return {}
+    model = arm_model(spec)
+    plant = arm_plant(model, model.base_from_physical({name: values[name] for name in model.parameters}))
+    q, v, a = (np.array([motion[name, k] for name in plant.coordinates.names]) for k in range(3))
+    return sensor_channels(plant, sensors, JointMotion(q, v, a, FS))
 
 
 def noisy(model: Model, record: Record, seed: int) -> Record:
@@ -185,7 +227,10 @@ def test_steps_are_linear_about_the_point_to_second_order() -> None:
     np.testing.assert_allclose(slopes @ step, wanted, atol=1e-5 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("case", ["torques", "motors alone, gears", "links alone, gears"])
+@pytest.mark.parametrize(
+    "case",
+    ["torques", "motors alone, gears", "links alone, gears", "gyro and accelerometer of the last link"],
+)
 def test_the_noise_that_rows_are_expected_to_hold_is_what_they_hold(case: str) -> None:
     model, record, truth = made(case)
     x = np.array([*truth.values()])

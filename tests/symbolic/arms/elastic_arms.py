@@ -12,7 +12,7 @@ from fractions import Fraction
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.spec.arms.arm import ArmSensor, ArmSpec
+from modelgen.spec.arms.arm import INERTIAL, ArmSensor, ArmSpec
 from modelgen.spec.arms.sensors import usual_sensors
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.drives import motor_coordinate
@@ -113,11 +113,16 @@ def exact_record(
 def readings(
     spec: ArmSpec, motion: Motion, forces: dict[str, FloatArray], sensor_set: str
 ) -> dict[str, FloatArray]:
-    """Return the signals that the sensors of a set give, and the motors' forces, by the keys of a module."""
+    """Return the signals that encoders, tachometers and torque sensors of a set give, and the motors' forces.
+
+    They are by the keys of a module.
+    """
     signals = {f"tau_{joint.name}": forces[f"force {joint.name}"] for joint in spec.moving}
     moving = [joint.name for joint in spec.moving]
     by_name = {joint.name: joint for joint in spec.moving}
     for sensor in spec.sensor_sets[sensor_set]:
+        if sensor.measures in INERTIAL:
+            continue
         first = 0 if sensor.measures in ("position", "torque") else 1
         for order in range(4 - first):
             key = f"d{order}_{sensor.key}" if order else sensor.key

@@ -20,6 +20,7 @@ from modelgen.runtime.model.arm_channels import moving_joints
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.planning.arms.predicted_sets import USUAL_NOISE
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.arms.mounted_sensors import MountedSensor, felt_channels
 
 # Differences exact up to degree 16; they are applied to positions, torques and positions of motors in turn.
 STENCIL = central_difference(8)
@@ -100,7 +101,11 @@ def elastic_motion(
 
 
 def record_along(
-    model: Model, motion: ElasticMotion, noise: Mapping[str, float] | None = None, seed: int = 0
+    model: Model,
+    motion: ElasticMotion,
+    noise: Mapping[str, float] | None = None,
+    seed: int = 0,
+    mounted: Sequence[MountedSensor] = (),
 ) -> Record:
     """Return what the sensors of a model read along a motion.
 
@@ -111,12 +116,16 @@ def record_along(
     noise : mapping of str to float, optional
         Standard deviation of the readings (SI) by channel, or by unit; `USUAL_NOISE` for the others.
     seed : int
+    mounted : sequence of MountedSensor, optional
+        Where gyros and accelerometers of the set are.
     """
     rng, level = np.random.default_rng(seed), {**USUAL_NOISE, **(noise or {})}
     units = {one.key: one.unit for one in model.sensors} | {one.key: one.unit for one in model.actuators}
     exact = {f"tau_{name}": force for name, force in motion.forces.items()}
+    exact |= _felt(motion, [one for one in mounted if one.way])
     for sensor in model.module.SENSORS:
-        exact |= {sensor["key"]: _read(model, sensor, motion)}
+        if not exact.keys() >= {*sensor["channels"]}:
+            exact |= {sensor["key"]: _read(model, sensor, motion)}
     return Record(
         {
             key: exact[key] + level.get(key, level[units[key]]) * rng.standard_normal(len(exact[key]))
@@ -192,20 +201,30 @@ def _turned(model: Model, moving: Sequence[str], joint: str, motors: Mapping[str
     return total
 
 
+def _felt(motion: ElasticMotion, sensors: Sequence[MountedSensor]) -> dict[str, FloatArray]:
+    """Return what gyros and accelerometers read."""
+    links = np.array([*motion.links.values()])
+    q, v, a = (
+        np.array([differentiate(one, 1.0 / motion.fs, order, STENCIL) for one in links]) for order in range(3)
+    )
+    names = [*motion.links]
+    return {key: line for one in sensors for key, line in felt_channels(one, names, q, v, a).items()}
+
+
 def _read(model: Model, sensor: Mapping[str, Any], motion: ElasticMotion) -> FloatArray:
     """Return what an encoder, a tachometer or a torque sensor reads.
 
     Raises
     ------
     DataError
-        For a gyro or an accelerometer.
+        For a gyro or an accelerometer that is not among those that are mounted.
     """
     moving = moving_joints(model.module)
     joint, side, measures = sensor["joint"], sensor["side"], sensor["measures"]
     if measures == "torque":
         return motion.torques[joint]
     if measures not in ("position", "velocity"):
-        raise DataError.at(sensor["key"], f"is a {measures}", "give encoders, tachometers and torque sensors")
+        raise DataError.at(sensor["key"], f"is a {measures}", "say in mounted where it is")
     position = motion.links[joint]
     if side == "deflection":
         position = motion.motors[joint] - motion.links[joint]

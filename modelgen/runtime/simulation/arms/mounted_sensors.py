@@ -79,8 +79,7 @@ def sensor_channels(
     torques = plant.spring_torques(q, v) if any(one.measures == "torque" for one in sensors) else {}
     for sensor in sensors:
         if sensor.measures in INERTIAL:
-            lines = _link_motion(sensor, plant, q, v, a)[int(sensor.measures == "accelerometer")]
-            found |= dict(zip(sensor.channels, lines, strict=True))
+            found |= felt_channels(sensor, plant.joints, q, v, a)
         elif sensor.measures == "torque":
             found[sensor.key] = torques[sensor.joint]
         else:
@@ -90,8 +89,19 @@ def sensor_channels(
     return found
 
 
+def felt_channels(
+    sensor: MountedSensor, joints: Sequence[str], q: FloatArray, v: FloatArray, a: FloatArray
+) -> dict[str, FloatArray]:
+    """Return what a gyro or an accelerometer reads without noise, shape (N,) each, in SI.
+
+    `q`, `v`, `a` are positions, speeds and accelerations of the links of `joints`, shape (joints, N) or more.
+    """
+    lines = _link_motion(sensor, joints, q, v, a)[int(sensor.measures == "accelerometer")]
+    return dict(zip(sensor.channels, lines, strict=True))
+
+
 def _link_motion(
-    sensor: MountedSensor, plant: ArmPlant, q: FloatArray, v: FloatArray, a: FloatArray
+    sensor: MountedSensor, joints: Sequence[str], q: FloatArray, v: FloatArray, a: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return angular speed, and acceleration less gravity, of a sensor's frame in that, shape (3, N) each."""
     speed, rise = np.zeros((2, 3, q.shape[1]))
@@ -101,7 +111,7 @@ def _link_motion(
         speed, rise, felt = (joint.placement[:3, :3].T @ one for one in (speed, rise, felt))
         if joint.kind == "fixed":
             continue
-        place = plant.joints.index(joint.name)
+        place = joints.index(joint.name)
         rate = np.zeros_like(speed)
         rate[2] = v[place]
         if joint.kind == "prismatic":
