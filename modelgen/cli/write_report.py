@@ -122,7 +122,7 @@ def closed_loops(found: Identified, controller: Path) -> tuple[Validation, ...]:
 
     loops: list[Validation] = []
     for _, model, records, _ in found.alone():
-        parameters, used = parameters_of(found.estimate, model), found.estimate.records
+        parameters, used = parameters_of(found.estimate, model), found.estimate.identified_from
         if model.is_arm:
             loops += validate_arm(model, parameters, records, load_joint_controller(controller), used=used)
         else:

@@ -109,6 +109,9 @@ def test_without_a_controller_it_is_open_loop_or_some_samples_ahead(here: Path) 
         assert [s["channel"] for s in record["signals"]] == ["q_m", "a_c"]
         assert record["signals"][0]["fit_percent"] > 90.0
         assert f"chirp, used; {kind}" in run("validate", chirp, *common, *horizon)
+    (here / "moved.csv").write_text((here / trapezoid).read_text().replace('"trapezoid"', '"moved"', 1))
+    (record,) = run_json("validate", "moved.csv", *common)["records"]
+    assert (record["record"], record["held_out"]) == ("moved", False)
     rest = run_json("validate", chirp, *common, "--hold-out", "0.5")["records"][1]
     assert (rest["record"], rest["held_out"], rest["comparison"]) == ("chirp_rest", True, "open loop")
     (here / "loop.toml").write_text(CONTROLLER)

@@ -72,7 +72,7 @@ def validate(
     With a controller its loop follows the records' reference; without one the chain moves under the measured
     forces, in open loop over the whole record, or --horizon samples ahead. Of an arm the forces that
     its motion needs are compared then.
-    A record is held out if its name is none of those that the estimate was identified from.
+    A record is held out if the estimate was not identified from its samples, whatever its name.
     """
     from modelgen.cli.arguments import amounts
     from modelgen.cli.tables import console
@@ -95,7 +95,7 @@ def validate(
     note(reading_lines(data, readings))
     records = [reading.record for reading in readings]
     step("simulating")
-    found = compared(parameters, records, tuple(saved.get("records", ())))
+    found = compared(parameters, records, tuple(saved.get("contents") or saved.get("records", ())))
     if hold_out is not None:
         if method is None and "method" not in saved:
             remedy = "give --method, or a file that modelgen identify -o wrote"

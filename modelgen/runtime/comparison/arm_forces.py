@@ -10,6 +10,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_fi
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, refuse_lacking
+from modelgen.runtime.records.same_data import is_held_out
 from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant
 from modelgen.runtime.simulation.arms.measured_motion import measured_motion
@@ -37,7 +38,8 @@ def compare_forces(
     records : sequence of Record
         With the channels of the model.
     used : sequence of str
-        Names of the records that the parameters were identified from.
+        Records that the parameters were identified from, `Estimate.identified_from`: their contents, or their
+        names; the others are held out.
 
     Raises
     ------
@@ -51,7 +53,8 @@ def compare_forces(
     base, absent = base_values(model, parameters)
     plant = arm_plant(model, base)
     return tuple(
-        _compared(plant, record, record.name not in used, taken_as_zero(absent)) for record in extended
+        _compared(plant, record, is_held_out(record, model.channels, used), taken_as_zero(absent))
+        for record in extended
     )
 
 

@@ -75,7 +75,7 @@ class EstimateComparison:
         """
         known, given = model_of(self._estimate, model), records_of(self._estimate, records)
         parameters = {**_physical(known, self._estimate), **(values or {})}
-        found = compare(known, parameters, given, horizon, self._estimate.records)
+        found = compare(known, parameters, given, horizon, self._estimate.identified_from)
         return found[0] if isinstance(records, Record) else found
 
 

@@ -104,6 +104,7 @@ def _identified(
     fixed = dict.fromkeys(solution.at_bounds, 0.0)
     solved = Solved(solution.job, chosen, solution.observation, fit, no_number, drift, fixed, keep)
     estimate = judge(solved, chosen.residual_dof, task.checks.prune_percent)
+    estimate = replace(estimate, contents=task.contents)
     if not task.checks.tests:
         told = (*solution.advice, untested("is not checked, as asked for"))
         asked = Checks(told, held_out=extras.held_out, scan=extras.scan, bounds=extras.bounds, kept=keep)

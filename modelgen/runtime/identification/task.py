@@ -25,7 +25,7 @@ from modelgen.runtime.model.power.power_model import power_model
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
 from modelgen.runtime.records.record import Record, missing_name
-from modelgen.runtime.records.same_data import refuse_same_data
+from modelgen.runtime.records.same_data import contents, refuse_same_data
 from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.rows.masks import slow_speeds
 from modelgen.runtime.rows.paper_rows import paper_sentence
@@ -52,6 +52,8 @@ class Task:
         The same for the method.
     filters : Filters
         What was given of them.
+    contents : tuple of str
+        Of the records to identify from, as they were given (`modelgen.runtime.records.same_data.contents`).
     """
 
     model: Model
@@ -64,6 +66,7 @@ class Task:
     choice: FilterChoice
     job: Job
     filters: Filters
+    contents: tuple[str, ...]
 
 
 def prepared(
@@ -123,7 +126,9 @@ def prepared(
         memory_limit=None if limit_mb is None else MEGABYTE * limit_mb,
         begin=_begin(model, method),
     )
-    return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job, filters)
+    names = {record.name for record in kept}
+    told = tuple(text for one in every if one.name in names for text in contents(one, model.channels))
+    return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job, filters, told)
 
 
 def _method_problems(model: Model, method: Method) -> list[Problem]:

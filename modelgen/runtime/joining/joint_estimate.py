@@ -154,6 +154,7 @@ def assembled(joined: Joined, failed: Mapping[str, str]) -> Estimate:
             kept=first.checks.kept,
         ),
         modes_of_fit(joined.chain, (chain, again)),
+        contents=tuple(text for one in estimates for text in one.contents),
     )
 
 

@@ -11,6 +11,7 @@ from modelgen.runtime.prediction.open_loop import open_loop_readings
 from modelgen.runtime.prediction.predictor import predicted_readings
 from modelgen.runtime.prediction.thresholds import JUDGED_SAMPLES
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.same_data import is_held_out
 from modelgen.runtime.simulation.plant import Plant, make_plant
 from modelgen.runtime.simulation.thresholds import CUTOFF_SHARE
 from modelgen.runtime.simulation.validate import initial_state
@@ -40,7 +41,8 @@ def compare(
         Predict so many samples ahead of the readings (1, 10, ...). By default the whole record is simulated
         in open loop, from the state at its beginning that suits it best.
     used : sequence of str
-        Names of the records that the parameters were identified from; the others are held out.
+        Records that the parameters were identified from, `Estimate.identified_from`: their contents, or their
+        names; the others are held out.
 
     Raises
     ------
@@ -66,7 +68,10 @@ def compare(
     zero = [name for name in lost if model.roles[name].role in RUBBING]
     notes = (f"taken as zero: {listed(zero)}",) if zero else ()
     plant = make_plant(model, {**given, **dict.fromkeys(zero, 0.0)})
-    return tuple(_compared(plant, record, horizon, record.name not in used, notes) for record in records)
+    return tuple(
+        _compared(plant, record, horizon, is_held_out(record, model.channels, used), notes)
+        for record in records
+    )
 
 
 def _compared(

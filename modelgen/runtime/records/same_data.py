@@ -9,7 +9,8 @@ a record and its rounded copy is at most the rounding of the copy.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from hashlib import sha256
 from math import comb
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
-from modelgen.runtime.records.channels import Channels
+from modelgen.runtime.records.channels import Channels, in_stretches
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.thresholds import EXACT, NEAR, ROUNDING, SHARED, TWICE
 
@@ -68,6 +69,27 @@ def refuse_pairs(records: Sequence[tuple[str, int]], shared: Mapping[tuple[int, 
         problems.append(Problem(b, what, remedy))
     if problems:
         raise DataError(*problems)
+
+
+def contents(source: Channels, channels: Sequence[str]) -> tuple[str, ...]:
+    """Return a text for each channel that a record has, the same for the same samples only (SHA-256).
+
+    A channel that never changes is left out: it may be the same in any other record.
+    """
+    found = []
+    for channel in channels:
+        if channel in source.keys:
+            digest, least, greatest = sha256(), np.inf, -np.inf
+            for samples in in_stretches(source, channel):
+                digest.update(np.ascontiguousarray(samples, dtype="<f8").data)
+                least, greatest = min(least, samples.min()), max(greatest, samples.max())
+            found += [digest.hexdigest()[:32]] if least < greatest else []
+    return tuple(found)
+
+
+def is_held_out(source: Channels, channels: Sequence[str], used: Collection[str]) -> bool:
+    """Tell whether a record is none of those used, which are told by `contents`, or by their names."""
+    return source.name not in used and not set(contents(source, channels)) & set(used)
 
 
 def alike(looks: Sequence[FloatArray]) -> list[tuple[int, int]]:

@@ -61,6 +61,9 @@ class Estimate:
         What the fit says of the modes; `modes` adds what the records show of them.
     source : Source or None
         Model and records, for plots and comparisons; None where the estimate was loaded or pickled.
+    contents : tuple of str
+        What tells the samples of these records from others', a text for each channel of each; empty where
+        the estimate was saved without.
     """
 
     model: EstimatedModel
@@ -71,11 +74,17 @@ class Estimate:
     checks: Checks = field(default_factory=Checks)
     modal: Modes = field(default_factory=Modes)
     source: Source | None = field(default=None, repr=False)
+    contents: tuple[str, ...] = field(default=(), repr=False)
 
     # plot.bode(), plot.fit(), plot.residuals(), plot.parameters(): curves with their intervals
     plot = LazyAccessor("modelgen.runtime.plots.estimate_plots", "EstimatePlots")
     # compare(record, horizon=None): measured signals against the chain under the measured forces
     compare = LazyAccessor("modelgen.runtime.curves.estimate_comparison", "EstimateComparison")
+
+    @property
+    def identified_from(self) -> tuple[str, ...]:
+        """The contents of the records behind the estimate; where these are unknown, the records' names."""
+        return self.contents or self.records
 
     @property
     def params(self) -> Mapping[str, float]:

@@ -26,6 +26,7 @@ def estimate_document(estimate: Estimate) -> dict[str, Any]:
         "method": estimate.fit.method,
         "method_title": estimate.fit.method_title,
         "records": estimate.records,
+        "contents": estimate.contents,
         "params": estimate.params,
         "bse": estimate.bse,
         "relative_std": estimate.relative_std,

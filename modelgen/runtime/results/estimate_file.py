@@ -75,7 +75,7 @@ KEYS: Mapping[str, tuple[Holds, str]] = {
     "version": (lambda value: value == FORMAT_VERSION and _is_count(value), f"the number {FORMAT_VERSION}"),
     **dict.fromkeys(("chain", "sensor_set", "title", "method", "method_title"), TEXT),
     **dict.fromkeys(("covariance_kind", "residual_dof"), TEXT),
-    **dict.fromkeys(("records", "notes", "unseen", "joined"), TEXTS),
+    **dict.fromkeys(("records", "contents", "notes", "unseen", "joined"), TEXTS),
     **dict.fromkeys(("params", "physical", "nuisance", "delays", "known"), VALUES),
     **dict.fromkeys((*DEVIATIONS, *OF_PHYSICAL, "delay_std"), NUMBERS),
     **dict.fromkeys(

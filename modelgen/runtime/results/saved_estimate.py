@@ -21,6 +21,7 @@ from modelgen.typed_values import typed
 
 # keys that documents of version 1 did not always have
 LATER = (
+    "contents",
     "method_title",
     "physical_noise_std",
     "physical_drift_std",
@@ -83,6 +84,7 @@ def estimate_parts(document: Mapping[str, Any], where: str) -> dict[str, Any]:
         ),
         "checks": parts["checks"],
         "modal": parts.get("modes", Modes(notes=("No modes: the estimate was saved without them.",))),
+        "contents": tuple(saved.get("contents", ())),
     }
 
 

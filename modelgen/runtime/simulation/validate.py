@@ -20,7 +20,7 @@ from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record, refuse_lacking
-from modelgen.runtime.records.same_data import refuse_same_data
+from modelgen.runtime.records.same_data import is_held_out, refuse_same_data
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation
@@ -65,7 +65,8 @@ def validate(
     controller, drive, actuator
         As in `modelgen.simulate`: the loop in which the records were made.
     used : sequence of str
-        Names of the records that the parameters were identified from; the others are held out.
+        Records that the parameters were identified from, `Estimate.identified_from`: their contents, or their
+        names; the others are held out.
     cutoff_hz : float, optional
         Of the low-pass in Hz (order 4, forward and backward) before a reading is differentiated, on both
         sides; by default a tenth of the sampling frequency.
@@ -87,7 +88,15 @@ def validate(
     drive = drive or Drive()
     steps = given["oversample"] or (1 if drive.sampled else STEPS_A_SAMPLE)
     return tuple(
-        _validate(plant, record, controller, drive, steps, record.name not in used, given["cutoff_hz"])
+        _validate(
+            plant,
+            record,
+            controller,
+            drive,
+            steps,
+            is_held_out(record, model.channels, used),
+            given["cutoff_hz"],
+        )
         for record in records
     )
 

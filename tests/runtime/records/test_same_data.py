@@ -21,7 +21,7 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.records.same_data import refuse_same_data
+from modelgen.runtime.records.same_data import contents, is_held_out, refuse_same_data
 from modelgen.runtime.simulation.simulate import simulate
 
 MODULE = Path(str(emps300_qm_qc.__file__))
@@ -159,3 +159,21 @@ def test_a_file_by_another_path_is_the_same_file(tmp_path: Path) -> None:
     )
     assert result.exit_code == 2
     assert f"is the same file as {folder}; give it once" in result.stderr.replace("\n", " ")
+
+
+def test_a_used_record_is_told_by_its_samples(tmp_path: Path) -> None:
+    signals, channels = measured(1), ("q_m", "q_c", "Gamma_m")
+    given = Record(signals, 1000.0, "run")
+    used = contents(given, channels)
+    assert len(used) == 3 and len(set(used)) == 3
+    assert not is_held_out(Record({"q_m": signals["q_m"]}, 1000.0, "by another name"), channels, used)
+    assert is_held_out(Record(measured(2), 1000.0, "run"), channels, used)  # by the same name
+    paths = {key: tmp_path / f"{key}.npy" for key in channels}
+    for key, path in paths.items():
+        np.save(path, signals[key])
+    assert contents(open_npy(paths, 1000.0, "read in stretches"), channels) == used
+    # what never changes is the same in any record
+    still = {"q_m": np.zeros(50), "Gamma_m": np.arange(50.0)}
+    assert len(contents(Record(still, 1000.0), channels)) == 1
+    # without contents, as older estimates were saved, by its name
+    assert not is_held_out(Record(measured(2), 1000.0, "run"), channels, ("run",))

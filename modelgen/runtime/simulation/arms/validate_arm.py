@@ -10,7 +10,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, listed
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, refuse_lacking
-from modelgen.runtime.records.same_data import refuse_same_data
+from modelgen.runtime.records.same_data import is_held_out, refuse_same_data
 from modelgen.runtime.simulation.arms.arm_coordinates import joint_units
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant
 from modelgen.runtime.simulation.arms.followed_reference import followed, nodes_a_sample, true_signals
@@ -70,7 +70,8 @@ def validate_arm(
     controller : JointController
         The loop in which the records were made.
     used : sequence of str
-        Names of the records that the parameters were identified from.
+        Records that the parameters were identified from, `Estimate.identified_from`: their contents, or their
+        names; the others are held out.
 
     Raises
     ------
@@ -86,7 +87,9 @@ def validate_arm(
     base, absent = base_values(model, parameters)
     plant = arm_plant(model, base, tame=True)
     return tuple(
-        _validated(plant, record, controller, record.name not in used, taken_as_zero(absent))
+        _validated(
+            plant, record, controller, is_held_out(record, model.channels, used), taken_as_zero(absent)
+        )
         for record in records
     )
 
