@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 Description = dict[str, Any]
 MOST_TRIES = 200  # to find out which columns of a damaged file can be read
 MOST_LINES = 40  # of a table on a terminal; the proposal and --json hold everything
+EVEN = 0.01  # steps of a column of times that has no name differ by less; rounded times do by some
 WIDEST = 60  # characters of a name in a table
 
 
@@ -44,6 +45,11 @@ def describe_file(path: Path, model: Model | None) -> Description:
     loaded = _loaded(source)
     source = replace(source, load=lambda names: _again(source_load, loaded, names))
     columns = {name: values.astype(float) for name, values in loaded.items() if values.dtype.kind in "iuf"}
+    has_clocks = bool(source.clocks)
+    if source.clock is None and source.fs is None and (times := _rising(columns)):
+        said = f"{times} is taken as the column of times, as it rises evenly: check it"
+        timed = {name: times for name in source.names if name != times}
+        source = replace(source, clocks=timed, took=(*source.took, said))
     proposed = with_reversed(propose(source, model), model, columns)
     factor, unit = _time_unit(source, columns)
     findings = _findings(source, columns, proposed, factor)
@@ -63,7 +69,7 @@ def describe_file(path: Path, model: Model | None) -> Description:
             SEPARATOR.join(one.name for one in paths_of(path)),
             proposed,
             # where channels have times of their own, naming one column would give it to all of them
-            None if source.clocks else source.clock,
+            None if has_clocks else source.clock,
             unit,
             source.fs if source.clock is None else None,
             tuple(finding.kind for finding in findings),
@@ -114,6 +120,16 @@ def _describe(source: Source, name: str, values: Any) -> Description:
         "maximum": float(np.max(values)) if numbers else None,
         "first": float(values[0]) if numbers else None,
     }
+
+
+def _rising(columns: Columns) -> str | None:
+    """Return the column that rises by equal steps, if one does; steps of 1 may count samples."""
+    found = []
+    for name, values in columns.items():
+        steps = np.diff(values)
+        if steps.size > 1 and 0.0 < steps.min() != 1.0 and np.ptp(steps) <= EVEN * steps.min():
+            found.append(name)
+    return found[0] if len(found) == 1 else None
 
 
 def _time_unit(source: Source, columns: dict[str, Any]) -> tuple[float, str]:

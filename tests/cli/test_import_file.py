@@ -122,3 +122,15 @@ def test_names_that_are_odd_survive_the_file(tmp_path: Path) -> None:
     mapping: Any = load_mapping(tmp_path / "run.map.toml")
     assert list(mapping.columns.values()) == [column]
     assert mapping.fs_hz == 10.0
+
+
+def test_a_matrix_without_names_has_its_times_found_by_their_even_steps(tmp_path: Path) -> None:
+    steps = 0.002 * np.arange(40)
+    np.savez(tmp_path / "a.npz", data=np.column_stack([steps.round(4), np.sin(9.0 * steps), steps**2]))
+    told = run("import", tmp_path / "a.npz", "--json")
+    assert json.loads(told.stdout)["time"] == "data[:,0]"
+    assert load_mapping(tmp_path / "a.map.toml").time == "data[:,0]"
+    # what counts samples may be of any time, and two columns that rise evenly are ambiguous
+    for name, columns in (("count", [np.arange(40), np.sin(9.0 * steps)]), ("two", [steps, 3.0 * steps])):
+        np.savez(tmp_path / f"{name}.npz", data=np.column_stack(columns))
+        assert json.loads(run("import", tmp_path / f"{name}.npz", "--json").stdout)["time"] is None

@@ -121,8 +121,7 @@ def _channel_lines(entry: Proposed) -> list[str]:
     if unit is not None and (not entry.unit or unit.si == entry.unit):
         lines.append(f"factor = {unit.factor!r}  # {_comment(entry.stated)} -> {unit.si}")
     elif unit is not None:
-        wanted = f"{entry.unit} wanted: multiply by {entry.unit} per {unit.si}"
-        lines.append(f"factor = {unit.factor!r}  # {_comment(entry.stated)} -> {unit.si}; {wanted}")
+        lines.append(f"# factor = ...  # {entry.unit} per {_comment(entry.stated)}, to be written here")
     else:
         stated = f"the unit {_comment(entry.stated)} is not known" if entry.stated else "no unit is stated"
         lines.append(f"factor = 1.0  # {stated}{f'; {entry.unit} wanted' if entry.unit else ''}")

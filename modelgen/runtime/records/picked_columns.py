@@ -60,8 +60,25 @@ def pick_columns(
     return picks, problems
 
 
-def taken_for(source: Source, picks: Sequence[Pick], wanted: Mapping[str, str]) -> tuple[str, ...]:
-    """Return how the file was interpreted: its layout, and every unit that was converted or is doubtful."""
+def unit_problems(source: Source, picks: Sequence[Pick], wanted: Mapping[str, str]) -> list[Problem]:
+    """Return one problem per column that states another quantity than wanted (SI units), without a factor.
+
+    A torque logged as a current needs its torque constant: without it every number would be in a wrong unit.
+    """
+    found = []
+    for pick in picks:
+        asked, unit = wanted.get(pick.key), pick.unit
+        if pick.scaled or not asked or unit is None or unit.si in (asked, "1"):
+            continue
+        stated = source.units[pick.column]
+        what = f"column {pick.column} is in {stated}, and {asked} is needed"
+        remedy = f"give its factor, {asked} per {stated}: --scale {pick.key}=FACTOR, or factor in a map file"
+        found.append(Problem(f"{source.path}: channel {pick.key}", what, remedy))
+    return found
+
+
+def taken_for(source: Source, picks: Sequence[Pick]) -> tuple[str, ...]:
+    """Return how the file was interpreted: its layout, and every unit that was converted or is unknown."""
     said = list(source.took)
     for pick in picks:
         text = source.units.get(pick.column, "")
@@ -73,7 +90,4 @@ def taken_for(source: Source, picks: Sequence[Pick], wanted: Mapping[str, str]) 
             continue
         if not pick.scaled and pick.unit.factor != 1.0:
             said.append(f"{pick.key}: column {pick.column} converted from {text} to {pick.unit.si}")
-        asked = wanted.get(pick.key)
-        if asked and asked != pick.unit.si and not pick.scaled:
-            said.append(f"{pick.key}: column {pick.column} is in {pick.unit.si}, the model needs {asked}")
     return tuple(said)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from modelgen.errors import listed
+from modelgen.runtime.files.matrix_columns import column_of_text
 from modelgen.runtime.files.source import Source, is_time_name
 from modelgen.runtime.files.units import Unit, unit_from_text
 from modelgen.runtime.model.model import Model
@@ -29,6 +30,10 @@ SET_POINT_WORDS = (
     *("set", "setpoint", "sp", "cmd", "command", "commanded", "ref", "reference", "target"),
     *("des", "desired", "dmd", "demand", "soll", "sollwert"),
 )
+# what programs of identification call the channels of a record
+INPUT_NAMES, OUTPUT_NAMES = ("u", "input", "inputs", "inputdata"), ("y", "output", "outputs", "outputdata")
+# words for the part of a force that the controller adds from the reference alone
+FEEDFORWARD_WORDS = ("ff", "feedforward", "forward", "vorsteuerung")
 # words for what was measured, where the set point has the same name
 MEASURED_WORDS = ("meas", "measured", "mess", "act", "actual", "fbk", "feedback", "ist", "istwert")
 BODIES = {
@@ -37,9 +42,12 @@ BODIES = {
 }
 # a force is often logged as the current or voltage that makes it
 DRIVES = {"N m": ("A", "V"), "N": ("A", "V")}
-REFERENCE = "reference"
+# what drives the loop, which a file need not hold: it serves to simulate the loop
+REFERENCES = {"reference": "position", "reference_rate": "velocity"}
+FEEDFORWARD = "feedforward"
+INPUTS = (*REFERENCES, FEEDFORWARD)
 KNOWN_WORDS = {word for words in (*QUANTITIES.values(), *BODIES.values()) for word in words}
-KNOWN_WORDS |= {*SET_POINT_WORDS, *MEASURED_WORDS}
+KNOWN_WORDS |= {*SET_POINT_WORDS, *MEASURED_WORDS, *FEEDFORWARD_WORDS}
 
 
 @dataclass(frozen=True)
@@ -70,7 +78,7 @@ def propose(source: Source, model: Model | None) -> tuple[Proposed, ...]:
             Proposed(key, "", column, source.units.get(column), "named after its column")
             for key, column in zip(keys, columns, strict=True)
         )
-    wanted = [want for want in _wanted(model) if want.key in model.channels] + _references(model)
+    wanted = [want for want in _wanted(model) if want.key in model.channels] + _inputs(model)
     named = [
         _Column(column, _words(column), unit_from_text(source.units.get(column, ""))) for column in columns
     ]
@@ -80,8 +88,26 @@ def propose(source: Source, model: Model | None) -> tuple[Proposed, ...]:
     for key, column in ranked:
         if scores[key, column] >= LEAST_SCORE and key not in chosen and column not in chosen.values():
             chosen[key] = column
-    needed = [want for want in wanted if want.measures != REFERENCE or want.key in chosen]
-    return tuple(_proposed(want, chosen.get(want.key), source, columns) for want in needed)
+    placed = _by_place(model, columns, chosen)
+    needed = [want for want in wanted if want.measures not in INPUTS or want.key in chosen]
+    return tuple(
+        replace(_proposed(want, placed[want.key], source, columns), why="by its place: check the order")
+        if want.key in placed
+        else _proposed(want, chosen.get(want.key), source, columns)
+        for want in needed
+    )
+
+
+def _by_place(model: Model, columns: Sequence[str], chosen: Mapping[str, str]) -> dict[str, str]:
+    """Return channels that no name tells: inputs u and outputs y, as many as the model has, in its order."""
+    found: dict[str, str] = {}
+    actuators, sensors = ([one.key for one in part] for part in (model.actuators, model.sensors))
+    for names, keys in ((INPUT_NAMES, actuators), (OUTPUT_NAMES, sensors)):
+        own = [(column, column_of_text(column)) for column in columns]
+        placed = [column for column, place in own if (place.matrix if place else column).lower() in names]
+        if len(placed) == len(keys) and not set(placed) & set(chosen.values()):
+            found |= {key: column for key, column in zip(keys, placed, strict=True) if key not in chosen}
+    return found
 
 
 def _proposed(want: _Wanted, column: str | None, source: Source, columns: Sequence[str]) -> Proposed:
@@ -93,6 +119,8 @@ def _proposed(want: _Wanted, column: str | None, source: Source, columns: Sequen
     why = f"{want.measures} of {want.body}: by its name" + (" and unit" if agrees else "")
     if want.measures == "force" and _is_set_point(_words(column)):
         why += "; it looks like a set point: take the measured one where there is one"
+    if unit is not None and want.unit and not agrees:
+        why += f"; in {stated}: give {want.unit} per {stated} as its factor"
     return Proposed(want.key, want.unit, column, stated, why)
 
 
@@ -109,10 +137,17 @@ def _wanted(model: Model) -> list[_Wanted]:
     return [*sensors, *forces, *others]
 
 
-def _references(model: Model) -> list[_Wanted]:
-    """Return the reference of the loop, which a file need not hold: it serves to simulate the loop."""
-    units = {"N m": "rad", "N": "m"}
-    return [_Wanted("reference", units.get(a.unit, ""), REFERENCE, a.body) for a in model.actuators[:1]]
+def _inputs(model: Model) -> list[_Wanted]:
+    """Return what drives the loop of the first actuator."""
+    found = []
+    for a in model.actuators[:1]:
+        unit = {"N m": "rad", "N": "m"}.get(a.unit, "")
+        found = [
+            _Wanted("reference", unit, "reference", a.body),
+            _Wanted("reference_rate", f"{unit}/s" if unit else "", "reference_rate", a.body),
+            _Wanted(FEEDFORWARD, a.unit, FEEDFORWARD, a.body),
+        ]
+    return found
 
 
 def _score(want: _Wanted, column: _Column) -> float:
@@ -123,10 +158,12 @@ def _score(want: _Wanted, column: _Column) -> float:
     if _plain(name) == _plain(key):
         return 19.0
     is_set_point = _is_set_point(words)
-    if want.measures == REFERENCE:
-        return 3.0 if is_set_point and (unit is None or unit.si == want.unit) else 0.0
+    adds = any(word in FEEDFORWARD_WORDS or word.startswith("vorsteuer") for word in words)
+    if want.measures in INPUTS:
+        return 3.0 * (adds if want.measures == FEEDFORWARD else is_set_point) * _suits(want, column)
     # of a force often the set point is logged
     score = -1.0 * is_set_point if want.measures == "force" else -4.0 * is_set_point
+    score -= 4.0 * adds
     score += 0.5 * any(word in MEASURED_WORDS for word in words)
     score += 2.0 * any(word in QUANTITIES.get(want.measures, ()) for word in words)
     others = [name for name in QUANTITIES if name != want.measures]
@@ -141,6 +178,15 @@ def _score(want: _Wanted, column: _Column) -> float:
         else:
             score += 1.0 if unit.si in DRIVES.get(want.unit, ()) else -4.0
     return score
+
+
+def _suits(want: _Wanted, column: _Column) -> bool:
+    """Tell whether a column's unit is that of an input of the loop, or its words where it has none."""
+    if column.unit is not None:
+        return column.unit.si == want.unit
+    said = {key for key in QUANTITIES if any(word in QUANTITIES[key] for word in column.words)}
+    quantity = REFERENCES.get(want.measures, "force")
+    return quantity in said or (not said and quantity != "velocity")
 
 
 def _words(name: str) -> list[str]:
@@ -159,6 +205,8 @@ def _parts(word: str) -> list[str]:
     """Take words apart that people write as one: a letter or two in front of "ref", a quantity and a body."""
     if word in KNOWN_WORDS:
         return [word]
+    if word.startswith("soll") and word.removeprefix("soll") in KNOWN_WORDS:
+        return ["soll", word.removeprefix("soll")]
     for end in (*SET_POINT_WORDS, *MEASURED_WORDS):
         if len(end) > 2 and word.endswith(end) and len(word) - len(end) <= 2:
             return [word.removesuffix(end), end]

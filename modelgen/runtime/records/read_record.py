@@ -26,7 +26,7 @@ from modelgen.runtime.records.faults import (
     time_faults,
     zero_faults,
 )
-from modelgen.runtime.records.picked_columns import Pick, pick_columns, taken_for
+from modelgen.runtime.records.picked_columns import Pick, pick_columns, taken_for, unit_problems
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.repair import Track, check_mends, join_clocks, mend_offsets, mend_times
 from modelgen.runtime.records.sampling_frequency import sampling_frequency
@@ -130,6 +130,7 @@ def read(
         others = {time or source.clock, *source.clocks.values(), *source.of_matrices}
         needed = tuple(mapping or (column for column in source.names if column not in others))
     picks, problems = pick_columns(source, needed, mapping or {}, scales or {})
+    problems += unit_problems(source, picks, units)
     clock = time or source.clock_apart_from({pick.column for pick in picks})
     if time is not None and time not in source.known:
         problems.append(missing_name(f"{path}: times", "column", time, source.names))
@@ -160,7 +161,7 @@ def read(
     )
     findings += zero_faults(track.signals, si_units)
     mended = track.said if offsets is track else (*track.said, *offsets.said)
-    return Reading(record, taken_for(source, picks, units), findings, mended)
+    return Reading(record, taken_for(source, picks), findings, mended)
 
 
 def _load(source: Source, picks: Sequence[Pick], clocks: Sequence[str], optional: bool) -> Columns:

@@ -12,6 +12,7 @@ import pytest
 from generated import emps300_qm_ac, emps300_qm_qc, three_mass_qa_qb_qc
 from modelgen.runtime.files.source import Source
 from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.records.mapping_file import mapping_text
 from modelgen.runtime.records.propose_mapping import propose
 
 QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
@@ -78,3 +79,43 @@ def test_a_set_point_alone_is_proposed_with_a_word_of_caution() -> None:
     source = Source(Path("a"), ("q_m", "q_c", "torque_cmd"), lambda names: {}, units={"torque_cmd": "Nm"})
     force = next(entry for entry in propose(source, QC) if entry.key == "Gamma_m")
     assert force.column == "torque_cmd" and "set point" in force.why
+
+
+@pytest.mark.parametrize("name", ["torque_ff", "feedforward", "feed_forward", "Vorsteuermoment", "tau ff"])
+def test_a_feedforward_is_an_input_of_the_loop_and_no_measured_force(name: str) -> None:
+    for units in ({}, {name: "Nm", "torque": "Nm"}):
+        for order in ([name, "torque"], ["torque", name]):
+            found = proposed(QC, ["t", "q_m", "q_c", *order], units)
+            assert (found["Gamma_m"], found["feedforward"]) == ("torque", name)
+    assert proposed(QC, ["t", "q_m", "q_c", name])["Gamma_m"] is None
+    assert "feedforward" not in proposed(QC, ["t", "q_m", "q_c", "i_ff"], {"i_ff": "A"})
+
+
+def test_references_are_told_from_each_other_and_from_the_current_s() -> None:
+    names = ["t", "q_m", "q_c", "torque", "speed_ref", "pos_ref", "i_ref"]
+    found = proposed(QC, names)
+    assert (found["reference"], found["reference_rate"]) == ("pos_ref", "speed_ref")
+    assert "reference" not in proposed(QC, ["t", "q_m", "q_c", "torque", "torque_ref", "i_ref", "iref"])
+    german = ["Zeit", "Lage", "Sollage", "Solldrehzahl", "Drehmoment"]
+    units = {"Lage": "°", "Sollage": "°", "Solldrehzahl": "1/min", "Drehmoment": "Nm"}
+    found = proposed(QC, german, units)
+    assert (found["reference"], found["reference_rate"]) == ("Sollage", "Solldrehzahl")
+
+
+def test_a_current_is_proposed_with_the_factor_that_it_needs() -> None:
+    source = Source(Path("a"), ("q_m", "q_c", "iq"), lambda names: {}, units={"iq": "mA"})
+    entries = propose(source, QC)
+    force = next(entry for entry in entries if entry.key == "Gamma_m")
+    assert force.column == "iq" and "give N m per mA as its factor" in force.why
+    assert "# factor = ...  # N m per mA" in mapping_text("a", entries, None, None, None, ())
+
+
+def test_inputs_and_outputs_are_proposed_by_their_place() -> None:
+    for names in (["y(:,1)", "y(:,2)", "u"], ["u[:,0]", "y[:,0]", "y[:,1]"]):
+        found = proposed(QC, names)
+        outputs = [name for name in names if name[0] == "y"]
+        assert [found["q_m"], found["q_c"]] == outputs and found["Gamma_m"][0] == "u"  # type: ignore[index]
+    # as many as the model has, or none
+    assert set(proposed(QC, ["y(:,1)", "y(:,2)", "y(:,3)"]).values()) == {None}
+    # what has a name is found by it
+    assert proposed(QC, ["y(:,1)", "q_m", "q_c", "u"])["q_m"] == "q_m"
