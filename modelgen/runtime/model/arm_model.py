@@ -154,7 +154,7 @@ def _feature(key: str, function: str, of: str, times: str | None) -> dict[str, A
 #: What a row's name ends with, and what it balances: of the motor, in front of a link or a spring.
 _KINDS = {
     " spring": "torque of motor {0}, with its spring",
-    " link": "measured torque of joint {0}, with the links",
+    " link": "torque that the link of joint {0} receives",
     " deflection": "measured torque of joint {0}, with its spring",
     " deflected": "torque of the spring of joint {0}, which gives the position of its link",
     " driven": "torque of the spring of joint {0}, which gives the position of its motor",

@@ -144,6 +144,7 @@ def arm_rows(
     if sensor_set:
         where = f"{spec.source}: sensors.{sensor_set}"
         found, sensors, estimated = sensed_rows(graph, spec, parts, rows, sensors, where)
+    found = found.independent()
     return ArmRows(
         spec,
         graph,

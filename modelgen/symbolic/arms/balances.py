@@ -22,27 +22,30 @@ class Balance:
     Attributes
     ----------
     name
-        The joint's for the balance of all that its motor moves; with " spring" behind for that of its motor,
-        with " link" and " deflection" for what a measured torque of the joint moves, and comes from.
+        The joint's for the balance of all that its motor moves; with " spring" behind for that of its motor
+        alone, with " link" for that of its link, with " deflection" for what a measured torque comes from.
     entries
         By column.
     measured
         The left side.
+    sum_of
+        Names of other balances that it follows from.
     """
 
     name: str
     entries: Entries
     measured: Ref
+    sum_of: tuple[str, ...] = ()
 
 
 def balances(
     graph: Graph, spec: ArmSpec, kind: RowKind, parts: RowParts, torques: Collection[str] = ()
 ) -> Iterator[Balance]:
-    """Yield all rows: those of motors with links, motors with springs, measured torques, and the base.
+    """Yield all rows: those of motors with links, motors with springs, links, measured torques, and the base.
 
-    With a spring, Gamma = drive + links and Gamma = drive + spring: the force of the motor stands in both, so
-    that each has a scale of its own. `torques` are joints whose torque between motor and link is measured:
-    there the row of the motor ends, and others begin.
+    With a spring, Gamma = drive + spring and 0 = links - spring, so that noise of the motor's force is in one
+    row only; their sum, Gamma = drive + links, is for sensors that do not give both. `torques` are joints
+    whose torque between motor and link is measured: there the row of the motor ends, and others begin.
     """
     through = {
         joint.name: graph.symbol(Symbol("torque", joint.name))
@@ -55,12 +58,16 @@ def balances(
     forces = _forces(graph, spec, kind)
     for name, weights, force in zip(rigid, sums, forces, strict=True):
         entries = _total(graph, weights, rigid, parts.drives)
-        yield Balance(name, entries, _less(graph, force, weights, through))
+        behind = [f"{other} link" for other in sprung if weights[other]]
+        sum_of = (f"{name} spring", *behind) if behind else ()
+        yield Balance(name, entries, _less(graph, force, weights, through), sum_of)
     between = {**rigid, **{name: parts.springs[name] for name in sprung}}
     for name, weights, force in zip(rigid, sums, forces, strict=True):
         if any(weights[other] for other in sprung):
             entries = _total(graph, weights, between, parts.drives)
             yield Balance(f"{name} spring", entries, _less(graph, force, weights, through))
+    for name in sprung:
+        yield Balance(f"{name} link", _difference(graph, parts.links[name], parts.springs[name]), ZERO)
     for name, torque in through.items():
         yield Balance(f"{name} link", parts.links[name], torque)
         if parts.springs[name]:
@@ -105,6 +112,13 @@ def _total(graph: Graph, weights: Mapping[str, Fraction], *parts: Mapping[str, E
         for column, entry in (item for part in parts if weight for item in part[name].items()):
             total[column] = graph.add(total.get(column, 0), graph.scale(weight, entry))
     return {column: entry for column, entry in total.items() if entry}
+
+
+def _difference(graph: Graph, left: Entries, right: Entries) -> Entries:
+    found = dict(left)
+    for column, entry in right.items():
+        found[column] = graph.subtract(found.get(column, ZERO), entry)
+    return found
 
 
 def _inverse_transposed(spec: ArmSpec) -> list[list[Fraction]]:

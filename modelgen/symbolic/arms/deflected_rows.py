@@ -17,7 +17,7 @@ from modelgen.errors import ModelError
 from modelgen.spec.arms.arm import INERTIAL, ArmSensor, ArmSpec, Joint
 from modelgen.symbolic.arms.balances import Balance
 from modelgen.symbolic.arms.drives import motor_coordinate
-from modelgen.symbolic.arms.expressions.graph import ZERO, Graph, Symbol
+from modelgen.symbolic.arms.expressions.graph import Graph, Symbol
 from modelgen.symbolic.arms.kinematics import felt, link_motions
 from modelgen.symbolic.arms.readable_rows import ReadRows, readable_rows
 from modelgen.symbolic.arms.row_parts import RowParts
@@ -76,8 +76,7 @@ def sensed_rows(
         return readable_rows(graph, spec, parts, rows, sensing, where), sensors, ()
     used = {one.row: one for one in hidden}
     every = (*sensors, *(one.sensor for one in hidden))
-    further = [_driven(graph, parts, one.joint) for one in hidden if one.row == one.given]
-    further += _felt(graph, spec, sensing, sensors, {one.joint.name for one in hidden if one.behind})
+    further = _felt(graph, spec, sensing, sensors, {one.joint.name for one in hidden if one.behind})
     seen = readable_rows(graph, spec, parts, [*rows, *further], Sensing(spec, every), where)
     try:
         linear = readable_rows(graph, spec, parts, rows, sensing, where)
@@ -120,19 +119,11 @@ def _hidden(spec: ArmSpec, sensing: Sensing, sensors: Sequence[ArmSensor]) -> tu
             sensor = ArmSensor(_free_key(f"q_{joint.name}", sensors), joint.name, "link", "position")
         else:
             given = joint.name + DRIVEN
-            row = f"{joint.name} deflection" if measured else given
+            row = f"{joint.name} {'deflection' if measured else 'link'}"
             key = _free_key(f"deflection_{joint.name}", sensors)
             sensor = ArmSensor(key, joint.name, "deflection", "position")
         found.append(_Hidden(joint, row, given, sensor))
     return tuple(found)
-
-
-def _driven(graph: Graph, parts: RowParts, joint: Joint) -> Balance:
-    """Return the balance of a link: what its spring hands to it, less what it needs, is nothing."""
-    entries = dict(parts.springs[joint.name])
-    for column, entry in parts.links[joint.name].items():
-        entries[column] = graph.subtract(entries.get(column, ZERO), entry)
-    return Balance(joint.name + DRIVEN, entries, ZERO)
 
 
 def _felt(

@@ -21,6 +21,7 @@ Channel = Symbol
 Channels = tuple[tuple[str, int, Fraction], ...]
 #: A speed, differentiated once: farther the links' rows hold angles still, and springs need positions.
 MOST_DIFFERENTIATIONS = 1
+NEVER = MOST_DIFFERENTIATIONS + 1
 CONSTANT = "constant between reversals, and its rows are differentiated: measure positions"
 
 
@@ -34,6 +35,21 @@ class ReadRows:
     channels: Mapping[Channel, Channels] = field(default_factory=dict)
     lost: Mapping[str, str] = field(default_factory=dict)
     lacking: str = ""
+
+    def independent(self) -> ReadRows:
+        """Return the same without rows that are sums of others, differentiated no less often."""
+        often = dict(zip((row.name for row in self.rows), self.differentiated, strict=True))
+        kept = [
+            place
+            for place, row in enumerate(self.rows)
+            if not row.sum_of or any(often.get(one, NEVER) > often[row.name] for one in row.sum_of)
+        ]
+        return replace(
+            self,
+            rows=tuple(self.rows[place] for place in kept),
+            differentiated=tuple(self.differentiated[place] for place in kept),
+            reversals=tuple(self.reversals[place] for place in kept),
+        )
 
 
 def as_they_are(rows: Sequence[Balance]) -> ReadRows:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from modelgen import CheckOptions, Filters, identify
+from modelgen import CheckOptions, Filters, identify, load_model, simulate
 from modelgen.array_types import FloatArray
 from modelgen.cli.arms.simulate_arm import arm_model, mounted
 from modelgen.errors import IdentifiabilityError
@@ -37,6 +38,7 @@ from tests.symbolic.arms.elastic_arms import (
     values_of,
     with_sensors,
 )
+from tests.symbolic.arms.made_arms import arm, joint
 from tests.symbolic.arms.test_elastic_rows import SETS, both
 
 MOUNTING = (Shift(0, Length(Fraction(1, 4))), Turn(2, Angle(Fraction(3, 5), Fraction(4, 5), 0.9273)))
@@ -50,6 +52,7 @@ def felt(spec: ArmSpec, *links: str, gyro: bool = False) -> ArmSpec:
     return replace(spec, sensor_sets={**spec.sensor_sets, "s": (*motors, *made)})
 
 
+GENERATED = Path(__file__).resolve().parents[3] / "generated"
 QUICK = CheckOptions(tests=False)
 FS = 1000.0
 NOISE = {"rad": 5e-6, "rad/s": 5e-5, "m/s^2": 1e-2, "N m": 0.1}
@@ -157,6 +160,30 @@ def test_intervals_with_noise_are_honest(case: str) -> None:
     springs = [k for k, name in enumerate(truth) if name.startswith("K")]
     assert max(np.std(errors, axis=0)[k] / truth[f"K{n}"] for n, k in enumerate(springs, start=1)) < 1e-4
     assert np.all(bias < 4.0 / np.sqrt(len(errors)))
+
+
+def test_one_elastic_joint_without_gravity_is_the_chain_of_the_paper() -> None:
+    chain = load_model(GENERATED / "emps300_qm_qc.py")
+    named = {
+        "stiffness": "K",
+        "damping": "F_vmc",
+        "rotor_inertia": "J_m",
+        "viscous": "F_vm",
+        "coulomb": "F_sm",
+    }
+    spec = arm([joint("1", None, (), **named)], gravity=(Fraction(0),) * 3)
+    encoders = (ArmSensor("q_m", "1", "motor", "position"), ArmSensor("q_c", "1", "link", "position"))
+    spec = replace(spec, sensor_sets={"s": encoders})
+    model = model_from_text(arm_module(arm_base_model(arm_rows(spec, sensor_set="s"))), "arm")
+    noise = {"q_m": 1e-5, "q_c": 1e-5, "Gamma_m": 1e-4}
+    record = simulate(chain, chain.parameter_sets["light"], "chirp", noise=noise, seed=1).record
+    signals = {{"Gamma_m": "tau_1"}.get(key, key): record.signals[key] for key in record.keys}
+    filters = Filters(cutoff_hz=60.0, decimation=10)
+    wanted = identify(chain, record, "wls", filters, QUICK)
+    found = identify(model, Record(signals, record.fs, record.name), "wls", filters, QUICK)
+    names = [{"J_c": "Izz1"}.get(name, name) for name in wanted.params]
+    for ours, theirs in ((found.params, wanted.params), (found.bse, wanted.bse)):
+        assert [ours[name] for name in names] == pytest.approx([*theirs.values()], rel=1e-9)
 
 
 def test_a_spring_that_is_known_leaves_the_rest() -> None:

@@ -107,7 +107,9 @@ def exact_record(
     found |= {f"torque {name} 1": load[1] for name, load in loads.items()}
     rows = arm_rows(replace(spec, joints=tuple(replace(j, gain=None) for j in spec.joints)), "motor")
     needed = regressor_at(rows, motion, {**values, **found}) @ [values[c] for c in rows.columns]
-    return motion, {**found, **{f"force {name}": needed[:, k] for k, name in enumerate(names)}}
+    driven = [name if name in rows.names else f"{name} spring" for name in names]
+    forces = {f"force {n}": needed[:, rows.names.index(row)] for n, row in zip(names, driven, strict=True)}
+    return motion, {**found, **forces}
 
 
 def readings(

@@ -79,7 +79,7 @@ def elastic_motion(
     for name in moving:
         if name not in springs:
             continue
-        torques[name] = held[:, rows[name]] - held[:, rows[f"{name} spring"]]
+        torques[name] = held[:, rows[f"{name} link"]]
         stiff, damped = springs[name]
         rates = (differentiate(torques[name], 1.0 / fs, k, STENCIL) for k in range(1, DAMPED + 1))
         total = torques[name] / stiff
@@ -88,7 +88,8 @@ def elastic_motion(
         motors[name] = links[name] + total
     moved = _signals(model, keys, links, motors, fs)
     needed = np.asarray(model.regressor(moved)) @ base - model.measurement(moved)
-    at_joints = np.array([needed[:, rows[name]] for name in moving])
+    driven = (f"{name} spring" if name in springs else name for name in moving)
+    at_joints = np.array([needed[:, rows[name]] for name in driven])
     forces = np.linalg.solve(np.array(module.TRANSMISSION, dtype=float).T, at_joints)
     inside = slice(EDGE, -EDGE)
     return ElasticMotion(

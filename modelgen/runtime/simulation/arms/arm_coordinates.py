@@ -1,8 +1,7 @@
 """Coordinates in which an arm moves, and how channels and rows of its module are made of them.
 
 Of a rigid arm these are its joints; springs add the motors in front of them, seen from their joints. Rows of
-the module are balances of a joint with its motor, and of a motor with its spring: what they differ by is the
-balance of the link.
+the module are balances of a joint with its motor, or of a motor with its spring and of the link behind.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from modelgen.runtime.model.arm_channels import moving
 from modelgen.runtime.model.model import Model
 
 MOTOR = " motor"
-SPRING = " spring"
+SPRING, LINK = " spring", " link"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +83,13 @@ def arm_coordinates(model: Model) -> ArmCoordinates | None:
         return None
     known = {f"{order}{key}" for order in ("", "d1_", "d2_") for key in reads}
     known |= {one.key for one in model.actuators}
-    if len(forces) != len(joints) or not {*rows} >= {*joints} or not known >= {*model.module.SIGNALS}:
+    own = {name: name + LINK if name in springs else name for name in joints}
+    if len(forces) != len(joints) or not {*rows} >= {*own.values()} or not known >= {*model.module.SIGNALS}:
         return None
     balances = np.zeros((len(names), len(rows)))
     for name in joints:
-        balances[at[name], rows.index(name)] = 1.0
+        balances[at[name], rows.index(own[name])] = 1.0
         if name in springs:
-            balances[at[name], rows.index(name + SPRING)] = -1.0
             balances[at[name + MOTOR], rows.index(name + SPRING)] = 1.0
     stiff = np.zeros((len(names), len(joints)))
     for place, name in enumerate(joints):
