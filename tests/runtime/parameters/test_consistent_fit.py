@@ -28,7 +28,11 @@ FILTERS = Filters(cutoff_hz=12.0)
 
 
 def made(elastic: bool, noise: float, seed: int = 1, **held: float) -> tuple[Model, Record, dict[str, float]]:
-    """Return a model, a record with noise in the torques, and the parameters: links made of points."""
+    """Return a model, a record with noise, and the parameters: links made of points.
+
+    Torques have noise of that share of their size; encoders of elastic joints of a thousandth of it in rad,
+    since no torque is in the rows of their links.
+    """
     spec = spatial() if elastic else serial(SPATIAL, True)
     spec = replace(spec, known=held)
     sensor_set = "encoders" if elastic else ""
@@ -49,12 +53,13 @@ def made(elastic: bool, noise: float, seed: int = 1, **held: float) -> tuple[Mod
         signals = {f"q_{joint.name}": motion[joint.name, 0] for joint in spec.moving}
         signals |= {f"tau_{joint.name}": forces[f"force {joint.name}"] for joint in spec.moving}
     record = Record({key: signals[key] for key in model.channels}, FS, "arm")
-    pushed = {
-        key: value + noise * np.std(value) * rng.standard_normal(record.n)
+    sizes = {key: np.std(record.signals[key]) if key.startswith("tau_") else 1e-3 for key in record.keys}
+    loud = {
+        key: value + noise * sizes[key] * rng.standard_normal(record.n)
         for key, value in record.signals.items()
-        if key.startswith("tau_")
+        if elastic or key.startswith("tau_")
     }
-    return model, record.edited(pushed), values
+    return model, record.edited(loud), values
 
 
 def bounded(model: Model, record: Record) -> Estimate:
