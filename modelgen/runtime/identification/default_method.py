@@ -16,11 +16,7 @@ from modelgen.runtime.identification.explanation.coarse_starts import coarse_sta
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import explained_by_stretches
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, run_method
-from modelgen.runtime.identification.explanation.held_commands import (
-    better_held,
-    held_commands,
-    with_holds_of,
-)
+from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
@@ -76,13 +72,10 @@ def default_method(task: Task, method: Auto) -> Begun:
         if found is None:
             return _stand_in(task, method, error)
         first = found
-    held = held_commands(first) if task.checks.drift_check else ()
-    if held:
-        there = with_holds_of(task, held)
-        again = _tried(there, method)
-        better = None if again is None else better_held(first, again, held)
-        if better is not None:
-            task, first = there, better
+    first = with_held_commands(
+        task, first, method.held, lambda there: _instrumental(there, method.instrumental)
+    )
+    task = first.task
     if first.found.fit.carried is not None:
         return _with_note(first, "method iv, in the physical parameters")
     if not _exceeding(first):

@@ -9,24 +9,15 @@ that of a damping. Small sizes do not tell the two apart: both are tried, and th
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import erfc
 
 import numpy as np
 
 from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.filters.one_pass import one_pass
-from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect, curvature
-from modelgen.runtime.iv.thresholds import (
-    EDGE_WIDTHS,
-    KEPT,
-    LAGS,
-    LEAST_PASSED,
-    LEAST_PASSED_BEND,
-    RESOLVED,
-    SHORTEST_REACH,
-)
+from modelgen.runtime.iv.thresholds import LEAST_PASSED, LEAST_PASSED_BEND
+from modelgen.runtime.least_squares.time_shifts import behind
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
@@ -76,7 +67,7 @@ def without_lag(key: str, size: float, fs: float) -> Edit:
         phase = 2.0j * np.pi * frequency * tau
         return np.asarray(np.exp(phase) / (1.0 + phase))
 
-    return _behind(key, response, size > 0.0, LAGS * tau)
+    return _without(key, response, size > 0.0, tau)
 
 
 def without_average(key: str, size: float, fs: float) -> Edit:
@@ -94,29 +85,12 @@ def without_average(key: str, size: float, fs: float) -> Edit:
             passed = bend ** (1.0 / LEAST_PASSED_BEND)
         return np.asarray(passed, dtype=complex)
 
-    return _behind(key, response, size > 0.0, LAGS * length)
+    return _without(key, response, size > 0.0, length)
 
 
-def _behind(key: str, response: Callable[[FloatArray], ComplexArray], undone: bool, memory: float) -> Edit:
+def _without(key: str, response: Callable[[FloatArray], ComplexArray], undone: bool, memory: float) -> Edit:
     """Return a channel behind a frequency response (frequencies in cycles a sample), or without it."""
-    reach = int(np.ceil(memory)) + SHORTEST_REACH
-    # sampled so finely that the response does not wrap around
-    count = quick_length(RESOLVED * reach)
-    frequency = np.asarray(np.fft.rfftfreq(count), dtype=float)
-    passed = response(frequency)
-    weights = np.fft.irfft(1.0 + _kept(frequency) * ((1.0 / passed if undone else passed) - 1.0), count)
-    weights = np.r_[weights[-reach:], weights[: reach + 1]]
-    return Edit(key, lambda samples, _: np.convolve(samples, weights / weights.sum(), "valid"), reach)
-
-
-def _kept(frequency: FloatArray) -> FloatArray:
-    """Return the share of a response that is kept, shape (n,): one up to `KEPT`, then falling.
-
-    No step at half the sampling frequency, nor in any derivative: behind a Gaussian edge the weights die away
-    within the reach, where what is cut off would be an error of the gain.
-    """
-    middle, width = 0.5 * (KEPT + 0.5), (0.5 - KEPT) / (2.0 * EDGE_WIDTHS)
-    return np.array([0.5 * erfc((one - middle) / width) for one in frequency.tolist()])
+    return behind(key, lambda f: 1.0 / response(f) if undone else response(f), memory)
 
 
 def _bent(key: str) -> Callable[[Simulated], Changes]:

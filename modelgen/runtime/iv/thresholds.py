@@ -88,14 +88,6 @@ NEAR_ENOUGH = 1e-4
 # Samples at both ends where differences are poor.
 EDGE = 10
 
-# A low-pass of first order is followed for so many time constants, and a few samples more;
-LAGS, SHORTEST_REACH = 14.0, 48
-# its frequency response is exact up to this share of the sampling frequency,
-KEPT = 0.3
-# from where it falls along a Gaussian edge, cut off so many of its widths from the middle,
-EDGE_WIDTHS = 4.0
-# and sampled so many times finer than the time it is followed for.
-RESOLVED = 8
 # What an average lets through is undone down to this share; the exponent of the bend there.
 LEAST_PASSED, LEAST_PASSED_BEND = 0.2, 8
 # The speed below which friction rises (Stribeck) is tried at this quantile of the speeds in all records.

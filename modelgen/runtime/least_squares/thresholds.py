@@ -77,3 +77,12 @@ SMALLEST_DEVIATION = 1e-2
 JOINT_ORDER, MOST_RELATED, LEAST_RELATED, LAGS_LOOKED_AT = 8, 3, 0.1, 2
 # Filters and derivatives are exact to this share of a row's largest term; less is no noise to be told apart.
 LEAST_NOISE = 1e-8
+
+# A low-pass of first order is followed for so many time constants, and a few samples more;
+LAGS, SHORTEST_REACH = 14.0, 48
+# its frequency response is exact up to this share of the sampling frequency,
+UNDISTORTED = 0.3
+# from where it falls along a Gaussian edge, cut off so many of its widths from the middle,
+EDGE_WIDTHS = 4.0
+# and sampled so many times finer than the time it is followed for.
+RESOLVED = 8

@@ -1,10 +1,15 @@
-"""Channels read at other instants than they were recorded at: moved, held, or by another clock."""
+"""Channels read otherwise than they were recorded: moved, held, by another clock, behind a filter."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from math import erfc
+
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import ComplexArray, FloatArray
+from modelgen.runtime.filters.power_spectrum import quick_length
+from modelgen.runtime.least_squares.thresholds import EDGE_WIDTHS, LAGS, RESOLVED, SHORTEST_REACH, UNDISTORTED
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
@@ -48,14 +53,44 @@ def interpolation_weights(fraction: float | FloatArray) -> list[tuple[int, Float
 def hold(channel: str) -> Edit:
     """Return what a zero-order hold makes of a command: late by half a sample, and averaged over one.
 
-    The average over a sample is taken to second order, (1, 22, 1) / 24.
+    Frequencies above half the sampling frequency, which a hold adds, are left out.
     """
-    late = shift(channel, -0.5)
+    return behind(channel, lambda f: np.sinc(f) * np.exp(-1j * np.pi * f), 1.0)
 
-    def make(samples: FloatArray, start: int) -> FloatArray:
-        return late.make((samples[:-2] + 22.0 * samples[1:-1] + samples[2:]) / 24.0, start)
 
-    return Edit(channel, make, late.margin + 1)
+def behind(
+    channel: str, response: Callable[[FloatArray], ComplexArray], memory: float, still: float = 1.0
+) -> Edit:
+    """Return a channel behind a frequency response, which takes frequencies in cycles a sample.
+
+    Parameters
+    ----------
+    response : callable
+        Kept to `UNDISTORTED` of the sampling frequency.
+    memory : float
+        Time constant in samples.
+    still : float
+        What it makes of a constant; zero means nothing, to rounding.
+    """
+    reach = int(np.ceil(LAGS * memory)) + SHORTEST_REACH
+    # sampled so finely that the response does not wrap around
+    count = quick_length(RESOLVED * reach)
+    frequency = np.asarray(np.fft.rfftfreq(count), dtype=float)
+    weights = np.fft.irfft(still + _kept(frequency) * (response(frequency) - still), count)
+    weights = np.r_[weights[-reach:], weights[: reach + 1]]
+    if still:
+        weights *= still / weights.sum()
+    return Edit(channel, lambda samples, _: np.convolve(samples, weights, "valid"), reach)
+
+
+def _kept(frequency: FloatArray) -> FloatArray:
+    """Return the share of a response that is kept, shape (n,): one up to `UNDISTORTED`, then falling.
+
+    No step at half the sampling frequency, nor in any derivative: behind a Gaussian edge the weights die away
+    within the reach, where what is cut off would be an error of the gain.
+    """
+    middle, width = 0.5 * (UNDISTORTED + 0.5), (0.5 - UNDISTORTED) / (2.0 * EDGE_WIDTHS)
+    return np.array([0.5 * erfc((one - middle) / width) for one in frequency.tolist()])
 
 
 def on_one_clock(channel: str, size: float, record: Record) -> Edit:

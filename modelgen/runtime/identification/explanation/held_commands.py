@@ -3,70 +3,120 @@
 A zero-order hold delays a command by half a sample and averages it over one. The delay is found; the average,
 (f / fs)^2 pi^2 / 6 of the force, looks nearly like inertia, and records hardly tell the two apart. What is
 half a sample early without a hold would be chance, or a converter in the middle of the period: what that
-would move stays in the intervals.
+would move stays in the intervals where the hold does not leave less.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.explanation.explained import Begun
+from modelgen.runtime.identification.explanation.held_images import without_images
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import HALF_SAMPLE
+from modelgen.runtime.identification.thresholds import HALF_SAMPLE, HELD_ROUNDS, HELD_SETTLED
 from modelgen.runtime.iv.thresholds import AS_GOOD
 from modelgen.runtime.least_squares.delays import with_holds
 
 
-def held_commands(begun: Begun) -> tuple[str, ...]:
-    """Return the forces, of those whose delay was to be found, that are early by half a sample."""
+def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Callable[[Task], Begun]) -> Begun:
+    """Return an estimate with commands as a drive holds them, without what their images add to the sensors.
+
+    Parameters
+    ----------
+    task : Task
+    first : Begun
+        Its estimate, without regard to images.
+    told : sequence of str
+        Forces that are known to be held: the task has them as a hold makes them. Otherwise they are looked
+        for.
+    run : callable
+        Takes a task to its estimate. Where it finds none, what was estimated first stays.
+    """
+    if told:
+        held = {key: _delays(first).get(key, 0.0) for key in told}
+    else:
+        held = held_commands(first) if first.task.checks.drift_check else {}
+        task = _holding(task, tuple(held))
+    known = first
+    for _ in range(HELD_ROUNDS if held else 0):
+        try:
+            again = run(without_images(task, held, known))
+        except (IdentifiabilityError, DataError):
+            return first
+        # images feel when the command changes, which shows only without them
+        late = {key: _delays(again).get(key, delay) for key, delay in held.items()}
+        moved = max(abs(late[key] - held[key]) * again.task.records[0].fs for key in held)
+        known, held = again, late
+        if moved < HELD_SETTLED:
+            break
+    if told or known is first:
+        return known
+    return better_held(first, known, held) or first
+
+
+def held_commands(begun: Begun) -> dict[str, float]:
+    """Return the forces whose delay was to be found that are early by half a sample, or one and a half.
+
+    With each by how many s it is late beside a hold: what is computed in one period may act in the next.
+    """
     rates = {record.fs for record in begun.task.records}
+    if len(rates) > 1:
+        return {}
+    (fs,) = rates
+    delays = _delays(begun)
+    beside = {key: delays[key] + 0.5 / fs for key in begun.task.job.late if key in delays}
+    return {
+        key: late
+        for key, late in beside.items()
+        if late * fs < HALF_SAMPLE and abs(late * fs - round(late * fs)) < HALF_SAMPLE
+    }
+
+
+def _delays(begun: Begun) -> dict[str, float]:
+    """Return by how many s each channel was found to be late."""
     found = begun.found
     delays = {channel: delay for channel, delay, _ in found.fit.delays}
-    delays |= {
+    return delays | {
         effect.channel: size
         for effect, size in zip(found.effects, found.sizes, strict=True)
         if effect.kind == "delay"
     }
-    if len(rates) > 1:
-        return ()
-    (fs,) = rates
-    late = [key for key in begun.task.job.late if key in delays]
-    return tuple(key for key in late if abs(delays[key] * fs + 0.5) < HALF_SAMPLE)
 
 
-def with_holds_of(task: Task, channels: tuple[str, ...]) -> Task:
-    """Return the task with these commands as a hold makes them."""
+def _holding(task: Task, channels: tuple[str, ...]) -> Task:
     records = with_holds(task.records, channels)
     job = replace(task.job, records=records)
     return replace(task, records=records, unseen=with_holds(task.unseen, channels), job=job)
 
 
-def better_held(begun: Begun, held: Begun, channels: tuple[str, ...]) -> Begun | None:
-    """Return the estimate with holds unless it leaves more; what they move is in the intervals.
+def better_held(begun: Begun, held: Begun, channels: Iterable[str]) -> Begun | None:
+    """Return the estimate with holds unless it leaves more.
 
-    The estimate without holds lies at the edge of a 95 % interval. What needs fewer effects may leave a
+    What the holds move is in the intervals, unless they leave clearly less, or as little with fewer effects:
+    the estimate without holds lies at the edge of a 95 % interval. What needs fewer effects may leave a
     little more for each.
     """
     before, after = begun.found.fit, held.found.fit
     fewer = max(0, len(begun.found.effects) - len(held.found.effects))
-    more = 0.5 * AS_GOOD * (1 + fewer)  # the misfit is half a chi square
-    if before.columns != after.columns or after.misfit > before.misfit + more:
+    as_good = 0.5 * AS_GOOD  # the misfit is half a chi square
+    if before.columns != after.columns or after.misfit > before.misfit + as_good * (1 + fewer):
         return None
     half = 0.5 * (after.solution.x - before.solution.x)
+    certain = after.misfit < before.misfit - as_good * (0 if fewer else 1)
+    what = (
+        "acts half a sample later than recorded, as a command does that is held over every sample; it is "
+        "taken for one"
+    )
+    if not certain:
+        what += ", and the intervals hold what else it may be"
     told = tuple(
-        Advice(
-            "more than the model",
-            channel,
-            "acts half a sample later than recorded, as a command does that is held over every sample; it is "
-            "taken for one, and the intervals hold what else it may be",
-            f"name it (--held {channel})",
-        )
-        for channel in channels
+        Advice("more than the model", channel, what, f"name it (--held {channel})") for channel in channels
     )
-    found = replace(
-        held.found, drift=held.found.drift + np.outer(half, half), advice=(*told, *held.found.advice)
-    )
-    return replace(held, found=found)
+    found = held.found
+    drift = found.drift if certain else found.drift + np.outer(half, half)
+    return replace(held, found=replace(found, drift=drift, advice=(*told, *found.advice)))

@@ -19,8 +19,8 @@ def told_held(estimate: Estimate) -> list[str]:
     return [one.where for one in estimate.checks.advice if "held over every sample" in one.what]
 
 
-def chirp(drive: Drive | None) -> Record:
-    options = {"fs": FS, "duration_s": 3.0, "noise": NOISE, "seed": 3}
+def chirp(drive: Drive | None, fs: float = FS) -> Record:
+    options = {"fs": fs, "duration_s": 3.0, "noise": NOISE, "seed": 3}
     return simulate(SMALL, TRUTH, "chirp", drive=drive, **options).record  # type: ignore[arg-type]
 
 
@@ -39,3 +39,13 @@ def test_a_held_command_is_taken_for_one_without_being_told() -> None:
 @pytest.mark.slow
 def test_a_force_that_is_on_time_is_none() -> None:
     assert not told_held(identify(SMALL, chirp(None)))
+
+
+@pytest.mark.slow
+def test_a_command_that_acts_a_sample_later_is_held_as_well() -> None:
+    record = chirp(Drive(rate_hz=FS, delay_s=1.0 / FS))
+    estimate = identify(SMALL, record)
+    assert told_held(estimate) == ["Gamma_m"]
+    for name in ("J_m", "J_c", "K"):
+        assert abs(estimate.params[name] - TRUTH[name]) < 3.0 * estimate.bse[name]
+        assert estimate.bse[name] < 2e-3 * TRUTH[name]
