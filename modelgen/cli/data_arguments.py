@@ -107,6 +107,7 @@ def reading_options(
         "fs": options.fs if options.fs is not None else given.fs_hz,
         "time": options.time or given.time,
         "needed": wanted,
+        "welcome": loads,
         "time_unit": options.time_unit or given.time_unit,
         "mend": (*given.mend, *(options.mend or ())),
         "units": units,

@@ -44,6 +44,7 @@ LACKING: dict[str, dict[str, str]] = {
 FORMS = {
     "--output": "what is written differs: an estimate, a folder, a mapping, a record",
     "--sensors": "records of identify may be of several sets, each of its own",
+    "--payload": "simulate makes one record, which carries what is named; others name the record as well",
     "--hold-out": "validate has no records to name: all of them are its own",
 }
 # commands without --overwrite, and why

@@ -51,6 +51,7 @@ def simulated_arm(arm: ArmSpec, given: Mapping[str, Any]) -> Record:
         controller=load_joint_controller(given["controller"]) if given["controller"] else None,
         limits=_limits(arm),
         sensors=None if sensors is None else mounted(arm, sensors),
+        payloads=given["payload"] or (),
     )
     return record_with_joint_references(result) if given["with_reference"] else result.record
 

@@ -59,6 +59,12 @@ Recorded = Annotated[
 ]
 
 
+Carried = Annotated[
+    list[str] | None,
+    typer.Option("--payload", metavar="NAME", help="What an arm carries all the time; repeatable."),
+]
+
+
 def simulate(
     context: typer.Context,
     spec: SpecOfAny,
@@ -74,6 +80,7 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise; every excitation draws its own.")] = 0,
     controller: Controller = None,
     with_reference: WithReference = False,
+    payload: Carried = None,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
@@ -112,6 +119,8 @@ def _simulated_chain(chain: ChainSpec, given: Mapping[str, Any]) -> Record:
     from modelgen.runtime.simulation.simulate import simulate as run
 
     sensors = given["sensors"]
+    if given["payload"]:
+        raise DataError.at("--payload", f"is for arms, and {chain.name} is a chain", "leave it out")
     if sensors is None:
         remedy = f"choose one of {', '.join(chain.sensor_sets)}"
         raise DataError.at("--sensors", "is missing", remedy if chain.sensor_sets else "write [sensors.NAME]")

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from modelgen.cli.arms.compared_arm import arm_comparison, inputs_of_loop
-from modelgen.cli.data_arguments import DataOptions, read_files, reading_lines
-from modelgen.cli.estimation_options import EstimationOptions, MethodName
+from modelgen.cli.data_arguments import DataOptions, carrying, read_files, reading_lines
+from modelgen.cli.estimation_options import EstimationOptions, MethodName, Payloads
 from modelgen.cli.options import Data, Module, ResultOptions, Trust, Values, refuse_given
 from modelgen.cli.output import deliver, note
 from modelgen.cli.output_files import check_result
@@ -57,6 +57,7 @@ def validate(
     controller: Controller = None,
     horizon: Horizon = None,
     value: Values = None,
+    payload: Payloads = None,
     cutoff_hz: Cutoff = None,
     oversample: Annotated[int | None, typer.Option(help="Internal steps per sample; 8, sampled 1.")] = None,
     hold_out: HoldOut = None,
@@ -91,7 +92,8 @@ def validate(
     saved = load_estimate(estimate)
     given_values = amounts("--set", value or ())
     parameters = {**parameters_of(saved, model), **given_values}
-    readings = read_files(data, [model], given, *(inputs_of_loop(model) if controller else ()))
+    inputs = inputs_of_loop(model) if controller else ()
+    readings = carrying(read_files(data, [model], given, *inputs), payload or (), [model])
     note(reading_lines(data, readings))
     records = [reading.record for reading in readings]
     step("simulating")

@@ -13,6 +13,7 @@ from modelgen.runtime.records.record import Record, refuse_lacking
 from modelgen.runtime.records.same_data import is_held_out
 from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant
+from modelgen.runtime.simulation.arms.carried_payloads import forces_of_motion
 from modelgen.runtime.simulation.arms.measured_motion import measured_motion
 from modelgen.runtime.simulation.arms.validate_arm import base_values, taken_as_zero
 from modelgen.runtime.simulation.thresholds import REACH_TOLERANCE
@@ -82,4 +83,4 @@ def _forces(plant: ArmPlant, record: Record, choice: FilterChoice) -> dict[str, 
     """Return the forces that the measured motion needs, shape (n,) each."""
     wide_hz = choice.signal_cutoff_hz or choice.cutoff_hz
     motion = measured_motion(plant.coordinates, record, choice.filter_order, wide_hz)
-    return plant.driving_forces(motion.q, motion.v, motion.a)
+    return forces_of_motion(plant, motion, record)

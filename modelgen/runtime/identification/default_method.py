@@ -97,7 +97,7 @@ def _of_arm(task: Task, method: Auto) -> Begun:
     begun = run_method(plain, method.least_squares)
     why = "instruments take more than memory_limit_mb"
     if not follows(task.model):
-        why = "instruments take arms with rigid joints that carry nothing"
+        why = "instruments take arms with rigid joints"
     elif _exceeding(begun, LEFT_BY_ARMS, FAR_OVER_NOISE):
         why = "the residual is far more than noise of the sensors"
     elif beyond_limit(task.job, method.instrumental) is None:

@@ -154,7 +154,7 @@ def _method_problems(model: Model, method: Method) -> list[Problem]:
         return [
             Problem(
                 "method",
-                "is iv, which takes arms with rigid joints that carry nothing",
+                "is iv, which takes arms with rigid joints",
                 "use wls, or leave it out",
             )
         ]

@@ -46,12 +46,13 @@ class ReadOptions(TypedDict, total=False):
     """Further options of `read_record`, which describes them."""
 
     needed: Sequence[str] | None
+    welcome: Sequence[str]
     time_unit: str | None
     mend: Sequence[str]
     units: Mapping[str, str] | None
 
 
-DEFAULTS = ReadOptions(needed=None, time_unit=None, mend=(), units=None)
+DEFAULTS = ReadOptions(needed=None, welcome=(), time_unit=None, mend=(), units=None)
 
 
 def read_record(
@@ -87,6 +88,8 @@ def read_record(
     needed : sequence of str, optional
         Keys to put into the record, usually ``model.channels``; by default the keys of `mapping`, and without
         a mapping every column but that of the times.
+    welcome : sequence of str, optional
+        Further keys, of which those are read that name a column.
     time_unit : str, optional
         Unit of the times; by default what the file states, else s.
     mend : sequence of str, optional
@@ -129,6 +132,8 @@ def read(
     if needed is None:
         others = {time or source.clock, *source.clocks.values(), *source.of_matrices}
         needed = tuple(mapping or (column for column in source.names if column not in others))
+    there = (key for key in given["welcome"] if key in source.names)
+    needed = tuple(dict.fromkeys((*needed, *there)))
     picks, problems = pick_columns(source, needed, mapping or {}, scales or {})
     problems += unit_problems(source, picks, units)
     clock = time or source.clock_apart_from({pick.column for pick in picks})

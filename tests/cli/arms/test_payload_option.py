@@ -1,7 +1,8 @@
-"""`identify --payload`: which record carries what, and its mistakes."""
+"""`--payload`: which record carries what, and its mistakes."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from modelgen.cli.main import app
-from tests.runtime.made_arm_records import model_of, record_of, values_of, written
+from tests.runtime.made_arm_records import model_of, of_bodies, record_of, values_of, written
 
 ARM = """
 [arm]
@@ -69,3 +70,21 @@ def test_an_arm_without_payloads_says_how_to_name_one(files: list[str | Path]) -
     code, text = run(*files, "--payload", "full=disc")
     assert code == 2
     assert "write a table [payload.NAME]" in " ".join(text.split())
+
+
+def test_what_is_simulated_with_a_payload_is_identified_and_validated_with_it(tmp_path: Path) -> None:
+    text = ARM + PAYLOAD
+    model = model_of(written(text))
+    truth = {**of_bodies(model, 0), "mx_disc": 0.3}
+    values = "\n".join(f"{name} = {value}" for name, value in truth.items() if name != "m_disc")
+    (tmp_path / "two.toml").write_text(f"{text}[parameters.made]\n{values}\n")
+    spec, files, out = tmp_path / "two.toml", [], tmp_path / "found.json"
+    for name, carried in (("empty", []), ("full", ["--payload", "disc"])):
+        files.append(tmp_path / f"{name}.csv")
+        made = ["simulate", spec, "--excitation", "fourier", "--duration-s", "5", *carried, "-o", files[-1]]
+        result = CliRunner().invoke(app, list(map(str, made)))
+        assert result.exit_code == 0, result.output
+    assert "load_disc" in result.output
+    code, text = run(*files, "--spec", spec, "-o", out)
+    assert code == 0, text
+    assert json.loads(out.read_text())["params"]["mx_disc"] == pytest.approx(truth["mx_disc"], rel=0.02)

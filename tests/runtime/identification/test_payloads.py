@@ -75,7 +75,7 @@ def test_without_noise_gains_and_payloads_are_exact() -> None:
 @pytest.mark.slow
 def test_a_light_payload_and_noisy_currents_leave_no_bias() -> None:
     model, _ = arm()
-    found = [identify(model, records(0.05, seed), checks=QUICK) for seed in range(3)]
+    found = [identify(model, records(0.05, seed), "wls", checks=QUICK) for seed in range(3)]
     # least squares alone shrinks every parameter by 5 %
     assert np.mean([errors(one)[0] for one in found]) > -0.02
     assert all(one.relative_std["gain_1"] < 3.0 for one in found)
@@ -86,7 +86,9 @@ def test_a_light_payload_and_noisy_currents_leave_no_bias() -> None:
 @pytest.mark.slow
 def test_intervals_hold_the_truth() -> None:
     model, _ = arm()
-    found = np.array([errors(identify(model, records(0.05, seed), checks=QUICK))[1] for seed in range(10)])
+    every = [identify(model, records(0.05, seed), checks=QUICK) for seed in range(10)]
+    assert {one.fit.method for one in every} == {"iv"}
+    found = np.array([errors(one)[1] for one in every])
     assert 0.88 <= np.mean(np.abs(found) < 1.96) <= 0.99
     assert np.abs(found.mean(axis=0)).max() < 0.8
 

@@ -18,6 +18,7 @@ from modelgen.runtime.iv.thresholds import ARM_SMOOTHING, ARM_SMOOTHING_ORDER
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.arms.arm_plant import arm_plant
+from modelgen.runtime.simulation.arms.carried_payloads import carrying, forces_of_motion, loads_of
 from modelgen.runtime.simulation.arms.followed_reference import followed, nodes_a_sample, true_signals
 from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.arms.joint_reference import JointReference
@@ -43,7 +44,8 @@ def arm_beside(
     choice : FilterChoice
         Its dynamics say how fast the motion is.
     controller : JointController, optional
-        The loop is simulated where it is given and the record has ``reference_NAME`` of every joint.
+        The loop is simulated where it is given and the record has ``reference_NAME`` of every joint, and
+        carries the same payloads all the time.
 
     Raises
     ------
@@ -52,7 +54,10 @@ def arm_beside(
     """
     base = np.array([values.get(name, 0.0) for name in model.base_parameters])
     plant = arm_plant(model, base, tame=True)
-    if controller is not None and all(f"reference_{name}" in record.signals for name in plant.joints):
+    steady = all(np.ptp(share) == 0.0 for share in loads_of(model, record).values())
+    told = all(f"reference_{name}" in record.signals for name in plant.joints)
+    if controller is not None and told and steady:
+        plant = carrying(plant, record)
         reference = JointReference(reference_motion(plant, record), record.name)
         start = first_state(plant, record, _smoothing_hz(record, choice))
         factor = nodes_a_sample(plant, controller, reference.motion)
@@ -62,7 +67,7 @@ def arm_beside(
     found = dict(zip(own.channels, own.reads @ motion.q, strict=True))
     for key, terms in model.derived.items():
         found[key] = np.sum([weight * found[of] for weight, of in terms], axis=0)
-    return found | plant.driving_forces(motion.q, motion.v, motion.a)
+    return found | forces_of_motion(plant, motion, record)
 
 
 def _smoothing_hz(record: Record, choice: FilterChoice) -> float:

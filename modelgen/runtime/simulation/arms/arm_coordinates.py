@@ -70,7 +70,7 @@ def joint_units(model: Model) -> dict[str, str]:
 
 def arm_coordinates(model: Model) -> ArmCoordinates | None:
     """Return the coordinates in which an arm moves; None where its motion does not follow from its rows."""
-    if not model.is_arm or model.loads or model.by_power:
+    if not model.is_arm or model.by_power:
         return None
     joints, rows = tuple(joint_units(model)), [row.name for row in model.rows]
     forces = tuple(one.key for one in model.actuators if one.key.startswith("tau_"))
@@ -82,7 +82,7 @@ def arm_coordinates(model: Model) -> ArmCoordinates | None:
     if reads is None or np.linalg.matrix_rank(np.array([*reads.values()])) < len(names):
         return None
     known = {f"{order}{key}" for order in ("", "d1_", "d2_") for key in reads}
-    known |= {one.key for one in model.actuators}
+    known |= {*model.loads, *(one.key for one in model.actuators)}
     own = {name: name + LINK if name in springs else name for name in joints}
     if len(forces) != len(joints) or not {*rows} >= {*own.values()} or not known >= {*model.module.SIGNALS}:
         return None

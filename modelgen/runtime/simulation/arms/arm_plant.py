@@ -7,7 +7,7 @@ in the accelerations. Coulomb friction is what jumps where a speed changes its s
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -35,12 +35,15 @@ class ArmPlant:
         Positions of links, and of motors in front of springs.
     least_inertia : ndarray, shape (coordinates,), optional
         The mass matrix is raised to this where it has less: an estimate may be bent by noise.
+    carried : mapping of str to float
+        Payloads that it carries all the time, by the key of their channel: 1, or 0.
     """
 
     model: Model
     base: FloatArray
     coordinates: ArmCoordinates
     least_inertia: FloatArray | None = None
+    carried: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -84,6 +87,7 @@ class ArmPlant:
             part = slice(start, min(start + BLOCK, count))
             still = np.zeros(part.stop - start)
             signals = dict.fromkeys(module.SIGNALS, still)
+            signals |= {key: np.full_like(still, share) for key, share in self.carried.items()}
             for order, one in zip(("", "d1_", "d2_"), (q, v, a), strict=True):
                 read = _combined(own.reads, one[:, part])
                 signals |= {f"{order}{key}": line for key, line in zip(own.channels, read, strict=True)}

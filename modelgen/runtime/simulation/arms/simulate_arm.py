@@ -13,6 +13,7 @@ import numpy.typing as npt
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.keyword_options import with_defaults
+from modelgen.runtime.model.arm_channels import LOAD
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.simulation.arms.arm_motion import ArmMotion
@@ -79,6 +80,7 @@ class ArmSimulationOptions(TypedDict, total=False):
     limits: Mapping[str, JointLimits] | None
     initial_state: npt.ArrayLike | None
     sensors: Sequence[MountedSensor] | None
+    payloads: Sequence[str]
 
 
 DEFAULTS = ArmSimulationOptions(
@@ -92,6 +94,7 @@ DEFAULTS = ArmSimulationOptions(
     limits=None,
     initial_state=None,
     sensors=None,
+    payloads=(),
 )
 
 
@@ -130,6 +133,8 @@ def simulate_arm(
         default on the reference, links where their springs carry them.
     sensors : sequence of MountedSensor, optional
         What is recorded, besides the drives' forces; by default what the model reads.
+    payloads : sequence of str, optional
+        Names of the payloads that the arm carries all the time.
 
     Raises
     ------
@@ -141,7 +146,7 @@ def simulate_arm(
         raise DataError.at(model.chain, "is a chain", "use modelgen.simulate")
     recorded = _recorded(model, given["sensors"])
     levels = _levels(model, recorded, given)
-    plant = arm_plant(model, checked_base(model, parameters))
+    plant = _loaded(arm_plant(model, checked_base(model, parameters)), given["payloads"])
     controller = controller_given(given)
     if isinstance(reference, str):
         if reference != "fourier":
@@ -163,8 +168,18 @@ def simulate_arm(
         true |= sensor_channels(plant, given["sensors"], moved)
     measured = drawn(recorded, true, *levels[:2], given["seed"], levels[2], reference.name)
     kept = {key: line for key, line in measured.items() if key not in model.derived}
-    record, changes = Record(kept, reference.motion.rate_hz, reference.name), _changes(plant, motion)
+    record = Record(kept, reference.motion.rate_hz, reference.name).carrying(*given["payloads"])
+    changes = _changes(plant, motion)
     return ArmSimulation(record, MappingProxyType(true), plant.joints, moved, reference, changes, controller)
+
+
+def _loaded(plant: ArmPlant, payloads: Sequence[str]) -> ArmPlant:
+    """Return a plant that carries payloads."""
+    known = [key.removeprefix(LOAD) for key in plant.model.loads]
+    problems = [missing_name("payloads", "payload", name, known) for name in payloads if name not in known]
+    if problems:
+        raise DataError(*problems)
+    return replace(plant, carried={f"{LOAD}{name}": 1.0 for name in payloads})
 
 
 def _recorded(model: Model, sensors: Sequence[MountedSensor] | None) -> tuple[str, ...]:

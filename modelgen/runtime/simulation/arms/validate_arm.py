@@ -13,6 +13,7 @@ from modelgen.runtime.records.record import Record, refuse_lacking
 from modelgen.runtime.records.same_data import is_held_out, refuse_same_data
 from modelgen.runtime.simulation.arms.arm_coordinates import joint_units
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant
+from modelgen.runtime.simulation.arms.carried_payloads import carrying
 from modelgen.runtime.simulation.arms.followed_reference import followed, nodes_a_sample, true_signals
 from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion, motion_of
@@ -76,7 +77,8 @@ def validate_arm(
     Raises
     ------
     DataError
-        When a channel is missing, records hold the same data, or the motion runs away.
+        When a channel is missing, records hold the same data, the motion runs away, or a payload is taken up
+        within a record.
     """
     if not records:
         raise DataError.at("records", "there are none", "give at least one Record")
@@ -97,7 +99,7 @@ def validate_arm(
 def _validated(
     plant: ArmPlant, record: Record, controller: JointController, held_out: bool, notes: tuple[str, ...]
 ) -> Validation:
-    model, given = plant.model, record.signals
+    model, given, plant = plant.model, record.signals, carrying(plant, record)
     reference = JointReference(reference_motion(plant, record), record.name)
     start = first_state(plant, record, CUTOFF_SHARE * record.fs)
     factor = nodes_a_sample(plant, controller, reference.motion)

@@ -22,7 +22,7 @@ from modelgen.runtime.simulation.arms.validate_arm import validate_arm
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
-from tests.runtime.made_arm_records import catalogued, model_of
+from tests.runtime.made_arm_records import catalogued, model_of, written
 
 MODEL = model_of(catalogued("two_link"))
 VALUES = MODEL.parameter_sets["nominal"]
@@ -143,3 +143,42 @@ def test_a_machine_of_a_fleet_is_identified_as_alone() -> None:
     assert report.document is not None and not report.failed
     alone = estimate("auto").params
     assert report.document["params"] == pytest.approx(alone, rel=1e-9)
+
+
+PAYLOAD = """
+[arm]
+name = "one"
+gravity = [0, -9.81, 0]
+drive = ["rotor_inertia", "viscous", "coulomb"]
+[[joints]]
+name = "1"
+[payload.tool]
+mass = 2.0
+"""
+
+
+def test_what_an_arm_carries_counts_in_every_simulation_of_it() -> None:
+    model = model_of(written(PAYLOAD))
+    values = {**dict.fromkeys(model.parameters, 0.1), "Izz_1": 0.5, "mx_1": 1.0, "m_tool": 2.0}
+    values["mx_tool"] = 0.8
+    options = {"controller": LOOP, "fs": 500.0, "duration_s": 4.0}
+    made = simulate_arm(model, values, payloads=["tool"], **options)
+    full = replace(record_with_joint_references(made), name="full")
+    assert np.all(full.signals["load_tool"] == 1.0)
+    # the rows of the module hold for what was simulated
+    fast = np.abs(made.true["d1_q_1"]) > 1e-3
+    signals = {**made.true, "load_tool": np.ones(full.n)}
+    torque = model.regressor(signals)[:, 0] @ model.base_from_physical(values)
+    left = model.measurement(signals)[:, 0] - torque
+    assert np.abs(left[fast]).max() < 1e-6 * np.ptp(made.true["tau_1"])
+    forgotten = Record({key: line for key, line in full.signals.items() if key != "load_tool"}, full.fs)
+    for one, fits in ((full, True), (forgotten, False)):
+        (looped,) = validate_arm(model, values, [one], LOOP)
+        assert (min(check.fit for check in looped.checks) > 97.0) == fits
+        (forces,) = compare_forces(model, values, [one])
+        assert (min(check.fit for check in forces.checks) > 97.0) == fits
+    changing = full.edited({"load_tool": (np.arange(full.n) > 900).astype(float)})
+    with pytest.raises(DataError, match=r"load_tool.* changes within the record.*cut the record there"):
+        validate_arm(model, values, [changing], LOOP)
+    with pytest.raises(DataError, match="did you mean tool"):
+        simulate_arm(model, values, payloads=["tol"], **options)
