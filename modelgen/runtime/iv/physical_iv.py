@@ -21,6 +21,7 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.iv.instrumental_variables import Setting
+from modelgen.runtime.iv.starting_values import vanished_names
 from modelgen.runtime.iv.thresholds import (
     COMPOSITE_MOVE,
     COMPOSITE_ROUNDS,
@@ -50,7 +51,8 @@ class Found:
     """Rows, their fit in base columns, and the physical parameters p it was made at, shape (parameters,).
 
     `following` is where the next step would go. `lost` names the inertias, stiffnesses and delays of which
-    nothing is known there: an iteration that comes to rest so has only run out of slope.
+    nothing is known there: an iteration that comes to rest so has only run out of slope, and what goes with
+    them gets no number (`CarriedOver.unknown`) unless another start leads elsewhere.
     """
 
     observation: Observation
@@ -123,15 +125,20 @@ def fit_physical_iv(
         small = np.maximum(COMPOSITE_MOVE * spread, SMALL_CHANGE * size)
         hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(len(late), np.inf)]
         if done > 1 and np.all((np.abs(move) <= small) | hopeless):
-            fit = in_base_columns(step, now.delays, done)
-            return Found(observation, fit, now.p, x[:c], _lost(setting, now, spread))
+            lost, fit = _lost(setting, now, spread), in_base_columns(step, now.delays, done)
+            if late and fit.carried is not None:
+                fit = replace(fit, carried=replace(fit.carried, unknown=lost))
+            return Found(observation, fit, now.p, x[:c], lost)
         now = _moved(model, now, move, sample, rules)
         _check_distance(model, now.p, first, rules)
     raise _restless(model, x[:c], spread[:c])
 
 
 def _lost(setting: Setting, now: Unknowns, spread: FloatArray) -> tuple[str, ...]:
-    """Return inertias and stiffnesses less certain than their size, delays than a radian at the cut-off."""
+    """Return inertias and stiffnesses less certain than their size, delays than a radian at the cut-off.
+
+    A body that vanished beside a delay is none that the records know: the delay has taken its place.
+    """
     model, radian = setting.model, 1.0 / (2.0 * pi * setting.choice.cutoff_hz)
     limits = [
         abs(value) if name in model.roles and model.roles[name].role in ("inertia", "stiffness") else np.inf
@@ -139,7 +146,10 @@ def _lost(setting: Setting, now: Unknowns, spread: FloatArray) -> tuple[str, ...
     ]
     names = (*model.parameters, *now.delays)
     limits += [radian] * len(now.delays)
-    return tuple(name for name, std, limit in zip(names, spread, limits, strict=True) if std > limit)
+    lost = [name for name, std, limit in zip(names, spread, limits, strict=True) if std > limit]
+    values = dict(zip(model.parameters, now.p.tolist(), strict=True))
+    gone = vanished_names(model, values) if now.delays else ()
+    return tuple(dict.fromkeys((*lost, *gone)))
 
 
 def _restless(model: Model, values: FloatArray, spread: FloatArray) -> IdentifiabilityError:

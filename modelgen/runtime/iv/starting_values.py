@@ -48,12 +48,12 @@ def physical_starts(first: Fit, setting: Setting) -> Iterator[Mapping[str, float
     """
     model = setting.model
     found = _from_composites(model, first, hac_covariance)
-    vanished = _vanished(model, found)
+    vanished = vanished_names(model, found)
     if not vanished:
         yield found
     # noise makes the composites inconsistent, and which chain fits them best depends on their weights
     other = _from_composites(model, first, lambda fit: printed_covariance(fit)[1])
-    if not _vanished(model, other):
+    if not vanished_names(model, other):
         yield other
     for share in TRIED_SHARES:
         nearest = _nearest(setting, found, vanished, share)
@@ -87,8 +87,8 @@ def _nearest(
     return dict(zip(response.names, response.values.tolist(), strict=True))
 
 
-def _vanished(model: Model, values: Mapping[str, float]) -> tuple[str, ...]:
-    """Return the inertias that are next to nothing, seen from the actuator, and the links of their bodies."""
+def vanished_names(model: Model, values: Mapping[str, float]) -> tuple[str, ...]:
+    """Return inertias that are next to nothing, seen from the actuator, and all of their bodies and links."""
     try:
         plant = make_plant(model, possible(model, values))
         felt = plant.inertia * vibration(plant).lowest ** 2

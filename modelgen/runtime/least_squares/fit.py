@@ -28,10 +28,13 @@ class CarriedOver:
     series : tuple of array
         What each instant of each record contributes to X's error, shape (grid, columns): it follows from the
         residuals of `linear`, not from those in base columns.
+    unknown : tuple of str
+        Physical parameters that cannot be told from the delays of forces.
     """
 
     linear: Fit
     series: tuple[FloatArray, ...]
+    unknown: tuple[str, ...] = ()
 
     def physical(self, names: Sequence[str]) -> dict[str, float]:
         """Return the physical parameters by name; what bounds hold at zero may be negative here."""

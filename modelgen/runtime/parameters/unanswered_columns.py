@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.power_spectrum import share_below
 from modelgen.runtime.least_squares.fit import Fit
@@ -29,9 +30,29 @@ def not_identifiable(
     for name, lost in zip(fit.columns, fit.solution.undetermined, strict=True):
         if lost:
             reasons[name] = "cannot be told from other parameters in these records (W is short of rank)"
-    for name, reason in offsets_of_encoder_zeros(model, records, fit).items():
+    for name, reason in {**offsets_of_encoder_zeros(model, records, fit), **like_delays(model, fit)}.items():
         reasons.setdefault(name, reason)
     return {name: reasons[name] for name in model.base_parameters if name in reasons}
+
+
+def like_delays(model: Model, fit: Fit) -> dict[str, str]:
+    """Return the base parameters made of what cannot be told from delays of forces, with that reason."""
+    unknown = [name for name in fit.carried.unknown if name in model.parameters] if fit.carried else []
+    if not unknown:
+        return {}
+    _, slopes = _anywhere(model)
+    places = [model.parameters.index(name) for name in unknown]
+    delays = ", ".join(channel for channel, _, _ in fit.delays)
+    why = f"cannot be told from the delay of {delays} in these records"
+    return {name: why for name, row in zip(model.base_parameters, slopes, strict=True) if np.any(row[places])}
+
+
+def _anywhere(model: Model) -> tuple[dict[str, float], FloatArray]:
+    """Return physical parameters at random, and the base parameters' slopes there, shape (base, physical)."""
+    rng = np.random.default_rng(0)
+    values = rng.uniform(1.0, 2.0, len(model.parameters)).tolist()
+    point = dict(zip(model.parameters, values, strict=True))
+    return point, model.base_jacobian(point)
 
 
 def _why_zero(model: Model, name: str) -> str:
@@ -114,11 +135,10 @@ def columns_that_vanish(model: Model, reasons: Mapping[str, str]) -> dict[str, s
     reasons : mapping of str to str
         Physical parameter to the reason why it is not to be believed.
     """
-    rng = np.random.default_rng(0)
-    point = dict(zip(model.parameters, rng.uniform(1.0, 2.0, len(model.parameters)).tolist(), strict=True))
+    point, slopes_there = _anywhere(model)
     without = model.base_from_physical({**point, **dict.fromkeys(reasons, 0.0)})
     found: dict[str, str] = {}
-    for name, rest, slopes in zip(model.base_parameters, without, model.base_jacobian(point), strict=True):
+    for name, rest, slopes in zip(model.base_parameters, without, slopes_there, strict=True):
         acting = [
             p for p, slope in zip(model.parameters, slopes, strict=True) if slope != 0.0 and p in reasons
         ]

@@ -32,3 +32,12 @@ def test_bodies_springs_and_delays_are_lost_by_their_size() -> None:
     assert _lost(setting, now, spread) == tuple(lost)  # type: ignore[arg-type]
     late = np.r_[0.1 * VALUES, 2e-3]
     assert _lost(setting, now, late) == ("Gamma_m",)  # type: ignore[arg-type]
+
+
+def test_a_body_that_vanishes_beside_a_delay_is_lost_with_its_link() -> None:
+    setting = SimpleNamespace(model=MODEL, choice=SimpleNamespace(cutoff_hz=100.0))
+    values = np.where(np.isin(MODEL.parameters, ("J_c",)), 1e-4, 1.0) * VALUES
+    spread = np.r_[0.01 * values, 1e-6]
+    gone = ("J_c", "F_vmc", "K")
+    assert _lost(setting, Unknowns(values, {"Gamma_m": 2e-5}), spread) == gone  # type: ignore[arg-type]
+    assert _lost(setting, Unknowns(values, {}), spread[:-1]) == ()  # type: ignore[arg-type]

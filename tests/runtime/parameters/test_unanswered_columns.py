@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.parameters.unanswered_columns import (
     columns_that_vanish,
     friction_without_steady_motion,
+    like_delays,
     not_identifiable,
 )
 from modelgen.runtime.records.record import Record
@@ -111,3 +114,17 @@ def test_a_column_that_is_never_seen_is_refused() -> None:
     fit, choice = fitted(BENCH, [rigid])
     reasons = not_identifiable(BENCH, [rigid], choice, fit)
     assert reasons["K"] == reasons["Fd"] == "its column is zero in every sample used"
+
+
+def test_what_cannot_be_told_from_a_delay_is_refused_with_all_that_holds_it() -> None:
+    def fit(*unknown: str) -> SimpleNamespace:
+        return SimpleNamespace(carried=SimpleNamespace(unknown=unknown), delays=(("i", 2e-5, 1e-6),))
+
+    reasons = like_delays(BENCH, fit("Jc", "K", "i"))  # type: ignore[arg-type]
+    assert set(reasons) == {"Jc", "K"}
+    assert reasons["K"] == "cannot be told from the delay of i in these records"
+    assert like_delays(BENCH, fit("i")) == {}  # type: ignore[arg-type]
+    assert like_delays(BENCH, SimpleNamespace(carried=None)) == {}  # type: ignore[arg-type]
+    hidden = model_from_module(three_mass_qa_qb_ac)
+    sums = like_delays(hidden, fit(hidden.parameters[0]))  # type: ignore[arg-type]
+    assert all(hidden.parameters[0] in name for name in sums) and sums
