@@ -205,6 +205,7 @@ def _values(
     undamped = undamped_modes(mass, stiffness)
     pairs = pole_pairs(mass, damping, stiffness, undamped)
     found = []
+    slopes = pair_slopes(mass, damping, stiffness, undamped, pairs, [(m, d, s) for m, d, s in changes])
     for k, pair in enumerate(pairs):
         if undamped.squares[k] <= 0.0:
             continue
@@ -217,8 +218,7 @@ def _values(
             except np.linalg.LinAlgError:
                 return None
 
-        slopes = pair_slopes(mass, damping, stiffness, undamped, pair, [(m, d, s) for m, d, s in changes])
-        told = pair_values(pair, slopes, False, chain, at, frozenset())
+        told = pair_values(pair, slopes[k], False, chain, at, frozenset())
         found.append(
             told if damped and damping.any() else replace(told, damping_ratio=None, time_constants_s=())
         )

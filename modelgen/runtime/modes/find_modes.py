@@ -140,7 +140,7 @@ def _slopes(
         )
         for name in chain.names
     ]
-    return pairs, np.array([pair_slopes(inertia, D, K, undamped, pair, changes) for pair in pairs])
+    return pairs, pair_slopes(inertia, D, K, undamped, pairs, changes)
 
 
 def _depend(slopes: FloatArray, chain: UncertainChain) -> npt.NDArray[np.bool_]:

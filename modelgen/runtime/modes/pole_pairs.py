@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.array_types import FloatArray
-from modelgen.runtime.modes.thresholds import RIGID_SHARE
+from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.modes.thresholds import RIGID_SHARE, ROUNDS_OF_ITERATION
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -90,36 +90,72 @@ def pair_slopes(
     D: FloatArray,
     K: FloatArray,
     modes: UndampedModes,
-    pair: PolePair,
+    pairs: Sequence[PolePair],
     changes: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
 ) -> FloatArray:
-    """Return the derivatives of a pair's sum and product by parameters, shape (2, parameters).
+    """Return the derivatives of each pair's sum and product by parameters, shape (pairs, 2, parameters).
 
     To first order a change of A moves the poles of a pair as it moves A in their invariant subspace, which is
     where A^2 + sum A + product vanishes: no eigenvector is needed, and none has to exist.
 
     Parameters
     ----------
-    pair : PolePair
-        One of `pole_pairs`; `modes` are those of these matrices.
+    pairs : sequence of PolePair
+        Some of `pole_pairs`; `modes` are those of these matrices.
     changes : sequence of (inertia, D, K)
         What each parameter adds to them per unit; inertias as a vector, or as a matrix, here and above.
     """
     A, unit = _modal(inertia, D, K, modes)
-    n = len(A) // 2
-    polynomial = A @ A + (pair.sum / unit) * A + (pair.product / unit**2) * np.eye(2 * n)
-    U, _, Vt = np.linalg.svd(polynomial)
-    right, left = Vt[-2:].T, U[:, -2:]
-    left = np.linalg.solve(left.T @ right, left.T)
-    S = left @ A @ right
-    adjugate = np.array([[S[1, 1], -S[0, 1]], [-S[1, 0], S[0, 0]]])
-    slopes = np.zeros((2, len(changes)))
-    for j, (heavier, damped, stiffer) in enumerate(changes):
-        M, Dj, Kj = (modes.shapes.T @ part @ modes.shapes for part in (_mass(heavier), damped, stiffer))
-        lower = -M @ A[n:] - np.hstack((Kj / unit**2, Dj / unit))
-        B = left[:, n:] @ lower @ right
-        slopes[:, j] = -np.trace(B) * unit, np.trace(adjugate @ B) * unit**2
+    n, shapes = len(A) // 2, modes.shapes
+    # a parameter touches few entries of three matrices: each is looked up in their gradients
+    entries = [_entries([change[kind] for change in changes]) for kind in range(3)]
+    slopes = np.zeros((len(pairs), 2, len(changes)))
+    for k, pair in enumerate(pairs):
+        left, right = _invariant(A, pair.sum / unit, pair.product / unit**2)
+        S = left @ A @ right
+        adjugate = np.array([[S[1, 1], -S[0, 1]], [-S[1, 0], S[0, 0]]])
+        for row, share in enumerate((-unit * np.eye(2), unit**2 * adjugate)):
+            # trace(share left[:, n:] dA right): dA = -(M A[n:] + [K / unit^2, D / unit])
+            P = right @ share @ left[:, n:]
+            gradients = (
+                -shapes @ (A[n:] @ P) @ shapes.T,
+                -shapes @ P[n:] @ shapes.T / unit,
+                -shapes @ P[:n] @ shapes.T / unit**2,
+            )
+            for (parameter, i, j, value), gradient in zip(entries, gradients, strict=True):
+                slopes[k, row] += np.bincount(parameter, value * gradient[j, i], len(changes))
     return slopes
+
+
+def _invariant(A: FloatArray, total: float, product: float) -> tuple[FloatArray, FloatArray]:
+    """Return bases of a pair's invariant subspace: left, shape (2, 2n), right, shape (2n, 2), left right = 1.
+
+    By inverse iteration on A^2 + total A + product, whose zeros are no multiple ones.
+    """
+    size = len(A)
+    polynomial = A @ A + total * A + product * np.eye(size)
+    # it is singular, or nearly so; the shift changes no eigenvector
+    shifted = polynomial + np.finfo(float).eps * np.linalg.norm(A) ** 2 * np.eye(size)
+    # any start will do that lies in no other subspace
+    start = np.random.default_rng(0).standard_normal((size, 2))
+    bases = list[FloatArray]()
+    for matrix in (shifted, shifted.T):
+        basis = start
+        for _ in range(ROUNDS_OF_ITERATION):
+            basis = np.asarray(np.linalg.qr(np.linalg.solve(matrix, basis))[0])
+        bases.append(basis)
+    right, left = bases
+    return np.asarray(np.linalg.solve(left.T @ right, left.T)), right
+
+
+def _entries(parts: Sequence[FloatArray]) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """Return parameter, row, column and value of all entries that are not zero; a vector is a diagonal."""
+    places = [np.nonzero(part) for part in parts]
+    counts = [len(place[0]) for place in places]
+    rows = np.concatenate([place[0] for place in places])
+    columns = np.concatenate([place[-1] for place in places])
+    values = np.concatenate([part[place] for part, place in zip(parts, places, strict=True)])
+    return np.repeat(np.arange(len(parts)), counts), rows, columns, values
 
 
 def _modal(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 # A squared frequency below this share of the largest is that of a chain that turns freely.
 RIGID_SHARE = 1e-9
+# Rounds of inverse iteration: each shrinks what is left of other subspaces by some 1e-10.
+ROUNDS_OF_ITERATION = 3
 
 # Of a normal distribution: 95 % lie within.
 Z95 = 1.959963984540054

@@ -25,7 +25,7 @@ def test_slopes_are_those_of_differences(seed: int) -> None:
     change = (rng.normal(size=n) * 0.1, 0.1 * np.diag(rng.normal(size=n)), 0.1 * springs[0])
     parts = [(change[0], none, none), (0.0 * change[0], change[1], none), (0.0 * change[0], none, change[2])]
     for k, pair in enumerate(pairs):
-        slopes = pair_slopes(inertia, D, K, modes, pair, parts)
+        slopes = pair_slopes(inertia, D, K, modes, [pair], parts)[0]
         for j, (dM, dD, dK) in enumerate(parts):
             ends = [pole_pairs(inertia + h * dM, D + h * dD, K + h * dK, modes)[k] for h in (1e-5, -1e-5)]
             size = max(abs(pair.sum), abs(pair.product), 1.0)
