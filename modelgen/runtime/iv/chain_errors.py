@@ -9,7 +9,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import DIRECTION, Changes, Effect, curvature
-from modelgen.runtime.iv.pushed_chain import deflection_of, pushed
+from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of
 from modelgen.runtime.iv.thresholds import ROUNDED, UNCLEAR
 from modelgen.runtime.model.mechanical_parts import Friction
 from modelgen.runtime.model.model import Model
@@ -105,7 +105,7 @@ def _on_body(body: str, force: Callable[[Simulated], FloatArray]) -> Callable[[S
 
     def changes(simulated: Simulated) -> Changes:
         push = np.array([float(name == body) for name in simulated.plant.bodies])
-        return pushed(simulated, push, force(simulated))
+        return Pushed(simulated, push, force(simulated))
 
     return changes
 
@@ -126,7 +126,7 @@ def _further_mass(body: str) -> Callable[[Simulated], Changes]:
 def _spring(stiffness: str, form: Callable[[FloatArray], FloatArray]) -> Callable[[Simulated], Changes]:
     def changes(simulated: Simulated) -> Changes:
         lever = deflection_of(simulated.plant, stiffness)
-        return pushed(simulated, lever, -form(_deflection(simulated, lever)))
+        return Pushed(simulated, lever, -form(_deflection(simulated, lever)))
 
     return changes
 

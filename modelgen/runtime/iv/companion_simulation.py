@@ -11,14 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import pi
 
 import numpy as np
 
-from modelgen.array_types import ComplexArray, FloatArray
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
+from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.iv.thresholds import (
     AT_REST,
@@ -37,6 +39,7 @@ from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation, excitation_from_record
+from modelgen.runtime.simulation.held_chain import HeldChain, held_chain
 from modelgen.runtime.simulation.motion import Motion, move, readings, true_signals
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulation.thresholds import DAMPING_RATIO
@@ -53,7 +56,7 @@ class Simulated:
     they were in the measured record. `index` says which of the records it is. `away` holds by how far the
     positions of bodies with an encoder were elsewhere in it, and the noise of that, rms. `slow` is a speed
     that counts as low, by body, the same for all records.
-    `response` is for `modelgen.runtime.iv.pushed_chain`: what it last worked out.
+    `felt` is for `modelgen.runtime.iv.pushed_chain`: which rows feel the pushes that it has looked at.
     """
 
     plant: Plant
@@ -62,9 +65,14 @@ class Simulated:
     index: int
     away: Mapping[str, tuple[FloatArray, float]] = field(default_factory=dict)
     slow: Mapping[str, float] = field(default_factory=dict)
-    response: dict[tuple[float, ...], tuple[ComplexArray, ComplexArray]] = field(
-        default_factory=dict, repr=False
-    )
+    felt: dict[tuple[float, ...], tuple[int, ...]] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def held(self) -> HeldChain:
+        """The chain at rest, held by a weak feedback, at the frequencies of the record's spectrum."""
+        size = quick_length(self.record.n)
+        omega = np.asarray(2.0 * pi * np.fft.rfftfreq(size, self.record.dt), dtype=float)
+        return held_chain(self.plant, omega)
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,13 @@ from modelgen.runtime.iv.companion_simulation import Simulated, possible, simula
 from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
+from modelgen.runtime.iv.pushed_chain import Pushed
 from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import matched_rows
-from modelgen.runtime.rows.row_terms import row_terms
+from modelgen.runtime.rows.row_terms import channels_of_rows, row_terms
 from modelgen.runtime.rows.standstill_speeds import NOTHING
 
 
@@ -78,15 +79,27 @@ def effect_rows(
         one = simulated[record]
         calm = _mismatch(fit, setting, one.record, record)
         for effect, known, rows in zip(effects, (*sizes, *[0.0] * len(effects)), found, strict=False):
-            changes = effect.added(one, known)
+            touched, changes = _seen_in(setting.model, effect.added(one, known))
             size = _tried_size(one.record, changes)
             if size == 0.0:
                 continue
-            changed = _mismatch(fit, setting, _changed(one.record, changes, size), record)
+            changed = _mismatch(fit, setting, _changed(one.record, changes, size), record, touched)
             for index in indices:
                 block = fit.blocks[index]
-                rows[index] = (changed[block.row] - calm[block.row])[block.place] / size
+                if block.row in changed:
+                    rows[index] = (changed[block.row] - calm[block.row])[block.place] / size
     return tuple(tuple(rows) for rows in found)
+
+
+def _seen_in(model: Model, changes: Changes) -> tuple[tuple[int, ...], Changes]:
+    """Return the rows that changes of channels change, and the changes of the channels of these rows."""
+    of_rows = channels_of_rows(model)
+    if isinstance(changes, Pushed):
+        touched = changes.felt_rows()
+    else:
+        touched = tuple(row for row, own in enumerate(of_rows) if not own.isdisjoint(changes))
+    read = frozenset(key for row in touched for key in of_rows[row])
+    return touched, {key: changes[key] for key in changes if key in read}
 
 
 def noise_rows(
@@ -131,16 +144,20 @@ def noise_rows(
     return tuple(residuals), changes
 
 
-def _mismatch(fit: Fit, setting: Setting, record: Record, index: int) -> tuple[FloatArray, ...]:
-    """Return Y - W X of every row of the model on a record, at all samples of the grid."""
+def _mismatch(
+    fit: Fit, setting: Setting, record: Record, index: int, chosen: Sequence[int] | None = None
+) -> dict[int, FloatArray]:
+    """Return Y - W X of rows of the model, all or some, on a record, at all samples of the grid."""
     model: Model = setting.model
     choice: FilterChoice = setting.choice
     x = fit.all_parameters(model.base_parameters)
     rows = matched_rows(model, record, choice, choice.decimation[index], setting.drop, survey=NOTHING)
-    return tuple(
-        lines[-1] - x[list(terms.columns)] @ lines[:-1]
-        for terms, lines in zip(row_terms(model), rows.lines(), strict=True)
-    )
+    every = row_terms(model)
+    asked = range(len(every)) if chosen is None else chosen
+    return {
+        row: lines[-1] - x[list(every[row].columns)] @ lines[:-1]
+        for row, lines in zip(asked, rows.lines(asked), strict=True)
+    }
 
 
 def _tried_size(record: Record, changes: Changes) -> float:

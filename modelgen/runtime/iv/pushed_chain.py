@@ -1,22 +1,17 @@
-"""What a further force changes in the readings of a chain, and how the bodies feel a link.
-
-The chain is linear between reversals: the change is worked out at all frequencies at once. A feedback holds
-the chain; rows do not feel it, as the force that it takes is one of the readings.
-"""
+"""What a further force changes in the readings of a chain, which rows feel it, and how bodies feel a link."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from modelgen.array_types import ComplexArray, FloatArray
+from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.thresholds import HOLDING_SHARE
-from modelgen.runtime.simulation.closed_loop import vibration
-from modelgen.runtime.simulation.plant import Plant, felt_accelerations
+from modelgen.runtime.iv.thresholds import FELT_SHARE, SEEN_AT
+from modelgen.runtime.rows.row_terms import row_terms
+from modelgen.runtime.simulation.plant import Plant
 
 
 def deflection_of(plant: Plant, stiffness: str) -> FloatArray:
@@ -34,58 +29,65 @@ def deflection_of(plant: Plant, stiffness: str) -> FloatArray:
     return np.asarray(square[first] / (size[first] or 1.0))
 
 
-def pushed(simulated: Simulated, push: FloatArray, force: FloatArray) -> Mapping[str, FloatArray]:
-    """Return what a further force changes in the channels.
+class Pushed(Mapping[str, FloatArray]):
+    """What a further force changes in each channel, shape (n,), worked out when it is asked for.
 
-    Parameters
-    ----------
-    push : array, shape (bodies,)
-        How it acts on the bodies.
-    force : array, shape (n,)
-        In N m or N.
-
-    Returns
-    -------
-    mapping of str to array, shape (n,)
+    The chain is linear between reversals, and held in place (`HeldChain`).
     """
-    plant, record = simulated.plant, simulated.record
-    n, size = len(plant.bodies), quick_length(record.n)
-    padded = np.concatenate([force, np.linspace(force[-1], force[0], size - record.n + 2)[1:-1]])
-    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, record.dt), dtype=float)
-    space = plant.space(tuple(1 for _ in plant.sticking))
-    at = tuple(push.tolist())
-    if at not in simulated.response:
-        simulated.response.clear()  # it is as long as the record: one of them is kept
-        simulated.response[at] = _held_response(plant, space, push, omega)
-    states, held = simulated.response[at]
-    spectrum = np.fft.rfft(padded)
-    # accelerations are what velocities change by
-    rates = 1j * omega[:, None] * states[:, n:]
-    felt = felt_accelerations(plant.model)
-    found = {}
-    for place, sensor in enumerate(plant.model.sensors):
-        way = rates @ felt[place] if sensor.order == 2 else states @ space.C[place]
-        found[sensor.key] = np.fft.irfft(way * spectrum, size)[: record.n]
-    found[plant.force] = np.fft.irfft(held * spectrum, size)[: record.n]
-    return {key: samples for key, samples in found.items() if key in record.signals}
 
+    def __init__(self, simulated: Simulated, push: FloatArray, force: FloatArray) -> None:
+        """Take how the force acts on the bodies, shape (bodies,), and the force in N m or N, shape (n,)."""
+        record = simulated.record
+        self._held, self._push, self._n, self._felt = simulated.held, push, record.n, simulated.felt
+        self._size = quick_length(record.n)
+        padded = np.concatenate([force, np.linspace(force[-1], force[0], self._size - record.n + 2)[1:-1]])
+        self._spectrum = np.fft.rfft(padded)
+        self._keys = tuple(key for key in self._held.readings if key in record.signals)
+        self._found: dict[str, FloatArray] = {}
 
-def _held_response(
-    plant: Plant, space: Any, push: FloatArray, omega: FloatArray
-) -> tuple[ComplexArray, ComplexArray]:
-    """Return states, shape (frequencies, 2 bodies), and the holding force, per unit of a force `push`."""
-    n = len(plant.bodies)
-    A, B = space.A, space.B[:, plant.actuator]
-    modes = vibration(plant)
-    rate = (
-        HOLDING_SHARE * 2.0 * np.pi * float(modes.elastic_hz[0] if modes.elastic_hz.size else 1.0 / omega[1])
-    )
-    gains = np.zeros(2 * n)
-    gains[plant.driven] = modes.drive_inertia * rate**2
-    gains[n + plant.driven] = 2.0 * modes.drive_inertia * rate
-    drive = np.r_[np.zeros(n), push / plant.inertia]
-    held = A - np.outer(B, gains)
-    values, vectors = np.linalg.eig(held)
-    modal = np.linalg.solve(vectors, drive)
-    states = (modal / (1j * omega[:, None] - values)) @ vectors.T
-    return states, -(states @ gains)
+    def __getitem__(self, key: str) -> FloatArray:
+        if key not in self._keys:
+            raise KeyError(key)
+        if key not in self._found:
+            way = self._held.reading(key, self._push)
+            self._found[key] = np.fft.irfft(way * self._spectrum, self._size)[: self._n]
+        return self._found[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._keys)
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def felt_rows(self) -> tuple[int, ...]:
+        """Return the rows of the model that feel the force.
+
+        A row that is the balance of other bodies is fulfilled by what the force does to them. Friction does
+        not change its direction at the same instants then; that is no part of what the force does.
+        """
+        at = tuple(self._push.tolist())
+        if at not in self._felt:
+            self._felt[at] = self._feeling()
+        return self._felt[at]
+
+    def _feeling(self) -> tuple[int, ...]:
+        held, model = self._held, self._held.plant.model
+        x = model.base_from_physical(held.plant.parameters)
+        places = slice(1, None, max((len(held.omega) - 1) // SEEN_AT, 1))
+        omega = held.omega[places]
+        read = {key: held.reading(key, self._push, places) for key in self._keys}
+        most = {key: held.largest(key, self._push, places) for key in self._keys}
+        moved = [signal for signal in model.signals if signal.channel in read]
+        ways = {signal.key: (1j * omega) ** signal.derivative * read[signal.channel] for signal in moved}
+        reach = {signal.key: omega**signal.derivative * most[signal.channel] for signal in moved}
+        found = []
+        for terms in row_terms(model):
+            left, size = np.zeros(len(omega), dtype=complex), np.zeros(len(omega))
+            for weight, entry in zip((*x[list(terms.columns)], -1.0), terms.entries, strict=True):
+                for share, key in entry:
+                    if key in ways:
+                        left -= weight * share * ways[key]
+                        size += abs(weight * share) * reach[key]
+            if np.any(np.abs(left) > FELT_SHARE * size):
+                found.append(terms.row)
+        return tuple(found)

@@ -132,9 +132,8 @@ SHORTER = 0.6
 # An effect is tried at this share of the readings' size: small, so that directions of motion do not change.
 TRIED_SHARE = 1e-5
 
-# The chain is held by a feedback of this share of its lowest elastic frequency, or of the highest in the
-# record: any will do, as rows do not feel it.
-HOLDING_SHARE = 0.1
+# A row feels a force if that leaves more than this share of its terms, beyond rounding, at some frequencies.
+FELT_SHARE, SEEN_AT = 1e-6, 16
 
 # A row that leaves more than this share of its force is told where instruments fail.
 LEFT_OF_FORCE = 0.5

@@ -82,15 +82,16 @@ class RecordRows:
         with ThreadPoolExecutor(workers) as pool:
             yield from pool.map(work, self.chunks())
 
-    def lines(self) -> tuple[FloatArray, ...]:
-        """Return every row at all samples kept, masked or not: the columns it touches and y in lines.
+    def lines(self, rows: Sequence[int] | None = None) -> tuple[FloatArray, ...]:
+        """Return rows at all samples kept, masked or not: the columns that each touches and y in lines.
 
-        One array a row, shape (columns touched + 1, grid).
+        One array a row, shape (columns touched + 1, grid); of all rows, or of those chosen, in their order.
         """
+        chosen = self.terms if rows is None else [self.terms[row] for row in rows]
 
         def of(chunk: Chunk) -> list[FloatArray]:
             signals = chunk.signals()
-            return [terms.evaluate(signals) for terms in self.terms]
+            return [terms.evaluate(signals) for terms in chosen]
 
         parts = list(self.over_chunks(of))
         return tuple(np.concatenate(row, axis=1) for row in zip(*parts, strict=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -30,6 +31,21 @@ class RowTerms:
         lines = np.empty((len(self.entries), len(signals["1"])))
         self.fill(lines, signals)
         return lines
+
+
+@lru_cache(maxsize=8)
+def channels_of_rows(model: Model) -> tuple[frozenset[str], ...]:
+    """Return which channels each row is made of, directions of motion included."""
+    channel = {signal.key: signal.channel for signal in model.signals}
+    reads: dict[str, set[str]] = {key: {name} for key, name in channel.items()}
+    for feature in model.features:
+        of = [feature.of] if isinstance(feature.of, str) else [key for _, key in feature.of]
+        keys = [*of, *([feature.times] if feature.times else [])]
+        reads[feature.key] = {channel.get(key, key) for key in keys}
+    return tuple(
+        frozenset(name for terms in row.entries for _, key in terms for name in reads.get(key, ()))
+        for row in row_terms(model)
+    )
 
 
 def row_terms(model: Model) -> tuple[RowTerms, ...]:

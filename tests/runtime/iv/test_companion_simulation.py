@@ -16,7 +16,7 @@ from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.iv.companion_simulation import simulated_beside
 from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.model_errors import effects_of
-from modelgen.runtime.iv.pushed_chain import pushed
+from modelgen.runtime.iv.pushed_chain import Pushed
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -75,7 +75,7 @@ def test_a_spring_bends_as_in_the_record_whatever_the_zeros_of_encoders_are() ->
     true = record.signals["q_m"] - record.signals["q_c"]
     for zero in (0.0, 0.02):  # three times as large as the deflections are
         one = simulated_beside(PLAIN, TRUTH, record_with("chirp", 0.0, zero), choice)
-        expected = pushed(one, np.array([1.0, -1.0]), -((true - np.mean(true)) ** 3))["q_c"]
+        expected = Pushed(one, np.array([1.0, -1.0]), -((true - np.mean(true)) ** 3))["q_c"]
         assert away(stiffens.changes(one)["q_c"], expected) < 0.03
         assert away(stiffens.changes(replace(one, away={}))["q_c"], expected) > 0.1
 
