@@ -74,7 +74,8 @@ def effect_rows(
 
     `sizes` are those to which the first effects are set right in the channels.
     """
-    found = [[np.zeros(len(block.place)) for block in fit.blocks] for _ in effects]
+    nothing = [np.zeros(len(block.place)) for block in fit.blocks]
+    found = [list(nothing) for _ in effects]
     for record, indices in fit.by_record.items():
         one = simulated[record]
         calm = _mismatch(fit, setting, one.record, record)

@@ -13,8 +13,8 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.effect import Effect
-from modelgen.runtime.iv.score_tests import apart, largest_overlooked, regressors, stacked
-from modelgen.runtime.iv.thresholds import AS_GOOD, EXACTNESS, LARGEST_SHARE, LEVEL, LITTLE_OWN
+from modelgen.runtime.iv.score_tests import Span, stacked
+from modelgen.runtime.iv.thresholds import AS_GOOD, EXACTNESS, LARGEST_SHARE, LEVEL, LITTLE_OWN, ROUNDED
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.numerics.tails import normal_beyond
 
@@ -75,22 +75,21 @@ def other_explanations(
     if not others or not effects:
         return found, drift
     critical = normal_beyond(0.5 * LEVEL / len(others)) ** 2
-    G = np.stack([stacked(fit, one) for one in looked.tested], axis=1)
-    whole = np.sum(G**2, axis=0)
     for index, (size, std) in enumerate(zip(sizes, stds, strict=True)):
         if not std > 0.0:
             continue
         rest = [one for place, one in enumerate(looked.estimated) if place != index]
-        R, free = regressors(fit, (*looked.delays, *rest), looked.slope)
-        mine = stacked(fit, looked.estimated[index])
-        left, _ = apart(R, (fit.weighted_residual + size * mine)[:, None])
-        own, share = apart(R, np.column_stack([mine, G]))
-        power = np.sum(own**2, axis=0)
-        steps = own.T @ left[:, 0] / np.maximum(power, np.finfo(float).tiny)
+        span, mine = Span(fit, (*looked.delays, *rest), looked.slope), looked.estimated[index]
+        left = span.apart(fit.weighted_residual + size * stacked(fit, mine))
+        told = span.compared((mine, *looked.tested), left)
+        whole, power = told.whole, told.power
+        # nothing is left of what rounding alone holds apart
+        clear = power > ROUNDED * whole
+        steps = np.where(clear, told.along / np.where(clear, power, 1.0), 0.0)
         explained = steps**2 * power
         # as a chi square that knows the residual's colour, like the deviation of this effect's size
         chi = explained * (size / std) ** 2 / max(float(explained[0]), np.finfo(float).tiny)
-        largest = largest_overlooked(fit, R[:, :free])
+        largest = span.largest_overlooked
         inexact = (EXACTNESS * largest / LARGEST_SHARE) ** 2
         forms = {one.name for one in effects[index].forms}
         alike = [
@@ -105,11 +104,11 @@ def other_explanations(
                 or (alike[place - 1] and explained[0] - explained[place] < inexact)
             )
             and chi[place] > critical
-            and power[place] > LITTLE_OWN * whole[place - 1]
-            and abs(steps[place]) * float(np.sqrt(whole[place - 1])) < largest
+            and power[place] > LITTLE_OWN * whole[place]
+            and abs(steps[place]) * float(np.sqrt(whole[place])) < largest
             and others[place - 1].possible(float(steps[place]))
         ]
-        moves = -share[:free] * steps
+        moves = -told.share * steps
         if looked.slope is not None:
             moves = looked.slope @ moves
         for place in as_good:

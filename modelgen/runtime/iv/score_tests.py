@@ -36,7 +36,8 @@ class Score:
     ----------
     effect : Effect
     size, std : float
-        Its estimated size, in its unit, and the standard deviation of that.
+        Its estimated size, in its unit, and the standard deviation of that; NaN where it is too small, or too
+        large, to matter.
     explained : float
         Share of the residual's power.
     move : array, shape (c,)
@@ -85,43 +86,31 @@ def scores(
     """
     if not effects:
         return ()
-    R, free = regressors(fit, others, slope)
-    G = np.stack([stacked(fit, one) for one in grown], axis=1)
-    r, _ = apart(R, fit.weighted_residual[:, None])
-    r = r[:, 0]
-    own, share = apart(R, G)
-    power, whole = np.sum(own**2, axis=0), np.sum(G**2, axis=0)
-    seen = np.flatnonzero(power > LEAST_OWN_SHARE * whole)
-    sizes = own[:, seen].T @ r / power[seen]
+    span = Span(fit, others, slope)
+    r = span.apart(fit.weighted_residual)
+    told = span.compared(grown, r)
+    seen = np.flatnonzero(told.power > LEAST_OWN_SHARE * told.whole)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
     critical = normal_beyond(0.5 * LEVEL / max(len(seen), 1))
-    largest = largest_overlooked(fit, R[:, :free])
-    share_of = (power / np.maximum(whole, np.finfo(float).tiny)).tolist()
-    explained = sizes**2 * power[seen] / float(r @ r)
-    stds = _deviations(fit, r, own[:, seen], sizes, power[seen])
+    largest = span.largest_overlooked
     found = []
-    for place, size, std, part in zip(seen.tolist(), sizes.tolist(), stds, explained.tolist(), strict=True):
-        move = -share[:free, place] * size
+    for place in seen.tolist():
+        power, whole = float(told.power[place]), float(told.whole[place])
+        size = float(told.along[place]) / power
+        explained = size**2 * power / float(r @ r)
+        move = -told.share[:, place] * size
         if slope is not None:
             move = slope @ move
-        large = part > LEAST_EXPLAINED or bool(np.any(np.abs(move) > LEAST_MOVE * spread))
+        large = explained > LEAST_EXPLAINED or bool(np.any(np.abs(move) > LEAST_MOVE * spread))
         # sampling and filters are not exact beyond that
         large = large and bool(np.any(np.abs(move) > LEAST_MOVED_SHARE * np.abs(fit.solution.x)))
-        overlooked = abs(size) * float(np.sqrt(whole[place])) < largest
-        matters = large and overlooked and abs(size) > critical * std
-        found.append(
-            Score(
-                effects[place],
-                size,
-                float(std),
-                part,
-                move,
-                share_of[place],
-                float(power[place]),
-                critical * float(std),
-                matters,
-            )
-        )
+        std = np.nan
+        if large and abs(size) * float(np.sqrt(whole)) < largest:
+            own = span.apart(stacked(fit, grown[place]))
+            std = _deviation(fit, r, own, size, power)
+        matters = abs(size) > critical * std
+        one = Score(effects[place], size, std, explained, move, power / whole, power, critical * std, matters)
+        found.append(one)
     return tuple(sorted(found, key=lambda one: -one.explained))
 
 
@@ -142,8 +131,7 @@ def without_noise(
     noise : pair
         What noise adds to the residual and to the effects, as `noise_rows` returns it.
     """
-    R, _ = regressors(fit, others, slope)
-    r = apart(R, stacked(fit, noise[0])[:, None])[0][:, 0]
+    r = Span(fit, others, slope).apart(stacked(fit, noise[0]))
     shift = {
         effect.name: float(stacked(fit, change) @ r) for effect, change in zip(effects, noise[1], strict=True)
     }
@@ -172,25 +160,69 @@ def slope_of(model: Model, fit: Fit) -> FloatArray | None:
     return model.base_jacobian(values)[places]
 
 
-def regressors(
-    fit: Fit, others: Sequence[Sequence[FloatArray]], slope: FloatArray | None
-) -> tuple[FloatArray, int]:
-    """Return the weighted regressors, those of the parameters first, and how many these are."""
-    R = np.concatenate([w * r for w, r in zip(fit.weights, fit.regressors, strict=True)])
-    if slope is not None:
-        R = R @ slope
-    return np.column_stack([R, *(stacked(fit, one) for one in others)]), R.shape[1]
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Effects against regressors and a residual.
+
+    Attributes
+    ----------
+    whole, power : array, shape (effects,)
+        Sums of squares of each effect, and of its part outside of the regressors.
+    along : array, shape (effects,)
+        Its product with the residual.
+    share : array, shape (parameters, effects)
+        Parameters that regression of the effect gives.
+    """
+
+    whole: FloatArray
+    power: FloatArray
+    along: FloatArray
+    share: FloatArray
 
 
-def apart(R: FloatArray, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return columns, shape (r, k), without what R explains of them, and the coefficients of that."""
-    scale = np.linalg.norm(R, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    share = np.linalg.lstsq(R / scale, columns, rcond=None)[0] / scale[:, None]
-    return columns - R @ share, share
+class Span:
+    """What the weighted regressors of a fit span, with columns for what is estimated already."""
+
+    def __init__(
+        self, fit: Fit, others: Sequence[Sequence[FloatArray]], slope: FloatArray | None = None
+    ) -> None:
+        """Take what `scores` takes."""
+        R = np.concatenate([w * r for w, r in zip(fit.weights, fit.regressors, strict=True)])
+        if slope is not None:
+            R = R @ slope
+        self._fit, self._free = fit, R.shape[1]
+        self.largest_overlooked = _largest_overlooked(fit, R)
+        R = np.column_stack([R, *(stacked(fit, one) for one in others)])
+        scale = np.linalg.norm(R, axis=0)
+        scale = np.where(scale > 0.0, scale, 1.0)
+        Q, T = np.linalg.qr(R / scale)
+        U, s, Vt = np.linalg.svd(T)
+        kept = s > np.finfo(float).eps * max(R.shape) * s[0]
+        self._basis = Q @ U[:, kept]
+        self._back = (Vt[kept].T / s[kept] / scale[:, None])[: self._free]
+
+    def apart(self, column: FloatArray) -> FloatArray:
+        """Return a weighted column, shape (r,), without what the regressors explain of it."""
+        return np.asarray(column - self._basis @ (self._basis.T @ column))
+
+    def compared(self, grown: Sequence[Sequence[FloatArray]], residual: FloatArray) -> Compared:
+        """Compare effects, one array a block, with the regressors, and a residual apart from these, (r,)."""
+        inner = np.zeros((self._basis.shape[1], len(grown)))
+        whole, along = np.zeros(len(grown)), np.zeros(len(grown))
+        last = 0
+        for index, weight in enumerate(self._fit.weights):
+            first, last = last, last + len(self._fit.residuals[index])
+            for place, parts in enumerate(grown):
+                if parts[index].any():  # most effects are seen in few rows
+                    part = weight * parts[index]
+                    inner[:, place] += self._basis[first:last].T @ part
+                    whole[place] += part @ part
+                    along[place] += part @ residual[first:last]
+        power = np.maximum(whole - np.sum(inner**2, axis=0), 0.0)
+        return Compared(whole, power, along, self._back @ inner)
 
 
-def largest_overlooked(fit: Fit, R: FloatArray) -> float:
+def _largest_overlooked(fit: Fit, R: FloatArray) -> float:
     """Return the norm of what an effect may add to the rows; R are their regressors, shape (r, p)."""
     return LARGEST_SHARE * float(np.max(np.linalg.norm(R, axis=0) * np.abs(_unknowns(fit, R))))
 
@@ -207,17 +239,12 @@ def stacked(fit: Fit, parts: Sequence[FloatArray]) -> FloatArray:
     return np.concatenate([w * part for w, part in zip(fit.weights, parts, strict=True)])
 
 
-def _deviations(
-    fit: Fit, r: FloatArray, own: FloatArray, sizes: FloatArray, power: FloatArray
-) -> list[float]:
-    """Return the standard deviations of the sizes, of residuals without the effect, (effects,)."""
-    ends = np.cumsum([0, *(len(block.place) for block in fit.blocks)])
+def _deviation(fit: Fit, r: FloatArray, own: FloatArray, size: float, power: float) -> float:
+    """Return the standard deviation of an effect's size, of residuals without the effect."""
     series: dict[int, FloatArray] = {}
-    for index, block in enumerate(fit.blocks):
-        rows = slice(ends[index], ends[index + 1])
-        psi = series.setdefault(block.record, np.zeros((block.grid, len(sizes))))
-        psi[block.place] += own[rows] * (r[rows, None] - own[rows] * sizes) / power
-    return [
-        float(np.sqrt(max(long_run_covariance([psi[:, [k]] for psi in series.values()])[0, 0], 0.0)))
-        for k in range(len(sizes))
-    ]
+    last = 0
+    for block in fit.blocks:
+        first, last = last, last + len(block.place)
+        psi = series.setdefault(block.record, np.zeros((block.grid, 1)))
+        psi[block.place, 0] += own[first:last] * (r[first:last] - own[first:last] * size) / power
+    return float(np.sqrt(max(long_run_covariance(list(series.values()))[0, 0], 0.0)))

@@ -5,7 +5,7 @@ The columns W hold no force: with Y alone shifted, the rows are solved again for
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -39,13 +39,20 @@ def coarse_delays(
     found = dict.fromkeys(channels, 0.0)
     W = np.concatenate([w * part for w, part in zip(fit.weights, _first(fit, fit.regressors), strict=True)])
     Q = np.linalg.qr(W)[0]
-    Y = np.concatenate(
-        [w * y for w, y in zip(fit.weights, _first(fit, [block.Y for block in fit.blocks]), strict=True)]
-    )
+    parts = [w * y for w, y in zip(fit.weights, _first(fit, [block.Y for block in fit.blocks]), strict=True)]
+    ends = np.cumsum([0, *(len(part) for part in parts)]).tolist()
+    Y = np.concatenate(parts)
+    along = Q.T @ Y
+    rest = Y - Q @ along
     steps = np.arange(EARLIEST, LATEST + 1, dtype=float)
     for channel in channels:
-        moved = Y[:, None] + _shifted(fit, model, records, choice, channel, np.asarray(steps * sample))
-        left = np.linalg.norm(moved - Q @ (Q.T @ moved), axis=0)
+        # a force is in few rows: the others stay as they are
+        changes, inner = np.zeros(len(steps)), np.zeros((len(along), len(steps)))
+        for index, change in _shifted(fit, model, records, choice, channel, np.asarray(steps * sample)):
+            rows = slice(ends[index], ends[index + 1])
+            inner += Q[rows].T @ change
+            changes += np.sum(change * (change + 2.0 * rest[rows, None]), axis=0)
+        left = np.sqrt(np.maximum(rest @ rest + changes - np.sum(inner**2, axis=0), 0.0))
         best = int(np.argmin(left))
         if left[best] < COARSE_BETTER * left[-EARLIEST]:
             found[channel] = float(steps[best] * sample)
@@ -69,19 +76,17 @@ def _shifted(
     choice: FilterChoice,
     channel: str,
     delays_s: FloatArray,
-) -> FloatArray:
-    """Return by how much the weighted Y changes when a force is earlier, shape (r, delays)."""
+) -> Iterator[tuple[int, FloatArray]]:
+    """Yield by how much the weighted Y changes when a force is earlier: block, array (n, delays)."""
     orders = {signal.key: signal.derivative for signal in model.signals if signal.actuator == channel}
     place = {key: index for index, key in enumerate(orders)}
-    parts = []
-    for block, weight in zip(fit.blocks, fit.weights, strict=True):
+    for index, (block, weight) in enumerate(zip(fit.blocks, fit.weights, strict=True)):
         shares = np.zeros(len(orders))
         for share, key in model.measurement_columns[block.row]:
             if key in orders:
                 shares[place[key]] += share
         chosen = block.place[_chosen(len(block.place))]
         if not np.any(shares) or not len(chosen):
-            parts.append(np.zeros((len(chosen), len(delays_s))))
             continue
         record, factor = records[block.record], choice.decimation[block.record]
         at = block.start + factor * chosen
@@ -96,5 +101,4 @@ def _shifted(
         force = weight * (every.derivatives(channel, list(orders.values())) @ shares)
         shifts = np.round(delays_s * record.fs).astype(np.int64)
         there = np.clip(at[:, None] + shifts - low, 0, len(force) - 1)
-        parts.append(force[there] - force[np.clip(at - low, 0, len(force) - 1)][:, None])
-    return np.concatenate(parts)
+        yield index, force[there] - force[np.clip(at - low, 0, len(force) - 1)][:, None]

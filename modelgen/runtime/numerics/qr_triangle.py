@@ -10,6 +10,9 @@ from modelgen.runtime.numerics.qr_update import compiled_take_in
 # Numbers that are worked on at a time.
 TALL = 1 << 18
 
+# From so many columns on it is worth a look which of them are zero.
+MANY = 24
+
 # Rows to one factorisation: with eight columns they stay in the innermost cache.
 ROWS_AT_A_TIME = 1024
 # From so many rows on, compiled code saves more than the half second that loading it takes.
@@ -17,7 +20,18 @@ COMPILED_ROWS = 50_000
 
 
 def tall_triangle(W: FloatArray, Y: FloatArray) -> FloatArray:
-    """Return R of [1 W Y], shape (c + 2, c + 2), of arrays of shape (n, c) and (n,)."""
+    """Return R of [1 W Y], shape (c + 2, c + 2), of arrays of shape (n, c) and (n,).
+
+    Columns of zeros, of rows that touch few columns of many, cost nothing but their lines of zeros.
+    """
+    columns = W.shape[1]
+    if columns >= MANY:
+        used = np.flatnonzero(np.any(W, axis=0))
+        if 2 * len(used) < columns:
+            R = np.zeros((columns + 2, columns + 2))
+            place = np.concatenate([[0], used + 1, [columns + 1]])
+            R[np.ix_(place, place)] = tall_triangle(np.ascontiguousarray(W[:, used]), Y)
+            return R
     take_in = compiled_take_in() if len(Y) >= COMPILED_ROWS else None
     R = np.zeros((W.shape[1] + 2, W.shape[1] + 2))
     step = max(ROWS_AT_A_TIME, TALL // len(R) // ROWS_AT_A_TIME * ROWS_AT_A_TIME)
