@@ -11,7 +11,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares
-from modelgen.runtime.numerics.qr_triangle import triangle_of
+from modelgen.runtime.numerics.qr_triangle import lines_of, triangle_of
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock, Stretch
 from modelgen.runtime.rows.row_triangles import RowTriangle
@@ -258,7 +258,7 @@ def triangle_rows(
     """Return rows that are as good as the weighted [W Y] of the blocks, shape (few, columns + 1)."""
     parts = []
     for weight, block in zip(weights, blocks, strict=True):
-        rows = weight * triangle_of(block.triangle[:, 1:])
+        rows = weight * lines_of(block.triangle[:, 1:])
         if block.touched is not None:
             wide = np.zeros((len(rows), columns + 1))
             wide[:, [*block.touched, columns]] = rows

@@ -10,7 +10,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.orthogonal_solution import polished
 from modelgen.runtime.least_squares.thresholds import SIMULATED_TOLERANCE
-from modelgen.runtime.numerics.qr_triangle import tall_triangle, triangle_of
+from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
 
 
 def two_stage(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
@@ -22,7 +22,7 @@ def two_stage(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
     fit, c = fit.dense(), len(fit.columns)
     # all that the projection and the solution ask of the rows stands in the triangle of [Z W Y]
     parts = [
-        weight * triangle_of(tall_triangle(np.hstack([z, block.W]), block.Y)[:, 1:])
+        weight * lines_of(tall_triangle(np.hstack([z, block.W]), block.Y)[:, 1:])
         for weight, z, block in zip(fit.weights, Z, fit.blocks, strict=True)
     ]
     triangle = triangle_of(np.concatenate(parts))
@@ -41,7 +41,7 @@ def with_regressors(fit: Fit, projected: tuple[FloatArray, ...]) -> Fit:
     Its arrays have the shape (n, columns), one a block.
     """
     parts = [
-        weight * triangle_of(tall_triangle(part, block.Y)[:, 1:])
+        weight * lines_of(tall_triangle(part, block.Y)[:, 1:])
         for weight, part, block in zip(fit.weights, projected, fit.blocks, strict=True)
     ]
     return _regressed(fit, projected, triangle_of(np.concatenate(parts)))

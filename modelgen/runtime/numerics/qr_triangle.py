@@ -49,6 +49,11 @@ def tall_triangle(W: FloatArray, Y: FloatArray) -> FloatArray:
     return R
 
 
+def lines_of(triangle: FloatArray) -> FloatArray:
+    """Return the lines of a triangle, shape (k, c), that are not zero: as good in a sum of squares."""
+    return np.asarray(triangle[np.any(triangle, axis=1)])
+
+
 def triangle_of(matrix: FloatArray) -> FloatArray:
     """Return R of matrix = Q R, shape (..., c, c), with lines of zeros where the matrix has fewer than c."""
     R = np.asarray(np.linalg.qr(matrix, mode="r"), dtype=float)
