@@ -111,3 +111,11 @@ def test_friction_that_the_spec_does_not_name_leaves_the_others_right() -> None:
     truth = np.array([TRUTH[name] for name in found.fit.columns])
     spread = np.sqrt(np.diag(hac_covariance(found.fit)))
     np.testing.assert_array_less(np.abs(found.fit.solution.x - truth), 3.0 * spread)
+
+
+def test_a_force_is_felt_by_the_rows_that_it_is_in() -> None:
+    record, _ = clean("chirp")
+    one = simulated_beside(PLAIN, TRUTH, record, choose_filter(PLAIN, (record,)))
+    force = np.sin(np.arange(record.n) / FS)
+    for push, rows in (([1.0, 0.0], (0,)), ([0.0, 1.0], (1,)), ([1.0, -1.0], (0, 1))):
+        assert Pushed(one, np.array(push), force).felt_rows() == rows
