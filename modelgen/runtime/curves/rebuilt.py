@@ -14,6 +14,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.model.power.power_model import power_model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
 from modelgen.runtime.rows.row_block import RowBlock
@@ -55,9 +56,10 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     of the fit; records held out are left out. What was estimated besides the parameters, a late sensor, say,
     is no part of an estimate: the rows are rebuilt without it.
     """
-    records = [record for record in records if record.name in estimate.records]
+    records = tuple(record for record in records if record.name in estimate.records)
     if not {entry.row for entry in estimate.fit.rows} & {row.name for row in model.rows}:
         model = power_model(model)
+    records = with_derived(model, records)
     x = _solution(model, estimate)
     weights = {(entry.record, entry.row): entry.weight for entry in estimate.fit.rows}
     fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.parameters.nuisance))

@@ -16,7 +16,7 @@ from typing import Any
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec, Joint
 from modelgen.symbolic.arms.carried_body import Body, carried
 from modelgen.symbolic.arms.drives import coordinates, drives
-from modelgen.symbolic.arms.link_freedom import Direction, Freedom, base_freedom, freedom, parallel
+from modelgen.symbolic.arms.link_freedom import Direction, Freedom, Z, base_freedom, freedom, parallel
 from modelgen.symbolic.arms.placements import IDENTITY, Matrix, placement
 from modelgen.symbolic.exact_dependencies import exact_dependencies
 
@@ -44,10 +44,10 @@ def unseen_changes(
     apart : container of str
         Joints whose motors have rows without links: their rotors are told apart from what is behind them.
     """
-    parents = {BASE: base_freedom(spec.gravity)}
+    parents, steps = {BASE: base_freedom(spec.gravity)}, {}
     yield from _unseen_alone(BASE, parents[BASE], base_rows)
     for joint in spec.joints:
-        place = _place(joint, lengths)
+        place = steps[joint.name] = _place(joint, lengths)
         own = freedom(joint, place.rotation, place.offset, parents[place.parent])
         for body in _either_side(joint, own, base_rows):
             change: Change = {(joint.name, kind): value for kind, value in body.items()}
@@ -59,7 +59,8 @@ def unseen_changes(
         if not base_rows and joint.kind != "fixed" and joint.name not in apart:
             yield from _rotor_as_link(joint, place, parents[place.parent], own)
         parents[joint.name] = own
-    yield from _unseen_among_drives(spec)
+    told_apart = base_rows or any(joint.name in apart for joint in spec.joints)
+    yield from _unseen_among_drives(spec, {} if told_apart else _spins(spec, steps, parents))
 
 
 @dataclass(frozen=True)
@@ -167,21 +168,26 @@ def _unseen_drive(joint: Joint) -> Iterator[Change]:
         yield {("", joint.offset): one, plus: -one, minus: one}
 
 
-def _unseen_among_drives(spec: ArmSpec) -> Iterator[Change]:
-    """Yield the changes among drives of joints and coupled motors: as squares of speeds, their sums agree."""
+def _unseen_among_drives(spec: ArmSpec, spins: Mapping[str, Mapping[str, Any]]) -> Iterator[Change]:
+    """Yield the changes among drives of joints and coupled motors: as squares of speeds, their sums agree.
+
+    A link that turns about its own axis as `spins` say has an inertia about it like a rotor's.
+    """
     for part in ("rotor_inertia", "viscous"):
-        named = [
-            (getattr(drive.joint, part) + drive.suffix, drive)
+        named: list[tuple[Key, Mapping[str, Any]]] = [
+            (("", getattr(drive.joint, part) + drive.suffix), dict(drive.lever))
             for drive in drives(spec)
             if getattr(drive.joint, part) and (part == "rotor_inertia" or drive.joint.friction == "symmetric")
         ]
+        if part == "rotor_inertia":
+            named += [((name, "Izz"), spin) for name, spin in spins.items()]
         place = {name: number for number, name in enumerate(coordinates(spec))}
         squares = [
-            {(place[a], b): x * y for a, x in drive.lever for b, y in drive.lever} for _, drive in named
+            {(place[a], b): x * y for a, x in lever.items() for b, y in lever.items()} for _, lever in named
         ]
         for dependent, recipe in exact_dependencies(squares).items():
-            change: Change = {("", named[column][0]): -Fraction(x) for column, x in recipe.items()}
-            yield {**change, ("", named[dependent][0]): Fraction(1)}
+            change: Change = {named[column][0]: -Fraction(x) for column, x in recipe.items()}
+            yield {**change, named[dependent][0]: Fraction(1)}
 
 
 def _rotor_as_link(joint: Joint, place: Step, parent: Freedom, own: Freedom) -> Iterator[Change]:
@@ -197,6 +203,40 @@ def _rotor_as_link(joint: Joint, place: Step, parent: Freedom, own: Freedom) -> 
         for kind, value in carried({"m": one}, place.rotation, place.offset).items():
             change[place.parent, kind] = -value
         yield change
+
+
+def _spins(
+    spec: ArmSpec, steps: Mapping[str, Step], parents: Mapping[str, Freedom]
+) -> dict[str, Mapping[str, Any]]:
+    """Return speeds of links about their own axis that are a sum of joint speeds in every posture."""
+    joints = {joint.name: joint for joint in spec.joints}
+    turning = [name for name, joint in joints.items() if joint.kind == "revolute"]
+    found = {name: _spin(name, Z, joints, steps, parents) for name in turning}
+    return {name: spin for name, spin in found.items() if spin is not None}
+
+
+def _spin(
+    link: str,
+    direction: Direction,
+    joints: Mapping[str, Joint],
+    steps: Mapping[str, Step],
+    parents: Mapping[str, Freedom],
+) -> dict[str, Any] | None:
+    """Return a link's speed about a direction of its frame by the joints; None where that varies."""
+    if link == BASE:
+        return {}
+    step, (x, y, z) = steps[link], direction
+    if joints[link].kind != "revolute":
+        rows = step.rotation
+        before = (_along(rows[0], direction), _along(rows[1], direction), _along(rows[2], direction))
+        return _spin(step.parent, before, joints, steps, parents)
+    behind = parents[step.parent]
+    along_axis = behind.turning == "one" and parallel(behind.axis, step.axis)
+    if (x or y) and behind.turning != "never" and not along_axis:
+        return None
+    along = (z * step.axis[0], z * step.axis[1], z * step.axis[2])
+    found = _spin(step.parent, along, joints, steps, parents)
+    return found if found is None or not z else {**found, link: z}
 
 
 def _slides_freely(axis: Direction, parent: Freedom) -> bool:

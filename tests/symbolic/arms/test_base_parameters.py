@@ -12,6 +12,7 @@ import pytest
 
 from modelgen.errors import ModelError
 from modelgen.spec.arms.arm import Angle, ArmSpec, Turn
+from modelgen.spec.arms.load import parse_arm
 from modelgen.symbolic.arms.arm_rows import ArmRows, arm_rows
 from modelgen.symbolic.arms.base_parameters import (
     ArmBaseModel,
@@ -156,6 +157,23 @@ def test_lengths_that_are_zero_or_equal_belong_into_the_rows_as_numbers() -> Non
     assert wide.columns == arm_base_model(arm_rows(serial(apart, lengths={"d2": None, "d3": None}))).columns
     with pytest.raises(ModelError, match="more columns depend on others"):
         arm_base_model(arm_rows(serial(apart, lengths={"d2": 0.0, "d3": 0.3})))
+
+
+@pytest.mark.parametrize("coupling", [(2, 1, 3), (3, 1, -2), (3, 2, 1)])
+def test_a_coupled_rotor_turns_as_a_link_does(
+    coupling: tuple[int, int, int],
+) -> None:
+    """A motor on the base that moves a parallelogram: its inertia is one with that of the link it turns."""
+    joints = "".join(f'[[joints]]\nname = "{k}"\nd = "L{k}"\n' for k in (1, 2, 3))
+    lengths = "[lengths]\nL1 = 0.3\nL2 = 0.4\nL3 = 0.5\n"
+    motor, joint, ratio = coupling
+    couplings = f'[[couplings]]\nmotor = "{motor}"\njoint = "{joint}"\nratio = {ratio}\n'
+    head = '[arm]\nname = "p"\ngravity = [0, -9.81, 0]\ndrive = ["rotor_inertia", "viscous"]\n'
+    named = arm_base_model(arm_rows(parse_arm(head + joints + couplings + lengths, "p.toml")))
+    numbers = joints.replace('"L1"', "0.3").replace('"L2"', "0.4").replace('"L3"', "0.5")
+    plain = arm_base_model(arm_rows(parse_arm(head + numbers + couplings, "p.toml")))
+    assert named.columns == plain.columns
+    assert len(named.columns) == numerical_rank(named.rows, {"L1": 0.3, "L2": 0.4, "L3": 0.5})
 
 
 def test_known_parameters_are_no_part_of_a_combination() -> None:
