@@ -38,7 +38,7 @@ def test_torques_behind_the_drives_are_not_those_of_the_drives() -> None:
     }
     formal = {name: formal_regressor(model, name) for name, model in models.items()}
     found = compare(formal["encoders"], formal["torques"]).lines
-    assert "encoders, row 1: a combination of rows of torques" in found
+    assert "encoders, row 1 spring: a combination of rows of torques" in found
     assert "torques, row 1 link: not in encoders" in found
 
 
