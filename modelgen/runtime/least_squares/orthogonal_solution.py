@@ -85,12 +85,13 @@ def polished(
     if s[-1] * REFINABLE > s[0]:
         # corrected seminormal equations (Björck, Linear Algebra Appl. 88, 1987, 31-48): undoes what rounding
         # in QR, and with it the order of the rows, has moved
-        gradient = np.zeros(c)
-        for W, Y in parts:
+        gradient, count = np.zeros(c), 0
+        for W, Y in parts:  # each pass may make them anew
             gradient += W.T @ (Y - W @ x)
+            count += len(Y)
         x = x + inverse @ gradient
         rounding = _rounding(s, float(np.linalg.norm(x * scale)), float(np.abs(triangle[c:, c]).sum()))
-        if sum(len(Y) for _, Y in parts) <= FEW_ROWS or rounding > ROUNDING:
+        if count <= FEW_ROWS or rounding > ROUNDING:
             x = refined(parts, x, inverse)
     raw = float(np.linalg.cond(triangle[:c, :c]))
     return LeastSquares(x, inverse, undetermined, condition, raw, null, scale)

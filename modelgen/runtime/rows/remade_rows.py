@@ -7,8 +7,9 @@ once more. The chunks are those of the first pass, so that the samples are the s
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import accumulate, islice, pairwise
 from typing import Generic, TypeVar
 
@@ -69,7 +70,7 @@ class RemadeRecord:
 
     def __init__(self, rows: RecordRows, used: tuple[tuple[Used, ...], ...]) -> None:
         self.rows, self.used, self.grid = rows, used, len(rows.grid)
-        self.chunks = ChunkWindow(rows, self._make)
+        self.chunks = ChunkWindow(rows, partial(RemadeChunk, self))
         self._firsts = [[0, *accumulate(one.samples for one in of_row)] for of_row in used]
 
     def mask(self, number: int, row: int) -> BoolArray:
@@ -82,15 +83,35 @@ class RemadeRecord:
             return np.ones(count, dtype=bool)
         return np.unpackbits(bits, count=count).astype(bool)
 
-    def _make(self, chunk: Chunk) -> list[Stretch]:
-        signals, number, found = chunk.signals(), chunk.index // self.chunks.size, []
-        for terms, firsts in zip(self.rows.terms, self._firsts, strict=True):
-            lines, mask = terms.evaluate(signals), self.mask(number, terms.row)
-            signals.forget(terms.row)
-            place = np.flatnonzero(mask).astype(np.int64) + chunk.index
-            lines = lines if mask.all() else lines[:, mask]
-            found.append(Stretch(slice(firsts[number], firsts[number + 1]), place, lines[-1], lines[:-1].T))
-        return found
+    def stretch(self, chunk: Chunk, signals: Mapping[str, FloatArray], row: int) -> Stretch:
+        """Return the samples of a row, by its place among the terms, that are used in a chunk."""
+        number, terms = chunk.index // self.chunks.size, self.rows.terms[row]
+        lines, mask = terms.evaluate(signals), self.mask(number, terms.row)
+        place = np.flatnonzero(mask).astype(np.int64) + chunk.index
+        lines = lines if mask.all() else lines[:, mask]
+        firsts = self._firsts[row]
+        return Stretch(slice(firsts[number], firsts[number + 1]), place, lines[-1], lines[:-1].T)
+
+
+class RemadeChunk:
+    """The rows of one chunk, each made when first asked for: some ask for one row of all chunks.
+
+    What signals and lines several rows share is made once, and kept until all rows are made.
+    """
+
+    def __init__(self, record: RemadeRecord, chunk: Chunk) -> None:
+        self._record, self._chunk = record, chunk
+        self._signals: Mapping[str, FloatArray] | None = None
+        self._made: dict[int, Stretch] = {}
+
+    def __getitem__(self, row: int) -> Stretch:
+        if row not in self._made:
+            if self._signals is None:
+                self._signals = self._chunk.signals()
+            self._made[row] = self._record.stretch(self._chunk, self._signals, row)
+            if len(self._made) == len(self._record.rows.terms):
+                self._signals = None
+        return self._made[row]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.numerics.qr_triangle import tall_triangle
 from modelgen.runtime.rows.row_triangles import RowTriangle
 
-# Points of the grid that are looked at together.
-STRETCH = 1 << 16
+# Points of the grid that are looked at together: of six elastic joints, 12 rows of up to 80 columns, 50 MB.
+STRETCH = 1 << 13
 
 
 class Stretch(NamedTuple):
