@@ -1,6 +1,6 @@
 """Axes that are given, or those of a new figure; colours that suit their ground.
 
-Nothing is shown, and no setting of matplotlib is changed. Where pyplot is in use already, in a notebook, say,
+Nothing is shown, and no setting of matplotlib is changed. In a notebook, and where pyplot is in use already,
 a new figure is one of pyplot's, so that it appears there; else it belongs to nobody but the caller.
 """
 
@@ -78,8 +78,8 @@ def panels(
 
 
 def _new_figure(size: tuple[float, float]) -> Any:
-    pyplot = sys.modules.get("matplotlib.pyplot")
-    if pyplot is not None:
+    if "ipykernel" in sys.modules or "matplotlib.pyplot" in sys.modules:
+        pyplot = optional_library("matplotlib.pyplot", "plot", "plot")
         return pyplot.figure(figsize=size, layout="constrained")
     figures = optional_library("matplotlib.figure", "plot", "plot")
     backend = optional_library("matplotlib.backends.backend_agg", "plot", "plot")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from types import ModuleType
 
 import matplotlib as mpl
 import numpy as np
@@ -89,6 +90,17 @@ def test_a_new_figure_is_one_of_pyplot_where_that_is_in_use(monkeypatch: pytest.
         assert len(pyplot.get_fignums()) == 1
     finally:
         pyplot.close("all")
+
+
+def test_in_a_notebook_a_new_figure_is_one_of_pyplot_s(monkeypatch: pytest.MonkeyPatch) -> None:
+    mpl.use("agg")
+    monkeypatch.setitem(sys.modules, "ipykernel", ModuleType("ipykernel"))
+    axes = bench().plot()
+    pyplot = sys.modules["matplotlib.pyplot"]
+    try:
+        assert pyplot.gcf() is axes[0].figure  # type: ignore[attr-defined]
+    finally:
+        pyplot.close("all")  # type: ignore[attr-defined]
 
 
 def test_colours_suit_the_ground() -> None:
