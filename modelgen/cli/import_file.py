@@ -50,7 +50,8 @@ def describe_file(path: Path, model: Model | None) -> Description:
         said = f"{times} is taken as the column of times, as it rises evenly: check it"
         timed = {name: times for name in source.names if name != times}
         source = replace(source, clocks=timed, took=(*source.took, said))
-    proposed = with_reversed(propose(source, model), model, columns)
+    still = [name for name, values in columns.items() if values.size and np.ptp(values) == 0.0]
+    proposed = with_reversed(propose(source, model, still), model, columns)
     factor, unit = _time_unit(source, columns)
     findings = _findings(source, columns, proposed, factor)
     problems = _would_fail(source, proposed, findings)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from os.path import isdir
 from pathlib import Path
 
-from modelgen.errors import DataError
+from modelgen.errors import DataError, listed
 from modelgen.read_file import DATA, TEXT_DATA, check_file
 from modelgen.runtime.files.size_limits import check_columns
 from modelgen.runtime.files.source import Source
@@ -44,6 +45,10 @@ def open_source(path: Path) -> Source:
     if suffix in PACKED:
         suffix = path.with_suffix("").suffix.lower() + suffix
     if suffix not in SUFFIXES:
+        if isdir(path):
+            held = sorted(one.name for one in path.iterdir() if one.suffix.lower() in SUFFIXES)
+            remedy = f"give a file in it: {listed(held)}" if held else "give a file"
+            raise DataError.at(str(path), "is a folder", remedy)
         what = f"has the suffix {suffix!r}" if suffix else "has no suffix"
         first = "unpack it, and " if path.suffix.lower() in PACKED else ""
         raise DataError.at(str(path), what, f"{first}give a file of one of the formats {', '.join(SUFFIXES)}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from modelgen.errors import listed
@@ -13,7 +13,7 @@ from modelgen.runtime.files.units import Unit, unit_from_text
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.directions import wanted_directions
 from modelgen.runtime.records.mapping_file import Proposed
-from modelgen.runtime.records.thresholds import LEAST_SCORE
+from modelgen.runtime.records.thresholds import LEAST_SCORE, STILL
 
 # words in the names of columns, in the languages of the instruments seen so far
 QUANTITIES = {
@@ -65,8 +65,11 @@ class _Wanted:
     body: str
 
 
-def propose(source: Source, model: Model | None) -> tuple[Proposed, ...]:
-    """Return a column for every channel of the model; without a model, a key for every column."""
+def propose(source: Source, model: Model | None, still: Collection[str] = ()) -> tuple[Proposed, ...]:
+    """Return a column for every channel of the model; without a model, a key for every column.
+
+    `still` are columns that never change: of two that suit, the other one is taken.
+    """
     clocks = {source.clock, *source.clocks.values()}
     # "T" is a column of times only where there is no other
     columns = [
@@ -82,7 +85,11 @@ def propose(source: Source, model: Model | None) -> tuple[Proposed, ...]:
     named = [
         _Column(column, _words(column), unit_from_text(source.units.get(column, ""))) for column in columns
     ]
-    scores = {(want.key, column.name): _score(want, column) for want in wanted for column in named}
+    scores = {
+        (want.key, column.name): _score(want, column) - STILL * (column.name in still)
+        for want in wanted
+        for column in named
+    }
     chosen: dict[str, str] = {}
     ranked = sorted(scores, key=lambda pair: -scores[pair])
     for key, column in ranked:

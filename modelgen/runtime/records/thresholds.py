@@ -10,6 +10,8 @@ NOTED_OFFSET = 0.02  # of a channel's rms: a smaller mean is not reported
 
 # Points that the name, the unit and the samples of a column must earn to be proposed for a channel.
 LEAST_SCORE = 2.0
+# Points that a column loses that never changes: less than a name and a unit that both suit.
+STILL = 3.0
 
 # A record of so many samples is looked at as a whole; of a longer one, so many stretches.
 WHOLE = 1 << 18

@@ -119,3 +119,12 @@ def test_inputs_and_outputs_are_proposed_by_their_place() -> None:
     assert set(proposed(QC, ["y(:,1)", "y(:,2)", "y(:,3)"]).values()) == {None}
     # what has a name is found by it
     assert proposed(QC, ["y(:,1)", "q_m", "q_c", "u"])["q_m"] == "q_m"
+
+
+def test_what_never_changes_gives_way_to_what_does() -> None:
+    names = ("/joints.position[elbow]", "/joints.position[gripper]", "/second.angle", "/joints.effort[elbow]")
+    source = Source(Path("a.bag"), names, lambda asked: {})
+    found = {entry.key: entry.column for entry in propose(source, QC, still=["/joints.position[gripper]"])}
+    assert {found["q_m"], found["q_c"]} == {"/joints.position[elbow]", "/second.angle"}
+    found = {entry.key: entry.column for entry in propose(source, QC)}
+    assert "/second.angle" not in found.values()

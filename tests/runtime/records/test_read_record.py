@@ -247,7 +247,12 @@ def test_the_file_itself(tmp_path: Path) -> None:
         assert "cannot be read (No such file or directory)" in complaint(tmp_path / f"absent{suffix}")
     assert "has the suffix '.xlsx'; give a file of one of the formats .csv," in complaint(tmp_path / "a.xlsx")
     assert "has no suffix" in complaint(tmp_path / "run")
-    with pytest.raises(DataError, match="has no suffix"):
+    with pytest.raises(DataError, match=r"is a folder; give a file$"):
+        open_source(tmp_path)
+    # a bag of ROS 2 is a folder, and people give it
+    for name in ("metadata.yaml", "run_0.db3", "run_1.db3"):
+        (tmp_path / name).touch()
+    with pytest.raises(DataError, match=r"is a folder; give a file in it: run_0\.db3, run_1\.db3"):
         open_source(tmp_path)
 
 

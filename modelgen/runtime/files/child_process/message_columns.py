@@ -1,10 +1,12 @@
 """Messages of a recording -> columns: every number in a message is one, named by topic and field.
 
-A topic /joint_states with an array of positions gives /joint_states.position[0].
+A topic /joint_states with an array of positions gives /joint_states.position[0], or .position[elbow] where
+the message names what its arrays hold: joints may change their places from message to message.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
@@ -14,6 +16,7 @@ from modelgen.runtime.files.size_limits import MOST_COLUMNS
 
 DEEPEST = 12  # messages within messages
 MOST_ENTRIES = 100  # of an array in a message: what has more is a scan or a picture
+LABEL = re.compile(r"[A-Za-z][\w ./:-]{0,59}", re.ASCII)
 Decoder = Callable[[bytes], Any]
 #: topic, decoder (None where there is none), bytes, time of logging in ns
 Message = tuple[str, Decoder | None, bytes, int]
@@ -86,10 +89,29 @@ def _numbers(value: Any, name: str = "", depth: int = 0) -> Iterator[tuple[str, 
             for k, entry in enumerate(value):
                 yield from _numbers(entry, f"{name}[{k}]", depth + 1)
         return
-    for key, entry in _fields(value).items():
+    fields = _fields(value)
+    labels = _labels(fields.get("name"))
+    for key, entry in fields.items():
         inner = f"{name}.{key}" if name else str(key)
-        if inner != "header":
+        if labels and _is_row(entry, len(labels)):
+            for label, one in zip(labels, entry, strict=True):
+                yield from _numbers(one, f"{inner}[{label}]", depth + 1)
+        elif inner != "header":
             yield from _numbers(entry, inner, depth + 1)
+
+
+def _is_row(entry: Any, count: int) -> bool:
+    """Tell whether a field is an array of so many numbers."""
+    listed = isinstance(entry, (list, tuple, np.ndarray)) and len(entry) == count
+    return listed and all(isinstance(one, (int, float, np.number)) for one in entry)
+
+
+def _labels(names: Any) -> tuple[str, ...]:
+    """Return what a message calls the entries of its arrays of numbers; nothing where that cannot be."""
+    if not isinstance(names, (list, tuple)) or not 0 < len(names) <= MOST_ENTRIES:
+        return ()
+    told = tuple(one for one in names if isinstance(one, str) and LABEL.fullmatch(one))
+    return told if len(set(told)) == len(names) else ()
 
 
 def _fields(message: Any) -> dict[str, Any]:

@@ -174,8 +174,9 @@ class _Reading:
             first, second, codes = STAMPS[kind]
             return {first: int(self._numbers(codes[0], 1)[0]), second: int(self._numbers(codes[1], 1)[0])}
         if kind in ("string", "wstring"):
-            self._take(int(self._numbers("I", 1)[0]) * (2 if kind == "wstring" else 1))
-            return ""  # no number is in it
+            wide = kind == "wstring"
+            raw = bytes(self._take(int(self._numbers("I", 1)[0]) * (2 if wide else 1)))
+            return raw.decode("utf-16-le" if wide else "utf-8", "replace").rstrip("\0")
         return self.message(types, kind, depth + 1)
 
     def _numbers(self, code: str, count: int) -> npt.NDArray[Any]:

@@ -81,10 +81,10 @@ def test_joint_states_are_read_with_the_times_of_their_headers(tmp_path: Path) -
     source = open_source(tmp_path / "run.mcap")
     assert source.names == (
         "time",
-        *(f"/joint_states.{f}[{k}]" for f in ("position", "effort") for k in (0, 1)),
+        *(f"/joint_states.{f}[{k}]" for f in ("position", "effort") for k in ("m", "c")),
     )
     assert any("/rosout (without numbers)" in text for text in source.took)
-    mapping = {"q_m": "/joint_states.position[0]", "F": "-/joint_states.effort[0]"}
+    mapping = {"q_m": "/joint_states.position[m]", "F": "-/joint_states.effort[m]"}
     record = read_record(tmp_path / "run.mcap", mapping)
     assert record.fs == pytest.approx(500.0, rel=1e-9)
     np.testing.assert_array_equal(record.signals["q_m"], Q)
@@ -161,3 +161,28 @@ def test_messages_beyond_all_measure(tmp_path: Path, value: Any) -> None:
         writer.finish()
     with pytest.raises(DataError):
         read_record(path, {"q": "/t.x"}, fs=1.0)
+
+
+def test_joints_are_told_by_their_names_in_whatever_order(tmp_path: Path) -> None:
+    turns = [({"name": ["m", "c"], "v": [1.0, 2.0]}), ({"name": ["c", "m"], "v": [2.0, 1.0]})]
+    kinds: dict[str, Any] = {
+        "/swapped": turns,
+        "/doubled": [{"name": ["m", "m"], "v": [1.0, 2.0]}] * 2,
+        "/odd": [{"name": ["m]", "c"], "v": [1.0, 2.0]}] * 2,
+        "/more": [{"name": ["m"], "v": [1.0, 2.0]}] * 2,
+    }
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("any", "jsonschema", b"{}")
+        for topic, messages in kinds.items():
+            channel = writer.register_channel(topic, "json", schema)
+            for k, message in enumerate(messages):
+                at = START_NS + k * STEP_NS
+                writer.add_message(channel, at, json.dumps(message).encode(), at)
+        writer.finish()
+    source = open_source(tmp_path / "a.mcap")
+    found = source.load(("/swapped.v[m]", "/swapped.v[c]"))
+    np.testing.assert_array_equal(found["/swapped.v[m]"], [1.0, 1.0])
+    np.testing.assert_array_equal(found["/swapped.v[c]"], [2.0, 2.0])
+    assert {f"{topic}.v[{k}]" for topic in ("/doubled", "/odd", "/more") for k in (0, 1)} <= source.known

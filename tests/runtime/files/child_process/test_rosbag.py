@@ -178,8 +178,8 @@ def test_numbers_are_read_with_the_times_of_their_headers(tmp_path: Path, name: 
     MADE[name](tmp_path / name)
     source = open_source(tmp_path / name)
     fields = (
-        "position[0]",
-        "position[1]",
+        "position[m]",
+        "position[carriage]",
         "effort[0]",
         "pairs[0].a",
         "pairs[0].b",
@@ -187,7 +187,7 @@ def test_numbers_are_read_with_the_times_of_their_headers(tmp_path: Path, name: 
         "pairs[1].b",
     )
     assert source.names == ("time", *(f"/joints.{field}" for field in fields))
-    mapping = {"q": "/joints.position[0]", "F": "-/joints.effort[0]", "b": "/joints.pairs[1].b"}
+    mapping = {"q": "/joints.position[m]", "F": "-/joints.effort[0]", "b": "/joints.pairs[1].b"}
     found = read_record(tmp_path / name, mapping)
     assert found.fs == pytest.approx(500.0, rel=1e-9)
     np.testing.assert_array_equal(found.signals["q"], Q)
