@@ -59,17 +59,22 @@ class Job:
     begin: Mapping[str, float] | None = None
     turns: bool = True
 
-    def observed(self, records: tuple[Record, ...], turns: bool = True) -> Observation:
+    def observed(
+        self, records: tuple[Record, ...], turns: bool = True, friction: bool = False
+    ) -> Observation:
         """Return the rows of records that these stand for, delays compensated, say."""
-        rows = observe(self.model, records, self.choice, self.drop, turns, self.surveys, self.memory_limit)
+        surveys, limit = self.surveys, self.memory_limit
+        rows = observe(self.model, records, self.choice, self.drop, turns, surveys, limit, friction)
         return self.only_rows_for_tag(rows)
 
-    def observing(self, turns: bool = True) -> Callable[[tuple[Record, ...]], Observation]:
+    def observing(
+        self, turns: bool = True, friction: bool = False
+    ) -> Callable[[tuple[Record, ...]], Observation]:
         """Return the same for one alignment of the forces after another: directions stay, found once."""
         surveys = [self.surveys]
 
         def observed(records: tuple[Record, ...]) -> Observation:
-            rows = replace(self, surveys=surveys[0]).observed(records, turns)
+            rows = replace(self, surveys=surveys[0]).observed(records, turns, friction)
             surveys[0] = rows.surveys
             return rows
 

@@ -35,19 +35,21 @@ def run_wls(job: Job) -> tuple[Observation, Fit]:
 
 def run_iv(job: Job) -> tuple[Observation, Fit]:
     """Instrumental variables on matched-filtered rows, without the samples near a reversal."""
-    from modelgen.runtime.iv.composite_iv import fit_composites_iv
     from modelgen.runtime.iv.freed_effects import fit_with_effects
-    from modelgen.runtime.iv.gauss_newton_step import Rules
     from modelgen.runtime.iv.instrumental_variables import fit_iv, iv_round
+    from modelgen.runtime.iv.physical.composite_iv import fit_composites_iv
+    from modelgen.runtime.iv.physical.gauss_newton_step import Rules
 
-    observed = job.observing(turns=False)
+    composites = all_from_composites(job.model)
+    # steps in physical parameters add the friction that rows drop where they differentiate it
+    observed = job.observing(turns=False, friction=composites)
 
     setting = job.setting()
 
     def calm(records: tuple[Record, ...]) -> Observation:
         return observed(records).dense()
 
-    if all_from_composites(job.model):
+    if composites:
         rules = Rules(job.robust is not None, job.bounds is not None, job.at_zero)
         return fit_composites_iv(setting, calm, job.late, job.start, rules, job.begin)
 

@@ -54,8 +54,8 @@ class Simulated:
 
     `record` holds the channels, `motion` the signals of all bodies (``v_BODY`` and the like), velocities as
     they were in the measured record. `index` says which of the records it is. `away` holds by how far the
-    positions of bodies with an encoder were elsewhere in it, and the noise of that, rms. `slow` is a speed
-    that counts as low, by body, the same for all records.
+    positions of bodies with an encoder were elsewhere in it, and the noise of that, rms, `speed`
+    the speeds of bodies as simulated. `slow` is a speed that counts as low, by body, the same in all records.
     `felt` is for `modelgen.runtime.iv.pushed_chain`: which rows feel the pushes that it has looked at.
     """
 
@@ -64,6 +64,7 @@ class Simulated:
     motion: Mapping[str, FloatArray]
     index: int
     away: Mapping[str, tuple[FloatArray, float]] = field(default_factory=dict)
+    speed: Mapping[str, FloatArray] = field(default_factory=dict)
     slow: Mapping[str, float] = field(default_factory=dict)
     felt: dict[tuple[float, ...], tuple[int, ...]] = field(default_factory=dict, repr=False)
 
@@ -142,8 +143,9 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
     is worked out along the simulated motion is some percent off. What a body's own sensor reads leads it, a
     body without one follows the slow part of the nearest.
     """
-    motion, away = dict(simulated.motion), {}
+    motion, away, speeds = dict(simulated.motion), {}, {}
     for body in simulated.plant.bodies:
+        speeds[body] = motion[f"v_{body}"]
         sensor, gear = nearest_sensor(simulated.plant, body, record)
         if sensor.order > 1:
             continue
@@ -152,14 +154,14 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
         wide = min(wide, HIGHEST_LED * record.fs)
         further = (record.signals[sensor.key] - simulated.record.signals[sensor.key]) * gear
         further = zero_phase(further, LED_ORDER, wide, record.fs)
-        speed = motion[f"v_{body}"]
+        speed = speeds[body]
         # a body that sticks has no direction: noise must not give it one
         moving = np.abs(speed) > AT_REST * np.max(np.abs(speed))
         change = further if sensor.order else differentiate(further, record.dt)
         motion[f"v_{body}"] = speed + np.where(moving, change, 0.0)
         if own and sensor.order == 0:
             away[body] = further, float(np.sqrt(record.facts.spectrum(sensor.key).noise * wide))
-    return replace(simulated, motion=motion, away=away)
+    return replace(simulated, motion=motion, away=away, speed=speeds)
 
 
 def _beside(

@@ -32,11 +32,16 @@ def simulated_records(fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
     IdentifiabilityError
         When the simulation fails.
     """
+    return simulated_with(simulation_parameters(setting.model, fit), fit, setting)
+
+
+def simulated_with(values: Mapping[str, float], fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
+    """Return what a simulation with physical parameters (SI) reads; as `simulated_records`."""
     model = setting.model
-    values = possible(model, simulation_parameters(model, fit))
+    parameters = possible(model, values)
     try:
         found = tuple(
-            simulated_beside(model, values, record, setting.choice, setting.loop, index)
+            simulated_beside(model, parameters, record, setting.choice, setting.loop, index)
             for index, record in enumerate(setting.records)
         )
     except DataError as error:

@@ -7,7 +7,7 @@ mass stands still.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 
 import numpy as np
@@ -21,6 +21,7 @@ from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import missing_name
 from modelgen.runtime.rows.chunk import Chunk
+from modelgen.runtime.rows.dropped_friction import dropped_friction
 from modelgen.runtime.rows.thresholds import (
     DIRECTION_TOLERANCE,
     SLOW_SHARE,
@@ -137,6 +138,26 @@ def turn_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, 
     reach = support_samples(choice.filter_order, choice.cutoff_hz, fs, 0, TURN_TOLERANCE)
     far, longest = reach + _direction_reach(choice, fs), _long_rest(choice, fs)
     return tuple(RowMask(direction_keys(model, row), far, "turns", longest) for row in range(len(model.rows)))
+
+
+def calm_masks(
+    model: Model, choice: FilterChoice, fs: float, masks: tuple[RowMask, ...], friction: bool
+) -> tuple[RowMask, ...]:
+    """Return the masks of all rows, then those of what a row leaves out if enough other samples are left.
+
+    The latter are `turn_masks`; with `friction`, which says that whoever solves the rows adds the friction
+    that they drop, also what feels a reversal.
+    """
+    turns = turn_masks(model, choice, fs)
+    if not friction:
+        return masks + turns
+    base, further = [], []
+    for row, (mask, turn) in enumerate(zip(masks, turns, strict=True)):
+        added = mask.events == "reversals" and bool(dropped_friction(model, row))
+        long = replace(mask, events="standstills", longest=turn.longest) if added else mask
+        base.append(long)
+        further.append(mask if added else turn)
+    return (*base, *further)
 
 
 def direction_keys(model: Model, row: int) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
-from modelgen.runtime.rows.masks import turn_masks
+from modelgen.runtime.rows.masks import calm_masks
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.remade_rows import remade_blocks
 from modelgen.runtime.rows.row_block import RowBlock
@@ -47,6 +47,7 @@ def observe(
     turns: bool = True,
     surveys: Sequence[Survey] = (),
     memory_limit: float | None = None,
+    friction: bool = False,
 ) -> Observation:
     """Return the matched-filtered rows of the records.
 
@@ -67,6 +68,9 @@ def observe(
     memory_limit : float, optional
         Bytes. Rows that take more are not kept but made again whenever they are asked for; those without
         `turns` are kept in any case.
+    friction : bool
+        Without `turns`, whether rows that drop friction where it is differentiated use samples that feel a
+        reversal where too few others would be left; for those who add it (`modelgen.runtime.iv`).
 
     Raises
     ------
@@ -82,7 +86,7 @@ def observe(
         rows = matched_rows(model, record, choice, choice.decimation[index], drop, survey=survey)
         found.append(rows.survey)
         if not turns:
-            rows = replace(rows, masks=rows.masks + turn_masks(model, choice, record.fs))
+            rows = replace(rows, masks=calm_masks(model, choice, record.fs, rows.masks, friction))
         for block in remade_blocks(rows, index) if remade else _blocks(rows, index):
             blocks.append(block)
             if block.count == 0:

@@ -19,7 +19,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
-from tests.runtime.iv.test_composite_iv import NOISE, clean, model_of, motor_only
+from tests.runtime.iv.physical.test_composite_iv import NOISE, clean, model_of, motor_only
 
 # fixed filters: what a test says does not hang on how they are chosen
 AXIS: dict[str, Any] = {"cutoff_hz": 263.0, "direction_cutoff_hz": 206.0}

@@ -26,7 +26,7 @@ from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.iv.companion_simulation import Loop, run_beside
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.output_error import fit_response
-from modelgen.runtime.iv.starting_values import _felt_inertia
+from modelgen.runtime.iv.physical.starting_values import _felt_inertia
 from modelgen.runtime.least_squares.time_shifts import shift
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record

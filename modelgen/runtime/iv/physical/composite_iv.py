@@ -15,10 +15,10 @@ import numpy as np
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.iv.divergence import diverged
-from modelgen.runtime.iv.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
-from modelgen.runtime.iv.physical_iv import PLAIN, Found, Rows, fit_physical_iv
-from modelgen.runtime.iv.starting_values import physical_starts
+from modelgen.runtime.iv.physical.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
+from modelgen.runtime.iv.physical.physical_iv import PLAIN, Found, Rows, fit_physical_iv
+from modelgen.runtime.iv.physical.starting_values import physical_starts
 from modelgen.runtime.iv.thresholds import HELD_DELAY, HELD_PARTS, HELD_ROUNDS, HELD_STARTS
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.delays import advanced

@@ -12,7 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.iv.effect_rows import simulated_with
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments, simulated
+from modelgen.runtime.iv.physical.friction_rows import (
+    feels_reversals,
+    instruments_with_friction,
+    with_friction,
+)
 from modelgen.runtime.least_squares.delays import advanced, delay_rates
 from modelgen.runtime.least_squares.fit import CarriedOver, Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
@@ -84,18 +90,17 @@ def step_from(setting: Setting, plain: Fit, now: Unknowns, rules: Rules) -> Step
     fit = replace(
         plain,
         solution=replace(plain.solution, x=base),
-        residuals=tuple(block.Y - block.W @ base for block in plain.blocks),
         weights=(1.0,) * len(plain.blocks),
         notes=(),
     )
     there = replace(setting, records=moved)
+    fit, Z = _with_instruments(fit, there, values)
     whiteners = [whitener(e, block.place) for e, block in zip(fit.residuals, fit.blocks, strict=True)]
     fit = replace(fit, lost=sum(white_of.order for white_of in whiteners))
     rates = [delay_rates(fit, model, moved, setting.choice, setting.drop, channel) for channel in now.delays]
     late = [np.column_stack(columns) for columns in zip(*rates, strict=True)] or [
         np.zeros((len(block.place), 0)) for block in fit.blocks
     ]
-    Z = instruments(fit, there, simulated(fit, there, values))
     white, stacked = [], []
     parts = zip(fit.blocks, fit.residuals, Z, late, whiteners, strict=True)
     for block, residual, z, rate, white_of in parts:
@@ -106,6 +111,24 @@ def step_from(setting: Setting, plain: Fit, now: Unknowns, rules: Rules) -> Step
     names = (*model.parameters, *(f"delay of {channel}" for channel in now.delays))
     linear = replace(fit, columns=names, blocks=tuple(white))
     return Step(fit, Z, slope, *_solved(two_stage(linear, tuple(stacked)), model, rules))
+
+
+def _with_instruments(
+    fit: Fit, setting: Setting, values: Mapping[str, float]
+) -> tuple[Fit, tuple[FloatArray, ...]]:
+    """Return a fit with its residuals, and instruments, both with the friction that its rows drop."""
+    if not feels_reversals(fit, setting.model):
+        runs = simulated(fit, setting, values)
+        return _with_residuals(fit), instruments(fit, setting, runs)
+    beside = simulated_with(values, fit, setting)
+    runs = {index: one.record for index, one in enumerate(beside)}
+    Z = instruments_with_friction(instruments(fit, setting, runs), fit, setting, beside)
+    return _with_residuals(with_friction(fit, setting, beside)), Z
+
+
+def _with_residuals(fit: Fit) -> Fit:
+    x = fit.solution.x
+    return replace(fit, residuals=tuple(block.Y - block.W @ x for block in fit.blocks))
 
 
 def _solved(every: Fit, model: Model, rules: Rules) -> tuple[Fit, Fit, tuple[str, ...]]:

@@ -19,9 +19,9 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.iv.divergence import diverged
-from modelgen.runtime.iv.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.iv.instrumental_variables import Setting
-from modelgen.runtime.iv.starting_values import vanished_names
+from modelgen.runtime.iv.physical.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
+from modelgen.runtime.iv.physical.starting_values import vanished_names
 from modelgen.runtime.iv.thresholds import (
     COMPOSITE_MOVE,
     COMPOSITE_ROUNDS,

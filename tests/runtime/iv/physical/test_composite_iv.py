@@ -17,9 +17,9 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
-from modelgen.runtime.iv import starting_values as physical_start
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
-from modelgen.runtime.iv.starting_values import physical_starts
+from modelgen.runtime.iv.physical import starting_values as physical_start
+from modelgen.runtime.iv.physical.starting_values import physical_starts
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import printed_covariance
 from modelgen.runtime.least_squares.time_shifts import shift
@@ -222,10 +222,10 @@ def test_by_default_its_intervals_hold_both_encoders_estimate_as_well(shared_dat
 
 @pytest.mark.slow
 def test_model_error_reaches_the_physical_parameters() -> None:
-    # a force that is late by a tenth of a sample, taken as it is: every cut-off sees another chain
+    # a force that is late by a fifth of a sample, taken as it is: every cut-off sees another chain
     late = [
         Record(
-            {**record.signals, "Gamma_m": shift("Gamma_m", -0.1).whole(record.signals["Gamma_m"])},
+            {**record.signals, "Gamma_m": shift("Gamma_m", -0.2).whole(record.signals["Gamma_m"])},
             record.fs,
             record.name,
         )
@@ -235,15 +235,16 @@ def test_model_error_reaches_the_physical_parameters() -> None:
     found = identify(model, late, **values_of("iv", delays="none"))
     (note,) = (note for note in found.fit.notes if note.startswith("model error"))
     entries = {entry.name: entry for entry in found.parameters.physical}
-    for name in ("J_c", "K"):
+    for name, entry in entries.items():
         said = search(rf"\b{name} ([0-9.]+) %", note)
-        assert said is not None
+        if said is None:
+            assert entry.drift_std < 1e-3 * entry.noise_std
+            continue
         # the mean square over at most six settings, of which the note names the farthest
-        farthest = 0.01 * float(said[1]) * entries[name].value
-        assert 0.4 * farthest < entries[name].drift_std < farthest
-        assert entries[name].drift_std > 3.0 * entries[name].noise_std
-    assert "J_m" not in note
-    assert entries["J_m"].drift_std < 1e-3 * entries["J_m"].noise_std
+        farthest = 0.01 * float(said[1]) * entry.value
+        assert 0.4 * farthest < entry.drift_std < farthest
+    assert all(f"{name} " in note for name in ("J_c", "K", "F_vmc"))
+    assert entries["F_vmc"].drift_std > entries["F_vmc"].noise_std
 
 
 @pytest.mark.slow

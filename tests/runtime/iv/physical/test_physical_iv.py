@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from generated import emps300_qm_qc
-from modelgen.runtime.iv.gauss_newton_step import Unknowns
-from modelgen.runtime.iv.physical_iv import _lost, _restless
+from modelgen.runtime.iv.physical.gauss_newton_step import Unknowns
+from modelgen.runtime.iv.physical.physical_iv import _lost, _restless
 from modelgen.runtime.model.model import model_from_module
 
 MODEL = model_from_module(emps300_qm_qc)

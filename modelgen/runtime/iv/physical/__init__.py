@@ -1,0 +1,1 @@
+"""Instruments for physical parameters: steps, where they begin, and friction of differentiated rows."""

@@ -1,0 +1,163 @@
+"""Friction that differentiated rows drop, added to the rows of a fit: they hold at reversals, too.
+
+A row that differentiates Coulomb friction F s, s the direction of motion, drops it: d s / dt is zero but at
+reversals. Where a body reverses so often that every sample feels it, s is an ordinary signal behind the
+filters of the rows, and so are its derivatives. It is known to a part of a sample: the velocity at which it
+turns is the simulated one, moved to the record by what the low-passed difference of the two positions changes
+by; a low-pass of the velocity itself would bend where friction jumps, and turn late. While the simulated body
+sticks, s is what holds it, over F.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.filters.derivatives import differentiate
+from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.iv.companion_simulation import Simulated, nearest_sensor
+from modelgen.runtime.iv.instrumental_variables import Setting
+from modelgen.runtime.iv.thresholds import HIGHEST_LED, LED_ORDER, TURNS_CLEARLY
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.dropped_friction import DroppedFriction, dropped_friction
+from modelgen.runtime.rows.record_rows import matched_rows
+from modelgen.runtime.rows.standstill_speeds import NOTHING
+
+
+def feels_reversals(fit: Fit, model: Model) -> bool:
+    """Tell whether a block of the fit uses samples that feel reversals of a friction that its row drops."""
+    return any(_dropped(model, fit))
+
+
+def with_friction(fit: Fit, setting: Setting, simulated: Sequence[Simulated]) -> Fit:
+    """Return the fit with that friction in its blocks, linear at its solution.
+
+    Parameters
+    ----------
+    fit : Fit
+        In base columns, all of them.
+    setting : Setting
+        With the records that the blocks were made of.
+    simulated : sequence of Simulated
+        Of each of these records.
+    """
+    records = [_with_directions(setting.records, fit, one) for one in simulated]
+    parts = [(block.W, block.Y) for block in fit.blocks]
+    found = _added(parts, fit, setting, records)
+    blocks = tuple(
+        block if not dropped else replace(block.kept(), W=W, Y=Y)
+        for block, dropped, (W, Y) in zip(fit.blocks, _dropped(setting.model, fit), found, strict=True)
+    )
+    return replace(fit, blocks=blocks)
+
+
+def instruments_with_friction(
+    Z: Sequence[FloatArray], fit: Fit, setting: Setting, simulated: Sequence[Simulated]
+) -> tuple[FloatArray, ...]:
+    """Return instruments, shape (n, columns) a block, with that friction as it is in the simulation."""
+    runs = [one.record for one in simulated]
+    records = [_with_directions(runs, fit, one) for one in simulated]
+    parts = [(z, np.zeros(len(z))) for z in Z]
+    return tuple(W for W, _ in _added(parts, fit, setting, records))
+
+
+def _dropped(model: Model, fit: Fit) -> list[tuple[DroppedFriction, ...]]:
+    return [dropped_friction(model, block.row) if block.turning else () for block in fit.blocks]
+
+
+def _channel(body: str) -> str:
+    return f"direction of {body}"
+
+
+def _with_directions(records: Sequence[Record], fit: Fit, simulated: Simulated) -> Record:
+    """Return a record with directions of bodies as channels, of the motion that it holds."""
+    record, model = records[simulated.index], simulated.plant.model
+    bodies = {one.body for dropped in _dropped(model, fit) for one in dropped}
+    return record.edited({_channel(body): _direction(simulated, body, record) for body in sorted(bodies)})
+
+
+def _direction(simulated: Simulated, body: str, record: Record) -> FloatArray:
+    """Return the direction of a body in a record, shape (n,), -1 to 1."""
+    plant, motion, speed = simulated.plant, simulated.motion, simulated.speed[body]
+    found = mean_sign(speed + _further_speed(simulated, body, record))
+    place = next(j for j, friction in enumerate(plant.model.friction) if friction.body == body)
+    if place not in plant.sticking:
+        return found
+    held = motion[f"friction_{body}"] - plant.offsets[place]
+    share = np.clip(held / plant.value(plant.model.friction[place].coulomb_plus), -1.0, 1.0)
+    return np.where(motion[f"mode_{body}"] == 0.0, share, found)
+
+
+def _further_speed(simulated: Simulated, body: str, record: Record) -> FloatArray:
+    """Return by how much faster a body is in a record than in its simulation, shape (n,).
+
+    As wide a band of it as noise of the sensor leaves: within the time that the low-pass resolves, noise is
+    to change the speed by a small share of what turning does.
+    """
+    sensor, gear = nearest_sensor(simulated.plant, body, record)
+    further = gear * (record.signals[sensor.key] - simulated.record.signals[sensor.key])
+    speed = simulated.speed[body]
+    turns = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
+    if not turns.size or not further.any():
+        return np.zeros(record.n)
+    turning = float(np.median(np.abs(simulated.motion[f"a_{body}"][turns])))
+    noise = abs(gear) * float(np.sqrt(record.facts.spectrum(sensor.key).noise))
+    # rms of the speed's noise below f is noise (2 pi)^m f^(m + 1/2) / sqrt(2 m + 1)
+    m, widest = 1 - sensor.order, HIGHEST_LED * record.fs
+    least = noise * (2.0 * np.pi) ** (m + 1) / np.sqrt(2.0 * m + 1.0)
+    wide = (TURNS_CLEARLY * turning / max(least, np.finfo(float).tiny)) ** (1.0 / (m + 1.5))
+    smooth = zero_phase(further, LED_ORDER, min(float(wide), widest), record.fs)
+    return smooth if m == 0 else differentiate(smooth, record.dt)
+
+
+def mean_sign(speed: FloatArray) -> FloatArray:
+    """Return the sign of a speed, shape (n,), where it jumps as low-passes see a jump between two samples.
+
+    The mean over a sampling period, of straight lines between samples, less what that mean takes off a
+    second derivative: right to fourth order in frequency times period.
+    """
+    found = np.sign(speed)
+    at = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
+    part = speed[at] / (speed[at] - speed[at + 1])
+    before = part < 0.5
+    found[at[before]] *= 2.0 * part[before]
+    found[at[~before] + 1] *= 2.0 * (1.0 - part[~before])
+    found[1:-1] -= np.diff(found, 2) / 24.0
+    return found
+
+
+def _added(
+    parts: Sequence[tuple[FloatArray, FloatArray]],
+    fit: Fit,
+    setting: Setting,
+    records: Sequence[Record],
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return W and Y of every block with dropped friction, linear at the fit's solution x.
+
+    Y = W x + F (S + sum of x_c S_c) becomes Y + F sum of x_c S_c = W' x, where the column of F is
+    S + sum of x_c S_c, and that of x_c is W_c + F S_c.
+    """
+    model, choice, x = setting.model, setting.choice, fit.solution.x
+    found = []
+    for block, dropped, (W, Y) in zip(fit.blocks, _dropped(model, fit), parts, strict=True):
+        for friction in dropped:
+            factor = choice.decimation[block.record]
+            rows = matched_rows(model, records[block.record], choice, factor, setting.drop, survey=NOTHING)
+            signals = rows.derivatives(_channel(friction.body), friction.orders)[block.place]
+            W, Y = W.copy(), Y.copy()
+            W[:, friction.column] = 0.0
+            for coefficient, order, column in friction.terms:
+                signal = coefficient * signals[:, friction.orders.index(order)]
+                if column is None:
+                    W[:, friction.column] += signal
+                else:
+                    W[:, friction.column] += x[column] * signal
+                    W[:, column] += x[friction.column] * signal
+                    Y += x[friction.column] * x[column] * signal
+        found.append((W, Y))
+    return found
