@@ -84,6 +84,8 @@ LEAST_SHARE = 1e-3
 TRIED_SHARES = (0.1, 1.0)
 TRIED_FREQUENCY = 0.6
 TRIED_DAMPING = 0.5
+# Rounds in which rows are made linear in delays for a start, and evaluations of each search, at most.
+LATE_ROUNDS, ROW_EVALUATIONS = 2, 100
 # The search for a start ends when the squared error falls by less than this share: in directions
 # that the records hardly determine it would fall slowly for long.
 NEAR_ENOUGH = 1e-4

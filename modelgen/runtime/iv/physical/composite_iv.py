@@ -18,7 +18,8 @@ from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.physical.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.iv.physical.physical_iv import PLAIN, Found, Rows, fit_physical_iv
-from modelgen.runtime.iv.physical.starting_values import physical_starts
+from modelgen.runtime.iv.physical.start_in_rows import start_in_rows
+from modelgen.runtime.iv.physical.starting_values import cheap_starts, physical_starts
 from modelgen.runtime.iv.thresholds import HELD_DELAY, HELD_PARTS, HELD_ROUNDS, HELD_STARTS
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.delays import advanced
@@ -85,6 +86,9 @@ def _beginnings(
     on_time = dict.fromkeys(late, 0.0)
     if begin is not None:
         yield begin, on_time
+    nearest = start_in_rows(first, setting, cheap_starts(first, setting), late)
+    if nearest is not None:
+        yield nearest
     starts = physical_starts(first, setting)
     yield from ((start, on_time) for start in islice(starts, 1))
     delays = coarse_delays(first, setting.model, setting.records, setting.choice, late)

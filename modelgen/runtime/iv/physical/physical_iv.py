@@ -42,7 +42,7 @@ from modelgen.runtime.rows.observation import Observation
 # records -> rows without the samples that a consistent estimate must not use
 Rows = Callable[[tuple[Record, ...]], Observation]
 
-SIGNED = ("offset", "viscous", "coulomb")
+SIGNED = ("offset", "viscous", "coulomb", "damping")
 PLAIN = Rules()
 
 

@@ -63,6 +63,26 @@ def physical_starts(first: Fit, setting: Setting) -> Iterator[Mapping[str, float
         yield found
 
 
+def cheap_starts(first: Fit, setting: Setting) -> tuple[Mapping[str, float], ...]:
+    """Return sets of physical parameters (SI) that nature may have, near composites or tried for the record.
+
+    Parameters are as for `physical_starts`.
+    """
+    model = setting.model
+    every = tuple(name for name in model.parameters if model.roles[name].role in MOVING)
+    none = dict.fromkeys(model.parameters, 0.0)
+    try:
+        tried = [_with_tried(setting, none, every, share) for share in TRIED_SHARES]
+    except ModelgenError:
+        return ()
+    found = [_from_composites(model, first, hac_covariance), *tried]
+    return tuple(
+        {name: one[name] if one[name] > 0.0 or name not in every else tried[0][name] for name in one}
+        for one in found
+        if np.all(np.isfinite(list(one.values())))
+    )
+
+
 def _from_composites(
     model: Model, first: Fit, covariance_of: Callable[[Fit], FloatArray]
 ) -> dict[str, float]:
