@@ -59,7 +59,7 @@ class Tried:
 
 def usable_cutoff(job: Job, filters: Filters) -> FilterChoice:
     """Return the filter choice of a job, or one with a lower cut-off that predicts a better estimate."""
-    records = tuple(_part(record) for record in job.records)
+    records = tuple(part_tried(record) for record in job.records)
     try:
         first = _tried(job, records, job.choice)
     except (DataError, IdentifiabilityError):
@@ -89,8 +89,8 @@ def usable_cutoff(job: Job, filters: Filters) -> FilterChoice:
     return job.choice if best == 0 else _explained(found[best].choice, job.choice)
 
 
-def _part(record: Record) -> Record:
-    """Return the middle of a long record: cut-offs differ by far more than its parts."""
+def part_tried(record: Record) -> Record:
+    """Return the middle of a long record: what is tried on it differs by far more than its parts."""
     if record.n <= SAMPLES_TRIED:
         return record
     start = (record.n - SAMPLES_TRIED) // 2

@@ -2,7 +2,8 @@
 
 An estimate from swapped channels need not look wrong: least squares pulls the row that no longer holds
 towards zero and explains the rest. So where a value contradicts physics, or a row explains little, two
-channels at a time are exchanged, or one is reversed, and the rows are solved again.
+channels at a time are exchanged, or one is reversed, and the rows are solved again: those of the middle of a
+long record.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import ModelgenError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.choose_cutoff import part_tried
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.refusals import dependent_columns, unanswered
@@ -66,6 +68,10 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
     if not given.impossible and given.unexplained < UNEXPLAINED:
         return ()
     run = METHODS["wls"].run
+    parts = tuple(part_tried(record) for record in job.records)
+    if any(part.n < record.n for part, record in zip(parts, job.records, strict=True)):
+        job = replace(job, records=parts, surveys=(), start=None)
+        given = _sense(job, run(job)[1])
     tried: list[tuple[_Sense, _Change]] = []
     for change in list(_changes(job.model))[:TRIES]:
         try:

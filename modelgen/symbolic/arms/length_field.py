@@ -11,6 +11,8 @@ from modelgen.symbolic.equations.signals import short_text
 
 #: A fraction, or an element of SymPy's field of fractions over the named lengths.
 Factor = Any
+#: A factor below this is what fractions near an irrational number leave, and not shown.
+NOTHING = Fraction(1, 10**12)
 
 
 def length_elements(names: Mapping[str, float | None]) -> dict[str, Factor]:
@@ -47,9 +49,14 @@ def factor_residue(factor: Factor, lengths: Mapping[str, int]) -> int:
 
 
 def combination_text(combination: tuple[tuple[str, Factor], ...]) -> str:
-    """Return a sum of factors times parameters, for example ``Izz1 + Iyy2 + (d3**2 + r3**2)*m3``."""
+    """Return a sum of factors times parameters, for example ``Izz1 + Iyy2 + (d3**2 + r3**2)*m3``.
+
+    What is left of an angle of 45 degrees, say, whose sine is no fraction, is not shown.
+    """
     parts: list[str] = []
     for parameter, factor in combination:
+        if isinstance(factor, int | Fraction) and abs(factor) < NOTHING:
+            continue
         negative, size = _signed_text(factor)
         sign = ("-" if negative else "") if not parts else (" - " if negative else " + ")
         parts.append(f"{sign}{size}{'*' if size else ''}{parameter}")
@@ -60,7 +67,8 @@ def _signed_text(factor: Factor) -> tuple[bool, str]:
     """Return whether a factor is negative (of a sum: its first term), and its size; nothing for one."""
     if isinstance(factor, int | Fraction):
         size = abs(Fraction(factor))
-        return factor < 0, "" if size == 1 else short_text(size)
+        text = short_text(size)
+        return factor < 0, "" if text == "1" else text
     negative = _terms(factor.numer)[0][0] < 0
     if negative:
         factor = -factor

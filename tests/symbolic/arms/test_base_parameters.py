@@ -176,6 +176,13 @@ def test_a_coupled_rotor_turns_as_a_link_does(
     assert len(named.columns) == numerical_rank(named.rows, {"L1": 0.3, "L2": 0.4, "L3": 0.5})
 
 
+def test_a_slide_at_45_degrees_leaves_no_rounding_in_the_formulas() -> None:
+    slide = '[[joints]]\nname = "s"\ntype = "prismatic"\nrpy = [0, 45, 0]\nxyz = [0.1, 0, 0]\n'
+    head = '[arm]\nname = "p"\ngravity = [0, 0, -9.81]\n[[joints]]\nname = "1"\n'
+    text = "; ".join(one.name for one in arm_base_model(arm_rows(parse_arm(head + slide, "p.toml"))).base)
+    assert "e-" not in text and " 1*" not in text
+
+
 def test_known_parameters_are_no_part_of_a_combination() -> None:
     spec = serial(PUMA, drive=True)
     payload = link_names("6")
