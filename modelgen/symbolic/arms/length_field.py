@@ -55,7 +55,7 @@ def combination_text(combination: tuple[tuple[str, Factor], ...]) -> str:
     """
     parts: list[str] = []
     for parameter, factor in combination:
-        if isinstance(factor, int | Fraction) and abs(factor) < NOTHING:
+        if isinstance(factor, int | Fraction) and abs(Fraction(factor)) < NOTHING:
             continue
         negative, size = _signed_text(factor)
         sign = ("-" if negative else "") if not parts else (" - " if negative else " + ")
