@@ -21,12 +21,19 @@ from modelgen.runtime.modes.pole_pairs import PolePair, pair_slopes, pole_pairs,
 from modelgen.runtime.modes.thresholds import MOST_POSTURES, ROUNDING, STRETCHED
 from modelgen.runtime.modes.uncertain_chain import UncertainChain, square_root
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.simulation.arms.arm_coordinates import ArmCoordinates, arm_coordinates
+from modelgen.runtime.simulation.arms.arm_coordinates import (
+    ArmCoordinates,
+    arm_coordinates,
+    coordinates_about_rest,
+)
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant
 
 #: Mass, damping and stiffness about each posture, shape (postures, coordinates, coordinates) each.
 Matrices = tuple[FloatArray, FloatArray, FloatArray]
-ELSEWHERE = "No modes: those of an elastic arm need its motors and links measured (encoders on both sides)."
+ELSEWHERE = (
+    "No modes: those of an elastic arm need rows of motors and links apart, and encoders or tachometers, not "
+    "gyros, for the speeds in them; payloads and coupled motors' own rows have none yet."
+)
 LACKING = "No modes: {names} without a number."
 NOT_SOLID = "No modes: the mass matrix of the estimate is not positive definite; no links have these values."
 
@@ -55,14 +62,13 @@ def modes_of_arm(
     Parameters
     ----------
     model : Model
-        With encoders at all motors and on all links.
     params : mapping of str to float
         Base parameters that have a number (SI),
     covariance : array, shape (params, params)
         and their covariance.
     records : sequence of Record
     """
-    own = arm_coordinates(model)
+    own = _coordinates(model)
     if own is None:
         elastic = any(role.role == "stiffness" for role in model.roles.values())
         return Modes(notes=(ELSEWHERE,)) if elastic else Modes()
@@ -88,8 +94,9 @@ def arm_modes(
     places : sequence of (record, time in s), optional
         Where each was taken from; without them all postures are told.
     """
-    own = arm_coordinates(model)
-    assert own is not None
+    own = _coordinates(model)
+    if own is None:
+        return Modes(notes=(ELSEWHERE,))
     known = np.array([params.get(name, 0.0) for name in model.base_parameters])
     lacking = [name for name in model.base_parameters if name not in params]
     needed, damped = _holding(model, own, lacking, postures[:, :1])
@@ -115,6 +122,10 @@ def arm_modes(
     return Modes(postures=tuple(found))
 
 
+def _coordinates(model: Model) -> ArmCoordinates | None:
+    return arm_coordinates(model) or coordinates_about_rest(model)
+
+
 def _holding(
     model: Model, own: ArmCoordinates, lacking: Sequence[str], postures: FloatArray
 ) -> tuple[list[str], bool]:
@@ -136,10 +147,20 @@ def _postures(own: ArmCoordinates, records: Sequence[Record]) -> tuple[list[tupl
     places, found = [], []
     for record in records:
         samples = np.unique(np.linspace(0, record.n - 1, a_record).round().astype(int))
-        signals = {key: np.asarray(record.signals[key])[samples] for key in own.channels}
-        found.append(own.seen_in(signals)[: len(own.joints)])
+        signals = {
+            key: np.asarray(record.signals[key])[samples] for key in own.channels if key in record.signals
+        }
+        found.append(_seen(own, signals))
         places += [(record.name, float(k / record.fs)) for k in samples.tolist()]
     return places, np.hstack(found)
+
+
+def _seen(own: ArmCoordinates, signals: Mapping[str, FloatArray]) -> FloatArray:
+    """Return positions of links, shape (joints, N); where not all is seen, as if no spring deflected."""
+    if len(signals) == len(own.channels):
+        return own.seen_in(signals)[: len(own.joints)]
+    together = own.reads[[own.channels.index(key) for key in signals]] @ own.stiff
+    return np.asarray(np.linalg.pinv(together) @ np.array([*signals.values()], dtype=float))
 
 
 def _about(model: Model, own: ArmCoordinates, known: FloatArray, postures: FloatArray) -> _About:

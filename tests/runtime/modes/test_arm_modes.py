@@ -16,6 +16,7 @@ from modelgen.runtime.modes.arm_modes import arm_modes, modes_of_arm
 from modelgen.runtime.modes.modes import Modes, posture_ranges
 from modelgen.runtime.results.estimate_file import load_estimate
 from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm
+from modelgen.symbolic.arms.arm_sensor_sets import with_usual_sets
 from tests.runtime.made_arm_records import catalogued, model_of
 
 POSTURES = np.array([[0.2, -0.4, 0.0], [1.1, 0.3, -2.0]])
@@ -131,7 +132,44 @@ def test_arms_without_springs_have_none_and_other_sensors_say_what_they_need() -
     record = simulate_arm(rigid, rigid.parameter_sets["nominal"], duration_s=2.0, fs=500.0).record
     assert identify(rigid, record, "wls").modes() == Modes()
     motors = model_of(catalogued("elastic_two_link"), sensor_set="rates")
-    assert "encoders on both sides" in modes_of_arm(motors, {}, np.zeros((0, 0)), [record]).notes[0]
+    assert "not gyros" in modes_of_arm(motors, {}, np.zeros((0, 0)), [record]).notes[0]
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        "motor encoders",
+        "motor encoders, link speeds",
+        "motor encoders, link accelerometers",
+        "motor and link encoders, joint torques",
+        "link encoders, joint torques",
+        "link encoders",
+    ],
+)
+def test_every_sensor_set_has_them_from_its_own_rows(kinds: str) -> None:
+    arm = with_usual_sets(catalogued("elastic_two_link"))
+    own = model_of(replace(arm, sensor_sets={"s": arm.sensor_sets[kinds]}), sensor_set="s")
+    p, none = params(), np.zeros((len(params()), len(params())))
+    wanted, found = (arm_modes(one, p, none, POSTURES).postures for one in (model(), own))
+    for ours, theirs in zip(found, wanted, strict=True):
+        for side in ("free", "held"):
+            frequencies = [[one.frequency_hz.value for one in getattr(at, side)] for at in (ours, theirs)]
+            np.testing.assert_allclose(frequencies[0], frequencies[1], rtol=1e-12)
+
+
+def test_postures_are_those_of_the_motors_where_no_link_is_seen() -> None:
+    spec = catalogued("elastic_two_link")
+    p, none = params(), np.zeros((len(params()), len(params())))
+    arm = replace(
+        spec, sensor_sets={"s": tuple(s for s in spec.sensor_sets["encoders"] if s.side == "motor")}
+    )
+    record = simulate_arm(model(), model().parameter_sets["nominal"], duration_s=2.0, fs=500.0).record
+    alone, whole = (
+        modes_of_arm(one, p, none, [record]).postures for one in (model_of(arm, sensor_set="s"), model())
+    )
+    # the springs deflect by some mrad
+    ends = [[min(one.held[0].frequency_hz.value for one in told) for told in (alone, whole)]]
+    assert all(ours == pytest.approx(theirs, rel=1e-2) for ours, theirs in ends)
 
 
 @pytest.mark.parametrize("gear", ["1", "50"])

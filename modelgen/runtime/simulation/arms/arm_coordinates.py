@@ -6,17 +6,19 @@ the module are balances of a joint with its motor, or of a motor with its spring
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.arm_channels import moving
+from modelgen.runtime.model.mechanical_parts import Role
 from modelgen.runtime.model.model import Model
 
 MOTOR = " motor"
 SPRING, LINK = " spring", " link"
+DEFLECTION, DEFLECTED, DRIVEN = " deflection", " deflected", " driven"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,8 @@ class ArmCoordinates:
         Coordinates of a motion in which no spring deflects.
     driven : tuple of int
         Places of the coordinates that the drives push and their encoders see.
+    rates : mapping of str to ndarray, shape (names,)
+        Speeds that the module reads, as sums of those of the coordinates.
     """
 
     joints: tuple[str, ...]
@@ -49,6 +53,7 @@ class ArmCoordinates:
     balances: FloatArray
     stiff: FloatArray
     driven: tuple[int, ...]
+    rates: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def elastic(self) -> bool:
@@ -75,6 +80,8 @@ def arm_coordinates(model: Model) -> ArmCoordinates | None:
     joints, rows = tuple(joint_units(model)), [row.name for row in model.rows]
     forces = tuple(one.key for one in model.actuators if one.key.startswith("tau_"))
     springs = [name for name in joints if name + SPRING in rows]
+    if not {*rows} >= {name + LINK if name in springs else name for name in joints}:
+        return None
     names = (*joints, *(name + MOTOR for name in springs))
     at = {name: place for place, name in enumerate(names)}
     driven = tuple(at.get(name + MOTOR, at[name]) for name in joints)
@@ -83,17 +90,96 @@ def arm_coordinates(model: Model) -> ArmCoordinates | None:
         return None
     known = {f"{order}{key}" for order in ("", "d1_", "d2_") for key in reads}
     known |= {*model.loads, *(one.key for one in model.actuators)}
-    own = {name: name + LINK if name in springs else name for name in joints}
-    if len(forces) != len(joints) or not {*rows} >= {*own.values()} or not known >= {*model.module.SIGNALS}:
+    sums: dict[str, dict[str, float]] = {
+        name: {name + LINK if name in springs else name: 1.0} for name in joints
+    }
+    sums |= {name + MOTOR: {name + SPRING: 1.0} for name in springs}
+    if len(forces) != len(joints) or not known >= {*model.module.SIGNALS}:
         return None
-    balances = np.zeros((len(names), len(rows)))
+    return _assembled(joints, forces, driven, reads, rows, sums)
+
+
+def coordinates_about_rest(model: Model) -> ArmCoordinates | None:
+    """Return the coordinates of an elastic arm in all rows of its module, those that give positions included.
+
+    For masses and springs about a posture: sensors need not see both sides. None where rows of motors hold
+    several joints, payloads are carried, or gyros read speeds.
+    """
+    module = model.module
+    if not model.is_arm or model.loads or model.by_power or not hasattr(module, "SENSORS"):
+        return None
+    joints, rows = tuple(joint_units(model)), list(module.ROWS)
+    springs = [name for name in joints if any(_is_spring(role, name) for role in model.roles.values())]
+    names = (*joints, *(name + MOTOR for name in springs))
+    at = {name: place for place, name in enumerate(names)}
+    driven = tuple(at.get(name + MOTOR, at[name]) for name in joints)
+    if module.ROW_KIND == "motor" and np.count_nonzero(module.TRANSMISSION) > len(joints):
+        return None
+    usable = {row for row, times in zip(rows, module.DIFFERENTIATED, strict=True) if not times}
+    felt = {one["joint"] for one in module.SENSORS if one["measures"] == "torque"}
+    sums: dict[str, dict[str, float]] = {}
     for name in joints:
-        balances[at[name], rows.index(own[name])] = 1.0
-        if name in springs:
-            balances[at[name + MOTOR], rows.index(name + SPRING)] = 1.0
+        found = _parted(name, name in springs, name in felt, usable)
+        if found is None:
+            return None
+        sums |= found
+    sums = {name: sums[name] for name in names}
+    reads: dict[str, FloatArray] = {}
+    rates: dict[str, FloatArray] = {}
+    for one in module.SENSORS:
+        if one["measures"] in ("position", "velocity"):
+            read = reading_of(one["joint"], one["side"], module.TRANSMISSION, joints, driven, len(names))
+            (reads if one["measures"] == "position" else rates)[one["key"]] = read
+        elif one["measures"] == "gyro" and any(
+            channel in module.SIGNALS and f"{one['key']} {channel[-1]}" not in rows
+            for channel in one["channels"]
+        ):
+            return None
+    forces = tuple(one.key for one in model.actuators if one.key.startswith("tau_"))
+    return replace(_assembled(joints, forces, driven, reads, rows, sums), rates=rates)
+
+
+def _is_spring(role: Role, joint: str) -> bool:
+    return role.role == "stiffness" and role.bodies[0] == joint
+
+
+def _parted(name: str, sprung: bool, felt: bool, rows: Set[str]) -> dict[str, dict[str, float]] | None:
+    """Return the balances of a joint's link and motor as sums of rows; None where these do not say them.
+
+    `felt` joints have a measured torque between both, which their rows hold and sums of them do not.
+    """
+    if not sprung:
+        total = {name: 1.0} | ({name + LINK: 1.0} if felt else {})
+        return {name: total} if rows >= total.keys() else None
+    given = next((name + end for end in (SPRING, DEFLECTION, DEFLECTED, DRIVEN) if name + end in rows), "")
+    if felt:
+        link, motor = {name + LINK: 1.0, given: -1.0}, {name: 1.0, given: 1.0}
+    elif given == name + DRIVEN:
+        link, motor = {given: 1.0}, {name: 1.0, given: -1.0}
+    elif name + LINK in rows:
+        link, motor = {name + LINK: 1.0}, {given: 1.0}
+    else:
+        link, motor = {name: 1.0, given: -1.0}, {given: 1.0}
+    return {name: link, name + MOTOR: motor} if rows >= link.keys() | motor.keys() else None
+
+
+def _assembled(
+    joints: tuple[str, ...],
+    forces: tuple[str, ...],
+    driven: tuple[int, ...],
+    reads: Mapping[str, FloatArray],
+    rows: Sequence[str],
+    sums: Mapping[str, Mapping[str, float]],
+) -> ArmCoordinates:
+    """Return the coordinates, whose balances are sums of rows by their names: links, then motors."""
+    names = tuple(sums)
+    balances = np.zeros((len(names), len(rows)))
+    for place, of in enumerate(sums.values()):
+        for row, factor in of.items():
+            balances[place, rows.index(row)] = factor
     stiff = np.zeros((len(names), len(joints)))
-    for place, name in enumerate(joints):
-        stiff[[at[name], driven[place]], place] = 1.0
+    for place, motor in enumerate(driven):
+        stiff[[place, motor], place] = 1.0
     return ArmCoordinates(
         joints, forces, names, tuple(reads), np.array([*reads.values()]), balances, stiff, driven
     )

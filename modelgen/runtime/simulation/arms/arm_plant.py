@@ -59,7 +59,7 @@ class ArmPlant:
     def _values(self) -> FloatArray:
         """Every entry's base parameter in the row that it stands in, shape (rows, entries)."""
         places = self.model.module.ENTRIES
-        found = np.zeros((len(self.model.rows), len(places)))
+        found = np.zeros((len(self.model.module.ROWS), len(places)))
         for line, (row, column) in enumerate(places):
             found[row, line] = self.base[column]
         return found
@@ -91,6 +91,8 @@ class ArmPlant:
             for order, one in zip(("", "d1_", "d2_"), (q, v, a), strict=True):
                 read = _combined(own.reads, one[:, part])
                 signals |= {f"{order}{key}": line for key, line in zip(own.channels, read, strict=True)}
+            for key, rate in own.rates.items():
+                signals |= {key: rate @ v[:, part], f"d1_{key}": rate @ a[:, part]}
             if tau is not None:
                 signals |= {key: tau[k, part] for k, key in enumerate(self.forces)}
             left = np.asarray(module.measurement(signals)).T
