@@ -26,7 +26,8 @@ from modelgen.runtime.simulation.arms.joint_reference import JointReference
 from modelgen.runtime.simulation.arms.mounted_sensors import MountedSensor, sensor_channels
 from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm
 
-#: Standard deviations of readings where none are given, by unit: encoders of 20 bits, torques of a drive.
+#: Standard deviations of readings where none are given, by unit: encoders of 20 bits, torques of a drive as
+#: its joint feels them, in front of a gear so much smaller.
 USUAL_NOISE = {"rad": 5e-6, "m": 5e-6, "rad/s": 1e-3, "m/s": 1e-3, "m/s^2": 1e-2, "N m": 0.1, "N": 1.0}
 
 
@@ -73,6 +74,7 @@ def predicted_sets(
     wrong = [key for key in noise or {} if key not in known]
     if wrong:
         raise DataError(*(missing_name("noise", "channel", key, sorted(known)) for key in wrong))
+    levels = {name: _levels(plant, of_set, noise or {}) for name, of_set in units.items()}
     moved = [
         simulate_arm(model, values, reference, controller=controller)
         for reference in counted(references, "simulating")
@@ -84,9 +86,8 @@ def predicted_sets(
             true = sensor_channels(plant, one.sensors, simulation.motion)
             true |= {key: simulation.true[key] for key in plant.forces}
             title = f"{simulation.reference.name}_{number + 1}"
-            records.append(
-                Record(_noisy(true, units[name], noise or {}, number), simulation.record.fs, title)
-            )
+            noisy = _noisy(true, levels[name], number)
+            records.append(Record(noisy, simulation.record.fs, title))
         try:
             found[name] = identify(one.model, records, "wls", Filters(), CheckOptions())
         except ModelgenError as error:
@@ -94,16 +95,22 @@ def predicted_sets(
     return found
 
 
-def _noisy(
-    true: Mapping[str, FloatArray], units: Mapping[str, str], noise: Mapping[str, float], seed: int
-) -> dict[str, FloatArray]:
-    """Return readings with the noise of their channel, or of their unit; the same in every set."""
+def _noisy(true: Mapping[str, FloatArray], levels: Mapping[str, float], seed: int) -> dict[str, FloatArray]:
+    """Return readings with noise of these levels by channel; the same in every set."""
     found = {}
     for key, line in true.items():
-        size = noise.get(key, noise.get(units[key], USUAL_NOISE[units[key]]))
         stream = np.random.default_rng([seed, *key.encode()])
-        found[key] = line + size * stream.standard_normal(len(line))
+        found[key] = line + levels[key] * stream.standard_normal(len(line))
     return found
+
+
+def _levels(plant: ArmPlant, units: Mapping[str, str], noise: Mapping[str, float]) -> dict[str, float]:
+    """Return the noise of every channel: what is given for it or its unit, or `USUAL_NOISE`."""
+    levers = {one.key: abs(one.lever) for one in plant.model.actuators}
+    return {
+        key: noise.get(key, noise.get(unit, USUAL_NOISE[unit] / levers.get(key, 1.0)))
+        for key, unit in units.items()
+    }
 
 
 def _units(plant: ArmPlant, sensors: Sequence[MountedSensor]) -> dict[str, str]:
