@@ -85,7 +85,10 @@ def _loaded(source: Source) -> Columns:
     except DeadlyFileError:
         raise
     except DataError:
-        return source.load_numeric(source.names) if source.load_numeric else _one_by_one(source)
+        found = source.load_numeric(source.names) if source.load_numeric else _one_by_one(source)
+        if found and not any(column.size for column in found.values()):
+            raise  # there is nothing to describe
+        return found
 
 
 def _again(load: Callable[[Sequence[str]], Columns], loaded: Columns, names: Sequence[str]) -> Columns:

@@ -87,6 +87,15 @@ def test_import_never_overwrites_unasked(bench: Path) -> None:
     assert mapped.read_text(encoding="utf-8") == "mine"
 
 
+def test_a_header_without_samples_is_refused(bench: Path, tmp_path: Path) -> None:
+    data = tmp_path / "empty.csv"
+    data.write_text("t,q_m,a_c,Gamma_m\n", encoding="utf-8")
+    for further in ([], ["--model", bench / "emps300_qm_ac.py"]):
+        refused = run("import", data, *further)
+        assert refused.exit_code == 2
+        assert "has a header but no samples" in refused.stderr
+
+
 def test_microseconds_are_guessed_from_the_step(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("t,q\n" + "".join(f"{k * 200},{k}\n" for k in range(20)), encoding="utf-8")

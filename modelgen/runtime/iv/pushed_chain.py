@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,13 +18,19 @@ from modelgen.runtime.simulation.plant import Plant
 def deflection_of(plant: Plant, stiffness: str) -> FloatArray:
     """Return the deflection of the link of a stiffness per motion of each body, shape (bodies,).
 
-    From the direct model: A falls by (lever / inertia) lever^T per unit of stiffness.
+    From the direct model: A falls by (lever / inertia) lever^T per unit of stiffness. Other springs are taken
+    away: beside a large one a unit would be lost in rounding.
     """
     n = len(plant.bodies)
     mode = tuple(1 for _ in plant.sticking)
-    more = Plant(plant.model, {**plant.parameters, stiffness: plant.parameters[stiffness] + 1.0},
-                 plant.bodies, plant.inertia, plant.actuator, plant.driven)  # fmt: skip
-    square = -plant.inertia[:, None] * (more.space(mode).A - plant.space(mode).A)[n:, :n]
+    soft = {
+        name: 0.0 if name in plant.model.roles and plant.model.roles[name].role == "stiffness" else value
+        for name, value in plant.parameters.items()
+    }
+    without, alone = (
+        replace(plant, parameters=values).space(mode).A[n:, :n] for values in (soft, {**soft, stiffness: 1.0})
+    )
+    square = plant.inertia[:, None] * (without - alone)
     size = np.sqrt(np.maximum(np.diag(square), 0.0))
     first = int(np.argmax(size))
     return np.asarray(square[first] / (size[first] or 1.0))

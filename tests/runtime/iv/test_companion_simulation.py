@@ -16,9 +16,10 @@ from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.iv.companion_simulation import simulated_beside
 from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.model_errors import effects_of
-from modelgen.runtime.iv.pushed_chain import Pushed
+from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.plant import make_plant
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import parse_spec
 from tests.runtime.two_mass_records import GEARED_TEXT
@@ -119,3 +120,9 @@ def test_a_force_is_felt_by_the_rows_that_it_is_in() -> None:
     force = np.sin(np.arange(record.n) / FS)
     for push, rows in (([1.0, 0.0], (0,)), ([0.0, 1.0], (1,)), ([1.0, -1.0], (0, 1))):
         assert Pushed(one, np.array(push), force).felt_rows() == rows
+
+
+def test_the_lever_of_a_link_does_not_depend_on_how_stiff_it_is() -> None:
+    for stiffness in (1e-30, TRUTH["K"], 1e30):
+        plant = make_plant(PLAIN, {**TRUTH, "K": stiffness})
+        np.testing.assert_allclose(np.abs(deflection_of(plant, "K")), [1.0, 1.0], rtol=1e-12)
