@@ -16,6 +16,7 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printe
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.chain_of_fit import chain_of_fit, modes_of_fit
+from modelgen.runtime.parameters.known_sums import with_known_sums
 from modelgen.runtime.parameters.other_solutions import other_solutions, solution_notes
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import (
@@ -174,6 +175,7 @@ def _physical(solved: Solved, base: FloatArray, covariances: Covariances) -> Fou
         hanging = hanging_on(model, covariances, found, doubtful, known)
         doubtful |= dict.fromkeys((name for name in hanging if name not in solved.fixed), reason)
         physical = tuple(entry for entry in physical if entry.name not in doubtful)
+    doubtful = with_known_sums(model, covariances, every, doubtful)
     return replace(every, parameters=physical, unanswered={**every.unanswered, **doubtful})
 
 

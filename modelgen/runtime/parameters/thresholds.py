@@ -75,3 +75,6 @@ SOLVER_TOLERANCE = 1e-10
 
 # A bound holds a parameter, or a link, that it moves by so many standard deviations.
 HELD = 1e-2
+
+# A sum of inertias is told in place of those that are not known where its deviation is below this, in %.
+KNOWN_SUM_PERCENT = 5.0

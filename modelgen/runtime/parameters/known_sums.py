@@ -1,0 +1,66 @@
+"""Inertias that are too uncertain each, but known together: slow motion tells what moves in step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import ModelgenError
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.parameters.physical_parameters import Covariances, FoundParameters
+from modelgen.runtime.parameters.rounded import with_interval
+from modelgen.runtime.parameters.thresholds import KNOWN_SUM_PERCENT
+
+
+def with_known_sums(
+    model: Model, covariances: Covariances, found: FoundParameters, doubtful: Mapping[str, str]
+) -> dict[str, str]:
+    """Return the reasons of refused parameters; those of inertias name their sum where that is known.
+
+    Parameters
+    ----------
+    model : Model
+    covariances : Covariances
+        Of the base parameters identified.
+    found : FoundParameters
+        With the fit to composites.
+    doubtful : mapping of str to str
+        Physical parameters that get no number, with the reason.
+    """
+    solution, told = found.solution, dict(doubtful)
+    names = [name for name in doubtful if name in model.roles and model.roles[name].role == "inertia"]
+    if solution is None or len(names) < 2 or not all(name in solution.determined for name in names):
+        return told
+    shares = _felt_shares(model, solution.values, names)
+    if shares is None:
+        return told
+    gradient = shares @ np.array([solution.gradients[name] for name in names])
+    total = float(shares @ np.array([solution.values[name] for name in names]))
+    std, *others = (found.factor * one for one in covariances.standard_deviations(gradient))
+    entry = Parameter("", model.units.get(names[0], ""), total, std, *others)
+    if not 0.0 < entry.relative_std < KNOWN_SUM_PERCENT:
+        return told
+    parts = zip(shares.tolist(), names, strict=True)
+    terms = " + ".join(name if share == 1.0 else f"{share:.4g} {name}" for share, name in parts)
+    text = f"{terms} = {with_interval(total, *entry.interval())} {entry.unit} is known"
+    return told | {name: f"{doubtful[name]}; {text}" for name in names}
+
+
+def _felt_shares(model: Model, values: Mapping[str, float], names: list[str]) -> FloatArray | None:
+    """Return what share of each inertia the body of the first one feels, all moving as one."""
+    # least squares needs no simulation but for this
+    from modelgen.runtime.simulation.closed_loop import vibration
+    from modelgen.runtime.simulation.plant import make_plant
+
+    try:
+        plant = make_plant(model, dict(values))
+    except ModelgenError:
+        return None
+    moves = dict(zip(plant.bodies, vibration(plant).lowest.tolist(), strict=True))
+    felt = [moves[model.roles[name].bodies[0]] for name in names]
+    if not all(np.isfinite(felt)) or not felt[0]:
+        return None
+    return np.asarray(np.round((np.array(felt) / felt[0]) ** 2, 12))
