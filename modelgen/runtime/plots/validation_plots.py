@@ -41,10 +41,10 @@ class ValidationPlot:
         for axis, check in zip(axes, found.checks, strict=True):
             time_s = (check.start + np.arange(check.measured.size, dtype=float)) / found.fs
             draw_pair(axis, time_s, check.measured, check.simulated, ("measured", found.kind))
-            axis.set_title(f"{check.channel}: {check.kind}, fit {check.fit:.4g} %", loc="left", fontsize=10)
+            what = f"{found.record}, {check.channel}: {check.kind}, fit {check.fit:.4g} %"
+            axis.set_title(what, loc="left", fontsize=10)
             axis.set_ylabel(f"{check.channel} in {check.unit}")
             axis.margins(x=0.0)
-        axes[0].set_title(found.record, loc="right", fontsize=10)
-        axes[0].legend(fontsize=8, ncols=3, loc="upper right", framealpha=0.8, edgecolor="none")
+        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=8)
         axes[-1].set_xlabel("time in s")
         return drawn(axes)
