@@ -101,14 +101,20 @@ def _of_arm(task: Task, method: Auto) -> Begun:
     elif _exceeding(begun, LEFT_BY_ARMS, FAR_OVER_NOISE):
         why = "the residual is far more than noise of the sensors"
     elif beyond_limit(task.job, method.instrumental) is None:
-        try:
-            found = run_method(with_calm_turns(task), method.instrumental)
-        except (IdentifiabilityError, DataError) as error:
-            why = f"instruments find nothing ({error.problems[0].what})"
-        else:
+        calm = with_calm_turns(task)
+        # slow motion may not tell the delays, and the parameters all the same
+        for late in dict.fromkeys((calm.job.late, ())):
+            try:
+                found = run_method(replace(calm, job=replace(calm.job, late=late)), method.instrumental)
+            except (IdentifiabilityError, DataError) as error:
+                nothing = error.problems[0].what
+                why = f"instruments find nothing ({nothing})"
+                continue
             if not _exceeding(found):
-                return _with_note(found, "method iv: noise of the sensors does not bias instruments")
+                told = "" if late == calm.job.late else f"; delays are not estimated ({nothing})"
+                return _with_note(found, f"method iv: noise of the sensors does not bias instruments{told}")
             why = "the residual is more than noise of the sensors"
+            break
     return _with_note(begun, f"method wls: {why}; delays are not estimated")
 
 

@@ -20,11 +20,13 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime import measured_records
 from tests.runtime.identification.test_assemble_estimate import TRUTH as NUMBERS
 from tests.runtime.identification.test_assemble_estimate import observation
+from tests.runtime.made_arm_records import catalogued, model_of
 from tests.runtime.two_mass_records import (
     FS,
     GEARED,
@@ -185,3 +187,19 @@ def test_axes_of_a_robot_hold_the_published_values(
         assert abs(estimate.params[name] - value) < 2.0 * estimate.bse[name], name
         assert estimate.bse[name] < 0.3 * value
     assert not {"clipped", "stuck"} & {kind for kind, _, _ in told(estimate)}
+
+
+def test_an_arm_whose_delays_do_not_come_to_rest_keeps_its_instruments(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("modelgen.runtime.least_squares.delays.DELAY_ROUNDS", 1)
+    model = model_of(catalogued("two_link"))
+    values = model.parameter_sets["nominal"]
+    noise = {"q_1": 2e-5, "q_2": 2e-5, "tau_1": 0.2, "tau_2": 0.05}
+    record = simulate_arm(model, values, noise=noise, fs=500.0).record
+    found = identify(model, record, checks=CheckOptions(tests=False))
+    assert found.fit.method == "iv" and not found.delays
+    assert "delays are not estimated (parameters and delays still move" in found.fit.notes[0]
+    truth = dict(zip(model.base_parameters, model.base_from_physical(values), strict=True))
+    z = np.array([(value - truth[name]) / found.bse[name] for name, value in found.params.items()])
+    assert np.mean(np.abs(z) < 1.96) > 0.8
