@@ -17,7 +17,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from modelgen.documents import Document
 from modelgen.errors import Problem, nearest
 from modelgen.generated_module.literals import hidden_character
-from modelgen.magnitudes import REMEDY, is_usable
+from modelgen.magnitudes import FACTOR_REMEDY, REMEDY, is_usable
 from modelgen.spec.number_expression import Misread, exact_number
 from modelgen.spec.words import identifier_problem, path, shown, suggest
 
@@ -76,6 +76,8 @@ def _title(text: str) -> str:
 def _nonzero(value: float) -> float:
     if value == 0:
         raise unreadable("a number other than 0")
+    if not is_usable(value):
+        raise explained(f"is {value:g}", FACTOR_REMEDY)
     return value
 
 
@@ -101,7 +103,9 @@ def _expression(value: object) -> object:
 Name = Annotated[str, AfterValidator(_name)]
 Title = Annotated[str, AfterValidator(_title)]
 Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_usable), BeforeValidator(_expression)]
-NonzeroNumber = Annotated[Number, AfterValidator(_nonzero)]
+NonzeroNumber = Annotated[
+    float, Field(allow_inf_nan=False), AfterValidator(_nonzero), BeforeValidator(_expression)
+]
 
 _EXPECTED = {
     "string_type": "text in quotes",

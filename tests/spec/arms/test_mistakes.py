@@ -98,6 +98,8 @@ WRONG = [
     (("d = 0.4", 'd = "0.4 m"'),
      'joints[2].d: is "0.4 m", which cannot be read from \'m\' at character 5 on; write a number (m) or a '
      'multiple of one name, for example 0.4318 (m), "431.8/1000", "L2" or "-L2/2"'),
+    (("d = 0.4", "d = 0.4\ngear = 1e-300"),
+     "joints[2].gear: is 1e-300; give a magnitude from 1e-30 to 1e+30"),
     (("d = 0.4", "d = 1e300"),
      "joints[2].d: is 1e+300, a length that cannot be used; "
      "give zero or a magnitude from 1e-30 to 1e+30; check the unit"),
