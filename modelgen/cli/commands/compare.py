@@ -238,8 +238,8 @@ def _describe_estimates(found: Mapping[str, Estimate]) -> dict[str, Any]:
     return {
         "parameters": {
             title: {
-                name: {"value": estimate.params[name], "std": estimate.bse[name], "interval_95": interval}
-                for name, interval in estimate.conf_int().items()
+                one.name: {"value": one.value, "std": one.std, "interval_95": one.interval()}
+                for one in estimate.parameters.told
             }
             for title, estimate in found.items()
         },

@@ -163,9 +163,13 @@ class Estimate:
             kinds["periods"] = np.array(self.checks.periods.covariance)
         return kinds[kind]
 
-    def conf_int(self, alpha: float = 0.05) -> Mapping[str, tuple[float, float]]:
-        """Return intervals that hold each of `params` with probability 1 - alpha (normal distribution)."""
-        return MappingProxyType({entry.name: entry.interval(alpha) for entry in self.parameters.identified})
+    def conf_int(self, alpha: float = 0.05, physical: bool = False) -> Mapping[str, tuple[float, float]]:
+        """Return intervals that hold each of `params` with probability 1 - alpha (normal distribution).
+
+        With `physical` those of `physical`: what base parameters are sums and products of.
+        """
+        told = self.parameters.physical if physical else self.parameters.identified
+        return MappingProxyType({entry.name: entry.interval(alpha) for entry in told})
 
     def modes(self) -> Modes:
         """Return natural frequencies, damping ratios, time constants and antiresonances, with 95 % intervals.

@@ -132,3 +132,9 @@ class EstimatedParameters(FrozenValues):
     nuisance: Mapping[str, float]
     not_identifiable: Mapping[str, str]
     other_solutions: tuple[Mapping[str, float], ...] = ()
+
+    @property
+    def told(self) -> tuple[Parameter, ...]:
+        """The base parameters identified, then the physical ones that are none of these."""
+        names = {entry.name for entry in self.identified}
+        return (*self.identified, *(entry for entry in self.physical if entry.name not in names))

@@ -32,7 +32,7 @@ def latex_table(estimate: Estimate) -> str:
     lines.append(r"Parameter & Unit & Value & $\sigma$ & $\sigma$ in \% & 95\,\% interval \\")
     lines.append(r"\midrule")
     intervals = estimate.conf_int()
-    for entry in estimate.parameters.identified:
+    for entry in estimate.parameters.told:
         low, high = intervals[entry.name]
         cells = [
             _latex_symbol(entry.name),
@@ -57,7 +57,7 @@ def markdown_table(estimate: Estimate) -> str:
 
 
 def data_frame(estimate: Estimate) -> Any:
-    """Return the parameters as a pandas DataFrame, one row a parameter, indexed by name.
+    """Return the parameters as a pandas DataFrame, one row a parameter, indexed by name; base ones first.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def data_frame(estimate: Estimate) -> Any:
             "drift_std": entry.drift_std,
             "printed_std": entry.printed_std,
         }
-        for entry in estimate.parameters.identified
+        for entry in estimate.parameters.told
     }
     return pandas.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
 
@@ -96,7 +96,7 @@ def _rows(estimate: Estimate) -> list[Sequence[str]]:
             f"{intervals[entry.name][0]:.6g}",
             f"{intervals[entry.name][1]:.6g}",
         )
-        for entry in estimate.parameters.identified
+        for entry in estimate.parameters.told
     ]
 
 

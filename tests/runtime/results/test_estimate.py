@@ -94,6 +94,10 @@ def test_intervals_are_normal(estimate: Estimate) -> None:
     assert high == pytest.approx(-2e-5 + 1.959964 * 4e-6)
     narrow = estimate.conf_int(alpha=0.5)["F_vm"]
     assert low < narrow[0] < narrow[1] < high
+    assert estimate.conf_int(physical=True)["J_total"] == pytest.approx(
+        (1.1e-5 - 3.919928e-8, 1.1e-5 + 3.919928e-8)
+    )
+    assert [entry.name for entry in estimate.parameters.told] == ["J_m", "F_vm", "J_total"]
 
 
 def test_three_covariances(estimate: Estimate) -> None:
