@@ -27,6 +27,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
 
 def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit) -> FloatArray:
@@ -101,8 +102,13 @@ def significant_bias(fit: Fit, bias: FloatArray, noise: FloatArray) -> FloatArra
     return np.where(np.isfinite(bias) & (np.abs(bias) > least), bias, 0.0)
 
 
+def takes_instruments(model: Model) -> bool:
+    """Tell whether there is a simulation that makes instruments of a model: not of arms with springs."""
+    return not model.is_arm or follows(model)
+
+
 def bias_advice(
-    fit: Fit, bias: FloatArray, noise: FloatArray, parameters: Sequence[Parameter]
+    model: Model, fit: Fit, bias: FloatArray, noise: FloatArray, parameters: Sequence[Parameter]
 ) -> tuple[Advice, ...]:
     """Return the warning that names what noise biases, and by how much, where that is significant.
 
@@ -118,6 +124,6 @@ def bias_advice(
             "biased by noise",
             ", ".join(pulled),
             "is the bias that noise of the sensors gives least squares; the intervals include it",
-            "use method iv, a lower cut-off or better sensors",
+            f"use {'method iv, ' * takes_instruments(model)}a lower cut-off or better sensors",
         ),
     )

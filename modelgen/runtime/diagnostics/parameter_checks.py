@@ -8,6 +8,7 @@ import numpy as np
 
 from modelgen.errors import DataError
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.noise_bias import takes_instruments
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.diagnostics.thresholds import LARGEST_NOISE, LEAST_SNR_DB, NULL_SHARE, SIGNIFICANT_MOVE
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
@@ -54,15 +55,17 @@ def null_solution(
     """Return the rows that the estimate leaves without meaning: run away to zero, or explaining nothing.
 
     A row whose force is hardly more than noise of the sensors has nothing to explain: it weighs next to
-    nothing and does no harm. With instruments noise biases no row: one that leaves nothing else is right.
+    nothing and does no harm; nor does one without a force if another record explains that row. With
+    instruments noise biases no row: one that leaves nothing else is right.
     """
     found, by_instruments = [], bool(fit.projected)
-    for index, block in enumerate(fit.blocks):
-        share = fit.unexplained(index)
-        left = 1.0 if share is None else share
+    shares = [1.0 if share is None else share for share in map(fit.unexplained, range(len(fit.blocks)))]
+    explained = {block.row for block, left in zip(fit.blocks, shares, strict=True) if left < NULL_SHARE}
+    for index, (block, left) in enumerate(zip(fit.blocks, shares, strict=True)):
         if left < NULL_SHARE:
             continue
-        if (block.has_force or by_instruments) and _drowned(fit, index, model, records[block.record], choice):
+        harmless = block.has_force or by_instruments or block.row in explained
+        if harmless and _drowned(fit, index, model, records[block.record], choice):
             continue
         where = f"{block.record_name}, row {block.row_name}"
         if block.has_force:
@@ -73,7 +76,9 @@ def null_solution(
             what = f"has no force and {unexplained}"
             remedy = "lower the noise, or sense a force in that row"
             if not by_instruments:
-                what, remedy = f"{what}: noise biases it towards zero", f"use method iv, {remedy}"
+                what = f"{what}: noise biases it towards zero"
+                other = "method iv" if takes_instruments(model) else "a lower cut-off"
+                remedy = f"use {other}, {remedy}"
         found.append(Advice("null solution", where, what, remedy))
     return tuple(found)
 
@@ -190,6 +195,7 @@ def noisy_derivatives(model: Model, entries: Sequence[SignalToNoise]) -> tuple[A
                 "noisy derivative",
                 f"{entry.record}, channel {channel}",
                 f"has derivative {entry.derivative} only {entry.snr_db:.0f} dB above its noise",
-                "use method iv, lower the cut-off, or sense a higher derivative",
+                "use method iv, " * takes_instruments(model)
+                + "lower the cut-off, or sense a higher derivative",
             )
     return tuple(found.values())

@@ -201,7 +201,7 @@ def examine(
         ),
         *uncertain_parameters(model, fit, identified, percent, slowest_hz, choice.dynamics_hz),
         *(() if method.consistent else noisy_derivatives(model, signals)),
-        *(bias_advice(fit, extras.bias, noise, identified) if extras.bias is not None else ()),
+        *(bias_advice(model, fit, extras.bias, noise, identified) if extras.bias is not None else ()),
         *(bound_advice(bounds) if bounds else ()),
         *(period_advice(periods, noise, fit.columns) if periods else ()),
         *(hold_out_advice(extras.held_out) if extras.held_out else ()),

@@ -142,6 +142,11 @@ def test_a_load_row_that_noise_pulls_to_zero_is_named(monkeypatch: pytest.Monkey
     (advice,) = null_solution(lost, TWO_MASS, (), CHOICE)
     assert advice.where == "run, row c"
     assert "noise biases it towards zero" in advice.what
+    # a row that another record explains is not lost with one in which it drowns
+    with monkeypatch.context() as patched:
+        patched.setattr(parameter_checks, "_drowned", lambda *_: True)
+        both = fit_paper(replace(rows, blocks=(*rows.blocks, replace(drowned, record=1))))
+        assert null_solution(both, TWO_MASS, (Record({"q_m": np.zeros(9)}, FS, "run"),) * 2, CHOICE) == ()
     # instruments are not biased by noise: such a row is right if noise is all that it leaves
     by_instruments = replace(lost, projected=tuple(block.W for block in lost.blocks))
     records = (Record({"q_m": np.zeros(9)}, FS, "run"),) * 2
