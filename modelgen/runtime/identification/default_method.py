@@ -66,11 +66,10 @@ def default_method(task: Task, method: Auto) -> Begun:
         first = _instrumental(task, method.instrumental)
     except (IdentifiabilityError, DataError) as error:
         lower = _with_usable_cutoff(task)
-        if lower is task:
-            return _stand_in(task, method, error)
-        task, found = lower, _tried(lower, method)
+        found = None if lower is task else _tried(lower, method)
+        task = lower
         if found is None:
-            return _stand_in(task, method, error)
+            return _last_resort(task, method, error)
         first = found
     first = with_held_commands(
         task, first, method.held, lambda there: _instrumental(there, method.instrumental)
@@ -231,11 +230,10 @@ def _with_starts(task: Task, method: IV) -> Begun | None:
     Where zeros differ by more than deflections, or a sensor is late by a sample, a link seems to carry a
     force that nothing explains, and nothing comes out without them. What leaves least is taken.
     """
-    job = task.job
     if all_from_composites(task.model):
         return None
     step("looking for zeros, delays and clocks of sensors")
-    setting = job.setting()
+    job, setting = task.job, task.job.setting()
     found = []
     for start in coarse_starts(job):
         try:
@@ -265,6 +263,19 @@ def _with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:
     found = one.found
     fit = replace(found.fit, notes=(note, *found.fit.notes))
     return replace(one, found=replace(found, fit=fit, drift=found.drift if drift is None else drift))
+
+
+def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataError) -> Begun:
+    """Return least squares where instruments find nothing, else instruments that use reversals; or raise."""
+    try:
+        return _stand_in(task, method, error)
+    except (IdentifiabilityError, DataError):
+        if all_from_composites(task.model):
+            raise
+        found = _tried(replace(task, job=replace(task.job, reversing=True)), method)
+        if found is None or _unexplained(found) or negative_columns(task.model, found.found.fit):
+            raise
+    return _with_note(found, "method iv, samples that feel a reversal included: others tell nothing")
 
 
 def _stand_in(

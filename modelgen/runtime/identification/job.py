@@ -17,6 +17,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.gain_instruments import gain_columns, with_gain_instruments
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.masks import direction_keys
 from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.rows_by_tag import rows_by_tag
 from modelgen.runtime.rows.standstill_speeds import Survey
@@ -38,7 +39,7 @@ class Job:
     model lacks and is estimated as well, from `sizes` on. Rows of least squares that take more than
     `memory_limit` bytes are made again whenever they are asked for. Instruments start at the physical
     parameters `begin`, if there are any and no `start`. Least squares uses samples that feel a reversal only
-    with `turns`.
+    with `turns`, instruments with `reversing`, or where few others are left.
     """
 
     model: Model
@@ -58,13 +59,18 @@ class Job:
     memory_limit: float | None = None
     begin: Mapping[str, float] | None = None
     turns: bool = True
+    reversing: bool = False
 
     def observed(
         self, records: tuple[Record, ...], turns: bool = True, friction: bool = False
     ) -> Observation:
         """Return the rows of records that these stand for, delays compensated, say."""
-        surveys, limit = self.surveys, self.memory_limit
-        rows = observe(self.model, records, self.choice, self.drop, turns, surveys, limit, friction)
+        surveys, limit, every = self.surveys, self.memory_limit, turns or self.reversing
+        rows = observe(self.model, records, self.choice, self.drop, every, surveys, limit, friction)
+        if every and not turns:
+            feel = [bool(direction_keys(self.model, row)) for row in range(len(self.model.rows))]
+            blocks = tuple(replace(block.kept(), turning=feel[block.row]) for block in rows.blocks)
+            rows = replace(rows, blocks=blocks)
         return self.only_rows_for_tag(rows)
 
     def observing(
