@@ -12,6 +12,7 @@ from modelgen.progress import step
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import usable_cutoff, with_calm_turns
+from modelgen.runtime.identification.contradiction import contradiction
 from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import explained_by_stretches
@@ -25,7 +26,6 @@ from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     BIAS_SHARE,
-    DISAGREEMENT,
     FAR_OVER_NOISE,
     LEFT_BY_ARMS,
     LEFT_SHARE,
@@ -36,7 +36,6 @@ from modelgen.runtime.identification.thresholds import (
 from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import ESTIMATED, HELD, estimated
-from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
@@ -167,17 +166,6 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     found = replace(plain.found, advice=told)
     weighed, _ = other_weights(task.job, fit)
     return _with_note(replace(plain, found=found), note, np.outer(move, move) + weighed)
-
-
-def contradiction(fit: Fit, other: Fit) -> FloatArray:
-    """Return by how much two fits to the same columns differ where noise does not explain it, else 0, (c,).
-
-    What one of them hardly determines (friction of two bodies that a simulation moves as one) is no
-    contradiction.
-    """
-    move = fit.solution.x - other.solution.x
-    variance = np.diag(hac_covariance(fit)) + np.diag(hac_covariance(other))
-    return np.where(np.abs(move) > DISAGREEMENT * np.sqrt(np.maximum(variance, 0.0)), move, 0.0)
 
 
 def _instrumental(task: Task, method: IV) -> Begun:

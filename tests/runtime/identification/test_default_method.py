@@ -10,7 +10,7 @@ import pytest
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.identification import default_method
-from modelgen.runtime.identification.default_method import contradiction
+from modelgen.runtime.identification.contradiction import contradiction
 from modelgen.runtime.identification.explanation.explained import Begun
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import IV, Auto, Method
