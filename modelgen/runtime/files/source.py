@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,6 +20,7 @@ Columns = dict[str, npt.NDArray[Any]]
 FS_NAMES = ("fs", "Fs")
 # a column of this name holds times
 TIME_NAMES = ("t", "time", "zeit", "timestamp", "zeitstempel", "temps", "tiempo", "x-axis", "x_value")
+WITH_UNIT = re.compile(r"(t|\w{3,})_(?:s|sec|ms|us|ns)")
 
 
 @dataclass(frozen=True)
@@ -111,9 +113,13 @@ class Source:
 
 
 def is_time_name(name: str) -> bool:
-    """Return whether a column of this name holds times; "time (2)" is the second one of a file."""
-    base = name.partition(" (")[0].strip().strip('"').lower()
-    return base in TIME_NAMES
+    """Return whether a column of this name holds times, "time_s" too; "time (2)" is the second one of a file.
+
+    "T_s" may be a torque.
+    """
+    base = name.partition(" (")[0].strip().strip('"')
+    with_unit = WITH_UNIT.fullmatch(base)
+    return (with_unit.group(1) if with_unit else base).lower() in TIME_NAMES
 
 
 def source_of_shapes(

@@ -342,3 +342,13 @@ def test_wherever_it_stands_a_torque_named_T_is_no_second_column_of_times(tmp_pa
     found = read_record(path)
     assert found.fs == 500.0
     assert set(found.signals) == {"T", "q", "v"}
+
+
+def test_a_column_of_times_may_end_in_its_unit(tmp_path: Path) -> None:
+    for name, factor in (("time_s", 1.0), ("t_ms", 1e3), ("Zeit_us", 1e6)):
+        rows = "".join(f"{factor * 0.002 * k:.6g},{k % 7}\n" for k in range(40))
+        (tmp_path / "a.csv").write_text(f"{name},q\n{rows}")
+        assert read_record(tmp_path / "a.csv").fs == pytest.approx(500.0)
+    # a torque of a body s
+    (tmp_path / "a.csv").write_text("t,T_s\n" + "".join(f"{0.002 * k:.6g},{k % 7}\n" for k in range(40)))
+    assert set(read_record(tmp_path / "a.csv").keys) == {"T_s"}
