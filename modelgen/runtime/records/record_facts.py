@@ -7,7 +7,7 @@ mean) is asked of all of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar, cast
@@ -15,9 +15,11 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.filters.jumps import jumps
 from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, mean_spectrum, reading_spectrum
 from modelgen.runtime.filters.power_spectrum import power_spectrum
+from modelgen.runtime.filters.thresholds import JUMP_ORDER
 from modelgen.runtime.records.channels import Channels, in_stretches
 from modelgen.runtime.records.period import first_lag
 from modelgen.runtime.records.thresholds import ACTIVE, PIECES, WHOLE
@@ -141,6 +143,17 @@ class RecordFacts:
                 [reading_spectrum(part, fs) for part in self.stretches(channel)]
             )
         return self._spectra[channel]
+
+    def jumps(self, channel: str) -> IntArray:
+        """Return the samples at which a channel jumps, see `jumps`."""
+        return self.kept(("jumps", channel), lambda: np.concatenate(list(self._jumps(channel))))
+
+    def _jumps(self, channel: str) -> Iterator[IntArray]:
+        n = self._source.n
+        for start in range(0, n, WHOLE):
+            low, high = max(start - JUMP_ORDER, 0), min(start + WHOLE + JUMP_ORDER, n)
+            found = low + jumps(self._source.read(channel, low, high))
+            yield found[(found >= start) & (found < start + WHOLE)]
 
     def power(
         self, channel: str, derivative: int = 0, keep_mean: bool = False

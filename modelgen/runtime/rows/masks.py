@@ -12,14 +12,14 @@ from numbers import Real
 
 import numpy as np
 
-from modelgen.array_types import BoolArray, FloatArray
+from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.reversals import reversals, standstills, turns, widen
 from modelgen.runtime.filters.thresholds import STANDSTILL_SHARE
 from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.record import missing_name
+from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.dropped_friction import dropped_friction
 from modelgen.runtime.rows.thresholds import (
@@ -179,3 +179,26 @@ def _direction_reach(choice: FilterChoice, fs: float) -> int:
 
 def _long_rest(choice: FilterChoice, fs: float) -> int:
     return int(np.ceil(STANDSTILL_PERIODS * fs / choice.cutoff_hz))
+
+
+def jump_places(model: Model, record: Record) -> tuple[IntArray, ...]:
+    """Return for every row the samples of a record at which one of its forces jumps.
+
+    What a force does between two samples is not in its record: at such places row and motion differ.
+    """
+    actuators = {signal.key: signal.actuator for signal in model.signals if signal.actuator is not None}
+    none = np.zeros(0, dtype=np.int64)
+    found = []
+    for row, terms in enumerate(model.measurement_columns):
+        every = [*terms, *(term for terms in model.regressor_columns[row].values() for term in terms)]
+        forces = dict.fromkeys(actuators[key] for _, key in every if key in actuators)
+        found.append(np.unique(np.concatenate([none, *(record.facts.jumps(key) for key in forces)])))
+    return tuple(found)
+
+
+def near_jumps(jumps: IntArray, grid: range, choice: FilterChoice, fs: float) -> BoolArray:
+    """Return which samples of a grid feel one of the jumps, shape (grid,); fs in Hz."""
+    reach = support_samples(choice.filter_order, choice.cutoff_hz, fs, 0, TURN_TOLERANCE)
+    samples = np.asarray(grid)
+    first, behind = np.searchsorted(jumps, samples - reach), np.searchsorted(jumps, samples + reach, "right")
+    return np.asarray(behind > first)

@@ -13,13 +13,13 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
-from modelgen.runtime.rows.masks import calm_masks
+from modelgen.runtime.rows.masks import calm_masks, jump_places, near_jumps
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.remade_rows import remade_blocks
 from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.rows.row_terms import holds_force, holds_gain, row_terms
 from modelgen.runtime.rows.standstill_speeds import Survey
-from modelgen.runtime.rows.thresholds import LEAST_SHARE
+from modelgen.runtime.rows.thresholds import JUMPS_FELT, LEAST_SHARE
 
 # From so many columns a row holds those only that it touches: of a long chain that is a handful.
 WIDE = 40
@@ -84,10 +84,15 @@ def observe(
     for index, record in enumerate(counted(records, "filtering")):
         survey = surveys[index] if surveys else None
         rows = matched_rows(model, record, choice, choice.decimation[index], drop, survey=survey)
-        found.append(rows.survey)
         if not turns:
             rows = replace(rows, masks=calm_masks(model, choice, record.fs, rows.masks, friction))
-        for block in remade_blocks(rows, index) if remade else _blocks(rows, index):
+            slow = choice.cutoff_hz > JUMPS_FELT * record.fs
+            if rows.survey.jumps is None and slow and not model.is_arm:
+                rows = replace(rows, survey=replace(rows.survey, jumps=jump_places(model, record)))
+        found.append(rows.survey)
+        for block in (
+            remade_blocks(rows, index) if remade else _blocks(rows, index, None if turns else choice)
+        ):
             blocks.append(block)
             if block.count == 0:
                 notes.append(
@@ -134,25 +139,34 @@ class _Kept:
             for times, more in power.items():
                 self.force_power[times] = self.force_power.get(times, 0.0) + more
 
-    def place(self, row: int) -> tuple[IntArray | None, bool]:
-        """Return the samples that a row may use, None for all; and whether some of them feel a turn."""
+    def place(self, row: int, calm_at: FilterChoice | None) -> tuple[IntArray | None, bool]:
+        """Return the samples that a row may use, None for all; and whether some of them feel a turn.
+
+        With `calm_at` those that feel a jump of a force are left out, unless few others are left: friction
+        that reverses all the time jumps with its sign.
+        """
         masked, turning = self.masked[row], False
         further = len(self.rows.terms) + row
         if further < len(self.masked):
             calm = masked | self.masked[further]
             turning = bool(np.count_nonzero(~calm) < LEAST_SHARE * self.count)
             masked = masked if turning else calm
+        jumps = self.rows.survey.jumps
+        if calm_at is not None and not turning and jumps is not None and jumps[row].size:
+            steady = masked | near_jumps(jumps[row], self.rows.grid, calm_at, self.rows.source.fs)
+            if np.count_nonzero(~steady) >= LEAST_SHARE * np.count_nonzero(~masked):
+                masked = steady
         return (np.flatnonzero(~masked).astype(np.int64) if masked.any() else None), turning
 
 
-def _blocks(rows: RecordRows, index: int) -> Iterator[RowBlock]:
-    """Yield the blocks of one record, the `index`-th."""
+def _blocks(rows: RecordRows, index: int, calm: FilterChoice | None) -> Iterator[RowBlock]:
+    """Yield the blocks of one record, the `index`-th; with `calm` without what feels jumps of forces."""
     kept = _Kept(rows)
     kept.all()
     model = rows.plan.model
     every = np.arange(kept.count)
     for terms, info in zip(rows.terms, model.rows, strict=True):
-        place, turning = kept.place(terms.row)
+        place, turning = kept.place(terms.row, calm)
         lines = kept.lines[terms.row] if place is None else kept.lines[terms.row][:, place]
         kept.lines[terms.row] = lines[:0].copy()  # one row at a time stands in memory twice
         force_scale = float(np.sqrt(kept.force_power.get(info.differentiated, 0.0) / kept.count)) / info.lever

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filters.thresholds import STANDSTILL_SHARE
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.signal_plan import SignalPlan
@@ -20,9 +20,13 @@ from modelgen.runtime.rows.thresholds import PERCENTILE
 
 @dataclass(frozen=True)
 class Survey:
-    """Speeds below which a mass stands still, by the key of the velocity."""
+    """Speeds below which a mass stands still, by the key of the velocity; where forces of each row jump.
+
+    The latter are looked for where samples are left out for them.
+    """
 
     thresholds: Mapping[str, float]
+    jumps: tuple[IntArray, ...] | None = None
 
 
 NOTHING = Survey({})

@@ -182,3 +182,24 @@ def test_blocks_are_frozen() -> None:
     with pytest.raises(AttributeError):
         block.masked = 3  # type: ignore[misc]
     assert isinstance(replace(block, masked=3), RowBlock)
+
+
+def test_calm_rows_leave_out_what_feels_a_jump_of_their_force() -> None:
+    record = moving(QC, reversing=False)
+    rng = np.random.default_rng(4)
+    steps = np.where(np.arange(record.n) < 7000, 0.0, 0.01)
+    force = record.signals["Gamma_m"] + steps + 1e-5 * rng.standard_normal(record.n)
+    jumping = record.edited({"Gamma_m": force})
+    lower = choose_filter(QC, [jumping], cutoff_hz=200.0, direction_cutoff_hz=150.0)
+    assert observe(QC, [jumping], lower, turns=False).blocks[0].masked == 0
+    choice = choose_filter(QC, [jumping], cutoff_hz=600.0, direction_cutoff_hz=150.0)
+    motor, load = observe(QC, [jumping], choice, turns=False).blocks
+    gaps = np.setdiff1d(np.arange(motor.grid), motor.place)
+    sample = motor.start + choice.decimation[0] * gaps
+    assert gaps.size and np.all(np.abs(sample - 7000) < 0.02 * FS) and sample.min() < 7000 < sample.max()
+    # positions do not jump, and least squares of all samples leaves none out
+    assert load.masked == 0
+    assert all(block.masked == 0 for block in observe(QC, [jumping], choice).blocks)
+    # a force that jumps all the time is what it is
+    busy = record.edited({"Gamma_m": force + 0.01 * np.sign(np.sin(0.1 * np.arange(record.n)))})
+    assert observe(QC, [busy], choice, turns=False).blocks[0].masked == 0

@@ -1,0 +1,48 @@
+"""Jumps of a signal: found beside a motion that is large and a noise that is not, and only as rare events."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modelgen.runtime.filters.jumps import jumps
+from modelgen.runtime.records.record import Record
+
+N = 4000
+K = np.arange(N)
+SMOOTH = 20.0 * np.sin(2.0 * np.pi * K * (0.01 + 0.04 * K / N)) + 0.01 * np.random.default_rng(1).normal(
+    size=N
+)
+
+
+def test_a_jump_is_found_where_it_is() -> None:
+    found = jumps(SMOOTH + 0.5 * (K >= 1500))
+    assert found.size and np.all(np.abs(found - 1500) <= 8)
+    assert np.min(np.abs(found - 1500)) <= 1
+
+
+def test_so_is_a_corner() -> None:
+    found = jumps(SMOOTH + np.clip(1.5 * (K - 2500), 0.0, 30.0))
+    assert {min((2500, 2520), key=lambda one: abs(one - place)) for place in found.tolist()} == {2500, 2520}
+    assert np.all(np.minimum(np.abs(found - 2500), np.abs(found - 2520)) <= 8)
+
+
+def test_a_steady_motion_and_noise_have_none() -> None:
+    assert jumps(SMOOTH).size == 0
+    assert jumps(np.random.default_rng(2).normal(size=100_000)).size == 0
+
+
+def test_a_signal_without_noise_or_one_that_jumps_all_the_time_has_none() -> None:
+    assert jumps(np.where(K < 2000, 0.0, 1.0)).size == 0
+    assert jumps(np.where(K // 20 % 2, 1.0, -1.0) + 1e-3 * SMOOTH).size == 0
+    assert jumps(np.zeros(10)).size == 0
+
+
+def test_a_long_channel_is_looked_at_in_stretches() -> None:
+    n = 600_000
+    samples = np.random.default_rng(3).normal(size=n)
+    at = [1 << 18, (1 << 18) + 5000, 599_000]
+    for k in at:
+        samples[k:] += 400.0
+    found = Record({"F": samples}, 1000.0, "run").facts.jumps("F")
+    assert sorted({min(at, key=lambda one: abs(one - place)) for place in found.tolist()}) == at
+    np.testing.assert_array_equal(found, jumps(samples))
