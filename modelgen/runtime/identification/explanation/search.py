@@ -17,6 +17,7 @@ from modelgen.runtime.identification.thresholds import (
     LEAST_CLOCK_DRIFT,
     LITTLE_LEFT,
     MOST_EFFECTS,
+    MOST_STEPS,
     MOST_TRIED,
     ROUGH,
     TRIED_TOO,
@@ -58,6 +59,8 @@ class Search:
     advice : tuple of Advice
     ended : bool
         Whether nothing more is to be estimated.
+    before : frozenset of frozenset of str
+        The effects that were estimated at each step before: what leads back to them is not taken.
     """
 
     job: Job
@@ -69,6 +72,7 @@ class Search:
     drift: FloatArray
     advice: tuple[Advice, ...] = ()
     ended: bool = False
+    before: frozenset[frozenset[str]] = frozenset()
 
     def look(self) -> Seen:
         """Return what the residual shows of effects that are not estimated."""
@@ -81,7 +85,8 @@ class Search:
             return replace(self, ended=True)
         if _of_the_same(shown[0], self.effects):
             return self._holding(shown[0])
-        tried = list(self._tried(shown)) if len(self.effects) < self.given + MOST_EFFECTS else []
+        room = len(self.effects) < self.given + MOST_EFFECTS and len(self.before) < MOST_STEPS
+        tried = [one for one in self._tried(shown) if _names(one[1]) not in self.before] if room else []
         if not tried:
             return self._holding(shown[0], left_of(shown[0], shown))
         return self._with(tried)
@@ -156,7 +161,12 @@ class Search:
             given=min(self.given, len(effects)),
             ties={**self.ties, effect.name: equal},
             drift=self.drift + np.outer(change, change),
+            before=self.before | {_names(self.effects)},
         )
+
+
+def _names(effects: Sequence[Effect]) -> frozenset[str]:
+    return frozenset(effect.name for effect in effects)
 
 
 def left_of(best: Score, shown: Sequence[Score]) -> Advice:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 from typing import Any, cast
@@ -12,15 +13,19 @@ import pytest
 
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.explanation import search as module
+from modelgen.runtime.identification.explanation.look_at_residual import Seen
 from modelgen.runtime.identification.explanation.search import Search
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.model_errors import effects_of
+from modelgen.runtime.iv.score_tests import Score
 from tests.runtime.two_mass_records import SMALL, two_mass_records
 
 EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), 2)}
-FRICTION, LATE, GAIN = (EFFECTS[name] for name in ("Coulomb friction on c", "delay of q_c", "gain of q_c"))
+FRICTION, LATE, GAIN, OTHER = (
+    EFFECTS[name] for name in ("Coulomb friction on c", "delay of q_c", "gain of q_c", "constant force on c")
+)
 
 
 @cache
@@ -63,3 +68,22 @@ def test_effects_that_a_start_brought_along_stay_however_small(monkeypatch: pyte
 def test_an_effect_whose_sign_physics_forbids_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     solved(monkeypatch, {LATE.name: 5.0, FRICTION.name: -20.0})
     assert searching(LATE)._freed(FRICTION) is None
+
+
+def test_effects_that_take_each_other_s_place_do_not_do_so_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    left = SimpleNamespace(misfit=0.0, solution=SimpleNamespace(x=np.zeros(6)))
+
+    def fit(setting: Any, rows: Any, start: Any, effects: Sequence[Effect], *rest: Any) -> Freed:
+        sizes = (*(1e-7 for _ in effects[1:]), 1e-4)  # only the last one is certain
+        return Freed(cast(Any, None), cast(Any, left), setting, sizes, tuple(1e-6 for _ in effects))
+
+    monkeypatch.setattr(module, "fit_with_effects", fit)
+    search = searching()
+    search = replace(search, now=replace(search.now, fit=cast(Any, left)))
+    turns, steps = (FRICTION, OTHER), 0
+    while not search.ended:
+        move = np.zeros(6)
+        shown = Score(turns[steps % 2], 1e-4, 1e-6, 0.5, move, 1.0, 1.0, 1e-6, True)
+        search, steps = search.step(Seen((shown,))), steps + 1
+        assert steps < 6
+    assert [one.kind for one in search.advice] == ["more than the model"]
