@@ -14,7 +14,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.score_tests import Span, stacked
-from modelgen.runtime.iv.thresholds import AS_GOOD, EXACTNESS, LARGEST_SHARE, LEVEL, LITTLE_OWN, ROUNDED
+from modelgen.runtime.iv.thresholds import AS_GOOD, EXACTNESS, LARGEST_SHARE, LEVEL, LITTLE_OWN
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.numerics.tails import normal_beyond
 
@@ -83,9 +83,7 @@ def other_explanations(
         left = span.apart(fit.weighted_residual + size * stacked(fit, mine))
         told = span.compared((mine, *looked.tested), left)
         whole, power = told.whole, told.power
-        # nothing is left of what rounding alone holds apart
-        clear = power > ROUNDED * whole
-        steps = np.where(clear, told.along / np.where(clear, power, 1.0), 0.0)
+        steps = told.along / np.maximum(power, np.finfo(float).tiny)
         explained = steps**2 * power
         # as a chi square that knows the residual's colour, like the deviation of this effect's size
         chi = explained * (size / std) ** 2 / max(float(explained[0]), np.finfo(float).tiny)

@@ -15,6 +15,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.thresholds import (
+    CANCELLED,
     LARGEST_SHARE,
     LEAST_EXPLAINED,
     LEAST_MOVE,
@@ -218,7 +219,10 @@ class Span:
                     inner[:, place] += self._basis[first:last].T @ part
                     whole[place] += part @ part
                     along[place] += part @ residual[first:last]
-        power = np.maximum(whole - np.sum(inner**2, axis=0), 0.0)
+        power = whole - np.sum(inner**2, axis=0)
+        for place in np.flatnonzero(power < CANCELLED * whole).tolist():
+            own = self.apart(self.apart(stacked(self._fit, grown[place])))
+            power[place], along[place] = own @ own, own @ residual
         return Compared(whole, power, along, self._back @ inner)
 
 

@@ -101,6 +101,8 @@ AT_REST = 1e-3
 
 # An effect with less than this share of itself outside of the regressors cannot be told from them.
 LEAST_OWN_SHARE = 1e-3
+# Below this share a difference of sums of squares has lost digits, and the part outside is worked out itself.
+CANCELLED = 1e-6
 # An effect of which no more than this share lies outside of the columns is hardly told from them.
 LITTLE_OWN = 0.05
 # Level of all tests together.
