@@ -229,7 +229,7 @@ def _prune(solved: Solved, residual_dof: str, percent: float) -> Pruning:
         columns = [name for name in fit.columns if name in kept or name not in identified]
         reduced = fit
         if len(columns) < len(fit.columns):
-            reduced = refit(fit, columns)
+            reduced = refit(fit, columns, polish=False)
             reduced = solved.method.finish(reduced, solved.job.model)
         covariance = hac_covariance(reduced) if hac else printed_covariance(reduced, residual_dof)[1]
         place = [reduced.columns.index(name) for name in kept]

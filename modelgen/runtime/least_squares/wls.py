@@ -125,10 +125,13 @@ def fit_paper(observation: Observation) -> Fit:
     return _solve(blocks, columns, absent, tuple(1.0 / max(one, tiny) for one in rms))
 
 
-def refit(fit: Fit, columns: Sequence[str]) -> Fit:
-    """Fit the same rows with the same weights to some of the columns only."""
+def refit(fit: Fit, columns: Sequence[str], polish: bool = True) -> Fit:
+    """Fit the same rows with the same weights to some of the columns only.
+
+    Without `polish` what rounding has moved stays in, which is enough to see what a column is worth.
+    """
     blocks, projected = fit.rows(columns)
-    return _solve(blocks, tuple(columns), fit.absent, fit.weights, projected)
+    return _solve(blocks, tuple(columns), fit.absent, fit.weights, projected, polish)
 
 
 def _used_with_force(
@@ -185,6 +188,7 @@ def _solve(
     absent: tuple[str, ...],
     weights: tuple[float, ...],
     projected: tuple[FloatArray, ...] | None = None,
+    polish: bool = True,
 ) -> Fit:
     c = len(columns)
     if projected is not None:
@@ -193,7 +197,7 @@ def _solve(
         solution = least_squares(R, Y)
     else:
         triangle = np.asarray(np.linalg.qr(triangle_rows(blocks, weights, c), mode="r"))
-        solution = polished(triangle, _Weighted(blocks, weights, c))
+        solution = polished(triangle, _Weighted(blocks, weights, c) if polish else ())
     residuals = residuals_of(blocks, solution.x)
     return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
 
