@@ -221,6 +221,7 @@ class Span:
                     along[place] += part @ residual[first:last]
         power = whole - np.sum(inner**2, axis=0)
         for place in np.flatnonzero(power < CANCELLED * whole).tolist():
+            # twice: rounding leaves as much of the regressors as is to be found
             own = self.apart(self.apart(stacked(self._fit, grown[place])))
             power[place], along[place] = own @ own, own @ residual
         return Compared(whole, power, along, self._back @ inner)

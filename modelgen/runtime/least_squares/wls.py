@@ -191,13 +191,15 @@ def _solve(
     polish: bool = True,
 ) -> Fit:
     c = len(columns)
+    parts: Sequence[tuple[FloatArray, FloatArray]]
     if projected is not None:
         R = np.concatenate([weight * array for weight, array in zip(weights, projected, strict=True)])
         Y = np.concatenate([weight * block.Y for weight, block in zip(weights, blocks, strict=True)])
-        solution = least_squares(R, Y)
+        rows, parts = np.column_stack([R, Y]), [(R, Y)]
     else:
-        triangle = np.asarray(np.linalg.qr(triangle_rows(blocks, weights, c), mode="r"))
-        solution = polished(triangle, _Weighted(blocks, weights, c) if polish else ())
+        rows, parts = triangle_rows(blocks, weights, c), _Weighted(blocks, weights, c)
+    triangle = np.asarray(np.linalg.qr(rows, mode="r"))
+    solution = polished(triangle, parts if polish else ())
     residuals = residuals_of(blocks, solution.x)
     return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
 

@@ -22,6 +22,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.dropped_friction import dropped_friction
+from modelgen.runtime.rows.row_terms import channels_of_rows
 from modelgen.runtime.rows.thresholds import (
     DIRECTION_TOLERANCE,
     SLOW_SHARE,
@@ -186,14 +187,12 @@ def jump_places(model: Model, record: Record) -> tuple[IntArray, ...]:
 
     What a force does between two samples is not in its record: at such places row and motion differ.
     """
-    actuators = {signal.key: signal.actuator for signal in model.signals if signal.actuator is not None}
+    forces = {actuator.key for actuator in model.actuators}
     none = np.zeros(0, dtype=np.int64)
-    found = []
-    for row, terms in enumerate(model.measurement_columns):
-        every = [*terms, *(term for terms in model.regressor_columns[row].values() for term in terms)]
-        forces = dict.fromkeys(actuators[key] for _, key in every if key in actuators)
-        found.append(np.unique(np.concatenate([none, *(record.facts.jumps(key) for key in forces)])))
-    return tuple(found)
+    return tuple(
+        np.unique(np.concatenate([none, *(record.facts.jumps(key) for key in sorted(channels & forces))]))
+        for channels in channels_of_rows(model)
+    )
 
 
 def near_jumps(jumps: IntArray, grid: range, choice: FilterChoice, fs: float) -> BoolArray:
