@@ -22,38 +22,41 @@ def open_rosbag(path: Path) -> Source:
 
 
 def open_messages(path: Path, kind: str, title: str) -> Source:
-    """Return the source of a recording: a column a number of a message, a column of times a topic.
+    """Return the source of a recording: a column a number of a message, a column of times a stream.
+
+    A stream is a topic, or one publisher's messages where several write different joints on one topic.
 
     Raises
     ------
     DataError
         When the libraries are missing, the file is none or damaged, or holds too many columns.
     """
-    topics, left_out = ask(f"{kind}.listing", path)
+    streams, left_out = ask(f"{kind}.listing", path)
     names: dict[str, None] = {}
     places: dict[str, tuple[str, str]] = {}
-    times: dict[str, str] = {}
+    times: dict[str, tuple[str, list[str]]] = {}  # column of times -> topic, fields of its messages
     clocks: dict[str, str] = {}
-    for entry in topics:
-        topic = entry["topic"]
-        clock = "time" if not times else f"time ({topic})"
-        names[clock], times[clock] = None, topic
-        for field in entry["fields"]:
+    topics: dict[str, None] = {}
+    for entry in streams:
+        topic, fields = entry["topic"], entry["fields"]
+        again = topic in topics
+        clock = "time" if not times else f"time ({topic}.{fields[0]})" if again else f"time ({topic})"
+        topics[topic] = None
+        names[clock], times[clock] = None, (topic, fields)
+        for field in fields:
             name = f"{topic}.{field}"
             names[name], places[name], clocks[name] = None, (topic, field), clock
     check_columns(path, len(names))
 
     def load(asked: Sequence[str]) -> Columns:
         samples = [name for name in asked if name in places]
-        stamps = [name for name in asked if name in times]
-        # every topic's times are counted from one instant
-        every = list(dict.fromkeys([*(times[clock] for clock in stamps), *times.values()]))
-        read = ask(f"{kind}.columns", path, wanted=[places[name] for name in samples], clocks=every)
-        found = dict(zip(samples, read, strict=False))
-        of_topic = dict(zip(every, read[len(samples) :], strict=True))
-        return {name: found[name] if name in places else of_topic[times[name]] for name in asked}
+        wanted = [places[name] for name in samples]
+        # all times are counted from one instant
+        read = ask(f"{kind}.columns", path, wanted=wanted, clocks=list(times.values()))
+        found = dict(zip([*samples, *times], read, strict=True))
+        return {name: found[name] for name in asked}
 
-    took = [f"{title} of {len(times)} topic(s), times of the messages' headers, or of logging"]
+    took = [f"{title} of {len(topics)} topic(s), times of the messages' headers, or of logging"]
     if left_out:
         took.append("left out: " + listed(f"{topic} ({why})" for topic, why in left_out.items()))
     units = dict.fromkeys(times, "s")

@@ -91,6 +91,40 @@ def test_joint_states_are_read_with_the_times_of_their_headers(tmp_path: Path) -
     np.testing.assert_array_equal(record.signals["F"], -F)
 
 
+def test_publishers_of_other_joints_on_one_topic_are_streams(tmp_path: Path) -> None:
+    """An arm at 500 Hz and a gripper at 100 Hz, which the driver publishes on the same topic."""
+    path = tmp_path / "run.mcap"
+    with path.open("wb") as file:
+        writer = RosWriter(file)
+        joints = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
+        for k in range(N):
+            logged = START_NS + k * STEP_NS
+            if k % 5 == 0:
+                own = {"name": ["finger"], "position": [float(k)], "effort": [0.0]}
+                writer.write_message(
+                    "/joint_states",
+                    joints,
+                    {"header": {"stamp": stamp(k), "frame_id": ""}, **own},
+                    logged,
+                    logged,
+                )
+            arm = {"name": ["c", "m"], "position": [-Q[k], Q[k]], "effort": [0.0, F[k]]}
+            arm = {"header": {"stamp": stamp(k, 1000), "frame_id": ""}, **arm}
+            writer.write_message("/joint_states", joints, arm, logged, logged)
+        writer.finish()
+    source = open_source(path)
+    assert "time (/joint_states.position[c])" in source.names
+    assert source.took[0].startswith("an MCAP file of 1 topic(s)")
+    mapping = {"q_m": "/joint_states.position[m]", "F": "/joint_states.effort[m]"}
+    record = read_record(path, mapping)
+    assert record.fs == pytest.approx(500.0, rel=1e-9)
+    np.testing.assert_array_equal(record.signals["q_m"], Q)
+    np.testing.assert_array_equal(record.signals["F"], F)
+    finger = source.load(["time", "/joint_states.position[finger]"])
+    np.testing.assert_allclose(finger["time"], 5e-9 * STEP_NS * np.arange(N // 5), atol=1e-12)
+    np.testing.assert_array_equal(finger["/joint_states.position[finger]"], np.arange(0, N, 5))
+
+
 @pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
 def test_topics_have_times_of_their_own(tmp_path: Path, compression: CompressionType) -> None:
     path = tmp_path / "run.mcap"
