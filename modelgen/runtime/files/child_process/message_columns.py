@@ -58,7 +58,7 @@ def _may_have_others(streams: list[dict[str, None]], seen: int) -> bool:
 
 
 def _add_fields(streams: list[dict[str, None]], fields: dict[str, None]) -> int:
-    """Add the fields of a message to the stream that shares one, else as a stream; return how many are new."""
+    """Add the fields of a message to the stream that shares one, else as a stream; return their number."""
     known = {field for stream in streams for field in stream}
     further = dict.fromkeys(field for field in fields if field not in known)
     stream = next((one for one in streams if one.keys() & fields.keys()), None)
