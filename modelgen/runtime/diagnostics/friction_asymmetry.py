@@ -20,10 +20,9 @@ from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
 from modelgen.runtime.least_squares.thresholds import RANK_TOLERANCE
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.record_rows import matched_rows
+from modelgen.runtime.rows.record_rows import unmasked_rows
 from modelgen.runtime.rows.remade_rows import RemadeFeature
 from modelgen.runtime.rows.row_block import STRETCH
-from modelgen.runtime.rows.standstill_speeds import NOTHING
 
 # values of a column at points of a grid, from (n,) to (n,)
 Column = Callable[[IntArray], FloatArray]
@@ -168,7 +167,7 @@ def _columns(
             continue
         if block.record not in speeds:
             record, factor = records[block.record], choice.decimation[block.record]
-            rows = matched_rows(model, record, choice, factor, drop, survey=NOTHING)
+            rows = unmasked_rows(model, record, choice, factor, drop)
             speed = Feature("speed", "sign", of=str(feature.of), times=str(feature.of))
             speeds[block.record] = rows.feature(speed) if block.in_memory else RemadeFeature(rows, speed)
         columns.append(partial(_scaled, share, speeds[block.record]))

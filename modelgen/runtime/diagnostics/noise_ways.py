@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -69,10 +70,12 @@ class NoiseWays:
         """Return the power of what white noise of each channel adds to the left side, shape (n,) each."""
         omega, found = 2.0 * np.pi * frequency_hz, {}
         for channel, by_order in self.slopes.items():
-            lines = [(1j * omega) ** order for order in by_order]
             left = np.array([slope[-1] for slope in by_order.values()])
-            shared = left @ left.T / left.shape[1]
-            found[channel] = np.real(np.einsum("in,ij,jn->n", np.conj(lines), shared, np.array(lines)))
+            shared, power = left @ left.T / left.shape[1], np.zeros(len(omega))
+            for (i, one), (j, other) in product(enumerate(by_order), repeat=2):
+                if (one - other) % 2 == 0:  # the real part of (-i omega)^one (i omega)^other
+                    power += (-1.0) ** ((one - other) // 2) * shared[i, j] * omega ** (one + other)
+            found[channel] = power
         return found
 
 

@@ -23,7 +23,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     SMALLEST_ERROR,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.power_spectrum import quick_length
+from modelgen.runtime.filters.power_spectrum import quick_length, square
 from modelgen.runtime.least_squares.fit import Fit, FittedStretch
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.tails import normal_beyond
@@ -202,7 +202,7 @@ def _correlation(fit: Fit, index: int, run: FittedStretch, step_s: float) -> Cor
     lags = min(INPUT_LAGS, n // 4)
     size = quick_length(2 * n)
     E = np.fft.rfft(e, size)
-    density = _smooth(np.abs(E) ** 2)
+    density = _smooth(square(E))
     count = len(fit.blocks) * lags * len(fit.columns)
     quantile = normal_beyond(0.5 * (1.0 - CONFIDENCE) / count)
     best: tuple[float, Correlation] | None = None
@@ -216,7 +216,8 @@ def _correlation(fit: Fit, index: int, run: FittedStretch, step_s: float) -> Cor
         U = np.fft.rfft(u, size)
         products = np.fft.irfft(E * np.conj(U), size)[1 : lags + 1] / np.sqrt(power)
         # sum of R_e(k) R_u(k): the variance of a sum of products of two coloured series
-        both = np.fft.irfft(density * np.abs(U) ** 2, size)[0]
+        powers = density * square(U)
+        both = (2.0 * powers.sum() - powers[0] - (powers[-1] if size % 2 == 0 else 0.0)) / size
         bound = quantile * float(np.sqrt(both / n / power))
         lag = int(np.argmax(np.abs(products)))
         ratio = abs(float(products[lag])) / bound

@@ -24,6 +24,7 @@ from modelgen.runtime.diagnostics.thresholds import (
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import gain
+from modelgen.runtime.filters.power_spectrum import hann, square
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.nonnegative import nonnegative
 from modelgen.runtime.numerics.tails import chi_square_beyond
@@ -69,11 +70,10 @@ def coloured(
     n = len(e)
     factor = choice.decimation[block.record]
     rate = record.fs / factor
-    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / max(n, 1))
     # lines two apart are independent behind this window
     every = slice(2, None, 2)
     frequency_hz = np.asarray(np.fft.rfftfreq(n, 1.0 / rate)[every], dtype=float)
-    power = np.abs(np.fft.rfft(e * window)[every]) ** 2
+    power = square(np.fft.rfft(e * hann(n))[every])
     ways = noise_ways(model, record, choice, factor)[block.row].of_residual(x)
     shapes = _shapes(ways, model.rows[block.row].differentiated, choice, frequency_hz, rate, record.fs)
     inside = shapes.max(axis=1) > LEAST_POWER * shapes.max() if shapes.size else np.zeros(0, dtype=bool)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import BoolArray, FloatArray
-from modelgen.runtime.filters.power_spectrum import band_limit_hz, hann, quick_length, square
+from modelgen.runtime.filters.power_spectrum import band_limit_hz, hann, lines_of, quick_length, square
 from modelgen.runtime.filters.thresholds import (
     BAND_SHARE,
     FEWEST_LINES,
@@ -105,12 +105,13 @@ def reading_spectrum(samples: FloatArray, fs: float) -> ReadingSpectrum:
     n = len(differenced)
     window, size = hann(n), quick_length(n)
     power = 2.0 * square(np.fft.rfft(differenced * window, size)) / (fs * float(np.sum(window**2)))
-    frequency_hz = np.fft.rfftfreq(size, 1.0 / fs)[1:]
-    density = power[1:] / (2.0 * np.sin(np.pi * frequency_hz / fs)) ** 2
-    noise = float(np.median(density[frequency_hz >= NOISE_FROM * 0.5 * fs])) / log(2.0)
+    frequency_hz, difference = (lines[1:] for lines in lines_of(size, fs))
+    density = power[1:] / difference**2
+    first = np.searchsorted(frequency_hz, NOISE_FROM * 0.5 * fs)
+    noise = float(np.median(density[first:])) / log(2.0)
     travel, spread = abs(steady) * n, sqrt(0.5 * noise * fs)
     trend = travel / spread if spread > 0.0 else inf if travel > 0.0 else 0.0
-    return ReadingSpectrum(np.asarray(frequency_hz, dtype=float), density, noise, trend)
+    return ReadingSpectrum(frequency_hz, density, noise, trend)
 
 
 def mean_spectrum(spectra: Sequence[ReadingSpectrum]) -> ReadingSpectrum:

@@ -44,21 +44,33 @@ def power_spectrum(
     n = len(differenced)
     size = quick_length(n)
     power = square(np.fft.rfft(differenced * hann(n), size))
-    frequency_hz = np.fft.rfftfreq(size, 1.0 / fs)
+    frequency_hz, difference = lines_of(size, fs)
     # the power of the reading itself, in which the noise is white
-    slope = np.ones(len(frequency_hz))
-    slope[1:] = 2.0 * np.sin(np.pi * frequency_hz[1:] / fs)
-    slope = (slope**times) ** 2
-    reading = power / slope
-    noise = float(np.median(reading[frequency_hz >= NOISE_FROM * 0.5 * fs]))
+    slope = (difference**times) ** 2
+    reading = power / slope if times else power
+    noise = float(np.median(reading[np.searchsorted(frequency_hz, NOISE_FROM * 0.5 * fs) :]))
     clear = reading > NOISE_FACTOR * noise
     if np.any(clear):  # a flat spectrum looks like noise and is kept as it is
         power = np.where(clear, power, 0.0)
-    omega = np.ones(len(frequency_hz))
-    omega[1:] = 2.0 * np.pi * frequency_hz[1:] / fs
-    power = power * (omega**derivative) ** 2 / slope
+    if derivative:
+        omega = 2.0 * np.pi * frequency_hz / fs
+        omega[0] = 1.0
+        power = power * (omega**derivative) ** 2 / slope
     first = 0 if keep_mean else 1
     return np.asarray(frequency_hz[first:]), np.asarray(power[first:])
+
+
+@lru_cache(maxsize=8)
+def lines_of(size: int, fs: float) -> tuple[FloatArray, FloatArray]:
+    """Return the frequencies in Hz of a transform of `size` samples, and what differencing does to each line.
+
+    Shape (size // 2 + 1,) each, not to be changed; the line at zero counts as 1.
+    """
+    frequency_hz = np.asarray(np.fft.rfftfreq(size, 1.0 / fs))
+    difference = 2.0 * np.sin(np.pi * frequency_hz / fs)
+    difference[0] = 1.0
+    frequency_hz.flags.writeable = difference.flags.writeable = False
+    return frequency_hz, difference
 
 
 @lru_cache(maxsize=8)

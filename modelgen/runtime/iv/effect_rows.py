@@ -19,9 +19,8 @@ from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.record_rows import matched_rows
+from modelgen.runtime.rows.record_rows import unmasked_rows
 from modelgen.runtime.rows.row_terms import channels_of_rows, row_terms
-from modelgen.runtime.rows.standstill_speeds import NOTHING
 
 
 def simulated_records(fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
@@ -84,9 +83,10 @@ def effect_rows(
     for record, indices in fit.by_record.items():
         one = simulated[record]
         calm = _mismatch(fit, setting, one.record, record)
+        spreads = {key: float(np.std(samples)) for key, samples in one.record.signals.items()}
         for effect, known, rows in zip(effects, (*sizes, *[0.0] * len(effects)), found, strict=False):
             touched, changes = _seen_in(setting.model, effect.added(one, known))
-            size = _tried_size(one.record, changes)
+            size = _tried_size(spreads, changes)
             if size == 0.0:
                 continue
             changed = _mismatch(fit, setting, _changed(one.record, changes, size), record, touched)
@@ -157,7 +157,7 @@ def _mismatch(
     model: Model = setting.model
     choice: FilterChoice = setting.choice
     x = fit.all_parameters(model.base_parameters)
-    rows = matched_rows(model, record, choice, choice.decimation[index], setting.drop, survey=NOTHING)
+    rows = unmasked_rows(model, record, choice, choice.decimation[index], setting.drop)
     every = row_terms(model)
     asked = range(len(every)) if chosen is None else chosen
     return {
@@ -166,11 +166,10 @@ def _mismatch(
     }
 
 
-def _tried_size(record: Record, changes: Changes) -> float:
+def _tried_size(spreads: Mapping[str, float], changes: Changes) -> float:
+    """Return the size that is tried, from the standard deviations of the channels."""
     shares = [
-        float(np.std(record.signals[key])) / float(np.max(np.abs(change)))
-        for key, change in changes.items()
-        if np.any(change)
+        spreads[key] / float(np.max(np.abs(change))) for key, change in changes.items() if np.any(change)
     ]
     return TRIED_SHARE * min(shares, default=0.0)
 

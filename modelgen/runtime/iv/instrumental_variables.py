@@ -36,9 +36,8 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.nearest_parameters import nearest_parameters
 from modelgen.runtime.parameters.physical_parameters import Covariances, physical_parameters
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.record_rows import matched_rows
+from modelgen.runtime.rows.record_rows import unmasked_rows
 from modelgen.runtime.rows.row_terms import row_terms
-from modelgen.runtime.rows.standstill_speeds import NOTHING
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +162,7 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
     for block in fit.blocks:
         if block.record not in lines:
             factor = choice.decimation[block.record]
-            rows = matched_rows(model, runs[block.record], choice, factor, setting.drop, survey=NOTHING)
+            rows = unmasked_rows(model, runs[block.record], choice, factor, setting.drop)
             lines[block.record] = rows.lines()
         Z = np.zeros((len(fit.columns), len(block.place)))
         for column, line in zip(touched[block.row], lines[block.record][block.row][:-1], strict=True):

@@ -15,8 +15,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.thresholds import COARSE_BETTER, EARLIEST, LATEST, LOOKED_AT
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.record_rows import RecordRows, full_rate, matched_rows
-from modelgen.runtime.rows.standstill_speeds import NOTHING
+from modelgen.runtime.rows.record_rows import RecordRows, full_rate, unmasked_rows
 
 
 def coarse_delays(
@@ -96,7 +95,7 @@ def _shifted(
             int(at[-1]) + round(delays_s[-1] * record.fs),
         )
         low, high = max(first, 0), min(last + 1, record.n)
-        rows = matched_rows(model, record, choice, factor, survey=NOTHING)
+        rows = unmasked_rows(model, record, choice, factor)
         every = RecordRows(rows.source, full_rate(rows.plan), range(low, high))
         force = weight * (every.derivatives(channel, list(orders.values())) @ shares)
         shifts = np.round(delays_s * record.fs).astype(np.int64)

@@ -33,8 +33,7 @@ from modelgen.runtime.least_squares.time_shifts import hold, shift
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
-from modelgen.runtime.rows.record_rows import matched_rows
-from modelgen.runtime.rows.standstill_speeds import NOTHING
+from modelgen.runtime.rows.record_rows import unmasked_rows
 
 # records, first values -> rows and their fit
 Run = Callable[[tuple[Record, ...], Fit | None], tuple[Observation, Fit]]
@@ -196,7 +195,7 @@ def delay_rates(
     for block in fit.blocks:
         if block.record not in slopes:
             record, factor = records[block.record], choice.decimation[block.record]
-            rows = matched_rows(model, record, choice, factor, drop, survey=NOTHING)
+            rows = unmasked_rows(model, record, choice, factor, drop)
             slopes[block.record] = rows.derivatives(channel, [order + 1 for order in orders.values()])
         terms = list(model.measurement_columns[block.row])
         for column, x in zip(columns, fit.solution.x, strict=True):

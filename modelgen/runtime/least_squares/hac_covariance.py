@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from operator import is_
 
 import numpy as np
 
@@ -42,14 +43,15 @@ def hac_covariance(fit: Fit) -> FloatArray:
     As Newey and West (1987), but with Parzen's kernel: differentiated noise has its power at high frequencies
     that their triangle lets through. Three times the bandwidth of Andrews (1991), and what that wants of
     small samples, `fixed_b_factor`. Rows of one instant are taken together; masked instants count as zeros at
-    their place, records as independent. It is computed once a fit.
+    their place, records as independent. It is computed once a solution: copies of a fit with other notes or
+    delays have the same.
     """
-    known = vars(fit)
-    if "hac_covariance" not in known:
-        r = fit.count
-        covariance = long_run_covariance(influence_parts(fit))
-        known["hac_covariance"] = covariance * r / (r - len(fit.columns) - fit.lost)
-    return np.array(known["hac_covariance"])
+    of = (fit.blocks, fit.weights, fit.residuals, fit.projected, fit.series, fit.carried)
+    known = vars(fit.solution)
+    if "long_run" not in known or not all(map(is_, known["long_run"][0], of)):
+        known["long_run"] = of, long_run_covariance(influence_parts(fit))
+    r = fit.count
+    return np.asarray(known["long_run"][1] * r / (r - len(fit.columns) - fit.lost))
 
 
 def long_run_covariance(series: Sequence[Series | FloatArray]) -> FloatArray:
@@ -116,7 +118,7 @@ class _ParzenSums:
     def add(self, psi: FloatArray) -> None:
         """Take in the next instants, shape (n, c)."""
         if not self._tails:  # before the record there is nothing
-            self._tails = [np.zeros((self._width - 1, psi.shape[1])) for _ in range(2)]
+            self._tails = [np.zeros((self._width - 1, psi.shape[1]), order="F") for _ in range(2)]
         self.n += len(psi)
         self._add(psi)
 
@@ -187,11 +189,20 @@ def window_power(width: int) -> float:
 
 
 def moving_sum(series: FloatArray, width: int) -> FloatArray:
-    """Return the sums over `width` neighbours, shape (n - width + 1, c), of a series of shape (n, c)."""
-    sums = np.cumsum(series, axis=0)
-    result = sums[width - 1 :].copy(order="K")
-    result[1:] -= sums[:-width]
-    return result
+    """Return the sums over `width` neighbours, shape (n - width + 1, c), of a series of shape (n, c).
+
+    They are put together from sums over powers of two: few additions, and nothing large is subtracted.
+    """
+    count, behind, size = len(series) - width + 1, 0, 1
+    result, power = None, series
+    while True:
+        if width & size:
+            part = power[behind : behind + count]
+            result = part if result is None else result + part
+            behind += size
+        if 2 * size > width:
+            return np.asarray(result)
+        power, size = power[:-size] + power[size:], 2 * size
 
 
 def fixed_b_factor(bandwidth: float, n: float) -> float:

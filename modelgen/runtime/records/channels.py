@@ -124,10 +124,18 @@ def read_continued(source: Channels, channel: str, start: int, stop: int) -> Flo
     """Return samples start to stop, shape (stop - start,), continued beyond the ends by odd mirror images."""
     low, high = max(start, 0), min(stop, source.n)
     samples = np.asarray(source.read(channel, low, high), dtype=float)
-    if low == start and high == stop:
+    before, behind = low - start, stop - high
+    if not before and not behind:
         return samples
     with np.errstate(invalid="ignore"):  # who uses it asks whether it is finite
-        return np.pad(samples, (low - start, stop - high), mode="reflect", reflect_type="odd")
+        if max(before, behind) >= len(samples):  # several images
+            return np.pad(samples, (before, behind), mode="reflect", reflect_type="odd")
+        continued = np.empty(stop - start)
+        continued[before : before + len(samples)] = samples
+        np.subtract(2.0 * samples[0], samples[before:0:-1], out=continued[:before])
+        last = continued[before + len(samples) :]
+        np.subtract(2.0 * samples[-1], samples[-2 : -2 - behind : -1], out=last)
+        return continued
 
 
 def in_stretches(source: Channels, channel: str, length: int | None = None) -> Iterator[FloatArray]:

@@ -171,4 +171,7 @@ class RecordFacts:
 
 def _rms_step(samples: FloatArray) -> float:
     """Return the rms of the steps from sample to sample."""
-    return float(np.sqrt(np.mean(np.diff(samples) ** 2))) if len(samples) > 1 else 0.0
+    if len(samples) < 2:
+        return 0.0
+    steps = np.diff(samples)
+    return float(np.sqrt(steps @ steps / len(steps)))

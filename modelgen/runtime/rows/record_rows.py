@@ -138,6 +138,30 @@ def matched_rows(
 ) -> RecordRows:
     """Return the rows behind one common filter, with masks, on a grid that keeps off both ends.
 
+    As `unmasked_rows`; `survey` is that of the record with the same filter for directions, if there is one.
+
+    Raises
+    ------
+    DataError
+        When the record is too short for the filter.
+    """
+    rows = replace(
+        unmasked_rows(model, source, choice, factor, drop),
+        masks=row_masks(model, choice, source.fs),
+        samples=samples,
+    )
+    plan = rows.plan
+    if survey is not None or not plan.directions:
+        return replace(rows, survey=survey or NOTHING)
+    every = RecordRows(source, full_rate(plan), range(source.n), samples=samples)
+    return replace(rows, survey=survey_record(every.chunks(), plan, source.n))
+
+
+def unmasked_rows(
+    model: Model, source: Channels, choice: FilterChoice, factor: int, drop: int = 0
+) -> RecordRows:
+    """Return the rows behind one common filter at all samples of a grid that keeps off both ends.
+
     y = D x holds at every instant, so it holds for any linear filter of y and D, exactly, as long as the
     filter is the same for both: forces, constants and signs of velocities included.
 
@@ -159,12 +183,7 @@ def matched_rows(
             f"has {source.n} samples; a filter of {cutoff_hz:.4g} Hz needs at least {needed}",
             "give a longer record, or a higher cutoff_hz",
         )
-    masks = row_masks(model, choice, source.fs)
-    rows = RecordRows(source, plan, range(start, source.n - edge, factor), masks, samples=samples)
-    if survey is not None or not plan.directions:
-        return replace(rows, survey=survey or NOTHING)
-    every = RecordRows(source, full_rate(plan), range(source.n), samples=samples)
-    return replace(rows, survey=survey_record(every.chunks(), plan, source.n))
+    return RecordRows(source, plan, range(start, source.n - edge, factor))
 
 
 def full_rate(plan: SignalPlan) -> SignalPlan:

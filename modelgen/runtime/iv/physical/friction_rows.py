@@ -25,8 +25,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.dropped_friction import DroppedFriction, dropped_friction
-from modelgen.runtime.rows.record_rows import matched_rows
-from modelgen.runtime.rows.standstill_speeds import NOTHING
+from modelgen.runtime.rows.record_rows import unmasked_rows
 
 
 def feels_reversals(fit: Fit, model: Model) -> bool:
@@ -147,7 +146,7 @@ def _added(
     for block, dropped, (W, Y) in zip(fit.blocks, _dropped(model, fit), parts, strict=True):
         for friction in dropped:
             factor = choice.decimation[block.record]
-            rows = matched_rows(model, records[block.record], choice, factor, setting.drop, survey=NOTHING)
+            rows = unmasked_rows(model, records[block.record], choice, factor, setting.drop)
             signals = rows.derivatives(_channel(friction.body), friction.orders)[block.place]
             W, Y = W.copy(), Y.copy()
             W[:, friction.column] = 0.0
