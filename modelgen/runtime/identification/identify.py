@@ -105,6 +105,8 @@ def _identified(
     solved = Solved(solution.job, chosen, solution.observation, fit, no_number, drift, fixed, keep)
     estimate = judge(solved, chosen.residual_dof, task.checks.prune_percent)
     estimate = replace(estimate, contents=task.contents)
+    for record in (*task.records, *task.unseen):
+        record.facts.forget_filtered()
     if not task.checks.tests:
         told = (*solution.advice, untested("is not checked, as asked for"))
         asked = Checks(told, held_out=extras.held_out, scan=extras.scan, bounds=extras.bounds, kept=keep)

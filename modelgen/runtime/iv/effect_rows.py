@@ -9,7 +9,6 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.companion_simulation import Simulated, possible, simulated_beside
 from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.effect import Changes, Effect
@@ -19,8 +18,8 @@ from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.record_rows import unmasked_rows
-from modelgen.runtime.rows.row_terms import channels_of_rows, row_terms
+from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
+from modelgen.runtime.rows.row_terms import channels_of_keys, channels_of_rows, mismatch_terms
 
 
 def simulated_records(fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
@@ -80,20 +79,27 @@ def effect_rows(
     """
     nothing = [np.zeros(len(block.place)) for block in fit.blocks]
     found = [list(nothing) for _ in effects]
+    reads, every = channels_of_keys(setting.model), _mismatch_terms(fit, setting)
     for record, indices in fit.by_record.items():
         one = simulated[record]
-        calm = _mismatch(fit, setting, one.record, record)
+        calm = _rows(setting, one.record, record)
         spreads = {key: float(np.std(samples)) for key, samples in one.record.signals.items()}
         for effect, known, rows in zip(effects, (*sizes, *[0.0] * len(effects)), found, strict=False):
             touched, changes = _seen_in(setting.model, effect.added(one, known))
             size = _tried_size(spreads, changes)
             if size == 0.0:
                 continue
-            changed = _mismatch(fit, setting, _changed(one.record, changes, size), record, touched)
+            # what is made of other channels stays as it is
+            moved = [
+                {key: w for key, w in every[row].items() if not changes.keys().isdisjoint(reads.get(key, ()))}
+                for row in touched
+            ]
+            changed = replace(calm, source=_changed(one.record, changes, size))
+            change = dict(zip(touched, (changed.mixed(moved) - calm.mixed(moved)) / size, strict=True))
             for index in indices:
                 block = fit.blocks[index]
-                if block.row in changed:
-                    rows[index] = (changed[block.row] - calm[block.row])[block.place] / size
+                if block.row in change:
+                    rows[index] = change[block.row][block.place]
     return tuple(tuple(rows) for rows in found)
 
 
@@ -135,14 +141,12 @@ def noise_rows(
         noisy.append(record.edited(louder))
     noisy_setting = replace(setting, records=tuple(noisy))
     added = effect_rows(fit, noisy_setting, simulated_records(fit, noisy_setting), effects)
-    residuals = []
-    mismatches = {
-        index: (_mismatch(fit, setting, noisy[index], index), _mismatch(fit, setting, record, index))
-        for index, record in enumerate(setting.records)
-    }
-    for block in fit.blocks:
-        with_noise, without = mismatches[block.record]
-        residuals.append((with_noise[block.row] - without[block.row])[block.place])
+    terms = _mismatch_terms(fit, setting)
+    mismatches = [
+        _rows(setting, louder, index).mixed(terms) - _rows(setting, record, index).mixed(terms)
+        for index, (louder, record) in enumerate(zip(noisy, setting.records, strict=True))
+    ]
+    residuals = [mismatches[block.record][block.row][block.place] for block in fit.blocks]
     changes = tuple(
         tuple(more - less for more, less in zip(one, other, strict=True))
         for one, other in zip(added, grown, strict=True)
@@ -150,20 +154,15 @@ def noise_rows(
     return tuple(residuals), changes
 
 
-def _mismatch(
-    fit: Fit, setting: Setting, record: Record, index: int, chosen: Sequence[int] | None = None
-) -> dict[int, FloatArray]:
-    """Return Y - W X of rows of the model, all or some, on a record, at all samples of the grid."""
-    model: Model = setting.model
-    choice: FilterChoice = setting.choice
-    x = fit.all_parameters(model.base_parameters)
-    rows = unmasked_rows(model, record, choice, choice.decimation[index], setting.drop)
-    every = row_terms(model)
-    asked = range(len(every)) if chosen is None else chosen
-    return {
-        row: lines[-1] - x[list(every[row].columns)] @ lines[:-1]
-        for row, lines in zip(asked, rows.lines(asked), strict=True)
-    }
+def _mismatch_terms(fit: Fit, setting: Setting) -> tuple[dict[str, float], ...]:
+    """Return the weights of signals in Y - W X, row by row of the model."""
+    return mismatch_terms(setting.model, fit.all_parameters(setting.model.base_parameters))
+
+
+def _rows(setting: Setting, record: Record, index: int) -> RecordRows:
+    """Return the rows of a record, the `index`-th, at all samples of the grid."""
+    choice = setting.choice
+    return unmasked_rows(setting.model, record, choice, choice.decimation[index], setting.drop)
 
 
 def _tried_size(spreads: Mapping[str, float], changes: Changes) -> float:

@@ -139,7 +139,10 @@ class Record:
         if new.n != self.n:
             raise DataError(*length_problems(self.name, joined))
         # the other channels are checked, and nobody can change them
-        return Record._of(MappingProxyType(joined), self.fs, self.name, self.tag, self.n)
+        edited = Record._of(MappingProxyType(joined), self.fs, self.name, self.tag, self.n)
+        same = {key: found for key, found in self.facts.filtered.items() if key not in made}
+        vars(edited)["facts"] = RecordFacts(edited, same)
+        return edited
 
     def carrying(self, *payloads: str) -> Record:
         """Return the record of an arm that carried these payloads all the time: ``load_NAME`` are ones.

@@ -7,7 +7,7 @@ mean) is asked of all of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar, cast
@@ -20,9 +20,10 @@ from modelgen.runtime.filters.jumps import jumps
 from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, mean_spectrum, reading_spectrum
 from modelgen.runtime.filters.power_spectrum import power_spectrum
 from modelgen.runtime.filters.thresholds import JUMP_ORDER
+from modelgen.runtime.numerics.recent_arrays import RecentArrays
 from modelgen.runtime.records.channels import Channels, in_stretches
 from modelgen.runtime.records.period import first_lag
-from modelgen.runtime.records.thresholds import ACTIVE, PIECES, WHOLE
+from modelgen.runtime.records.thresholds import ACTIVE, FILTERED_BYTES, PIECES, WHOLE
 
 ComplexArray = npt.NDArray[np.complex128]
 Made = TypeVar("Made")
@@ -48,10 +49,17 @@ class Extent:
 
 
 class RecordFacts:
-    """The spectra, extents and periods of a record's channels. Reached as `Record.facts`."""
+    """The spectra, extents and periods of a record's channels. Reached as `Record.facts`.
 
-    def __init__(self, source: Channels) -> None:
+    `filtered` holds what filters made of each channel of a record in memory. Records that hold the same
+    samples of a channel share it: `same` is that of another record, of the channels that are the same.
+    """
+
+    def __init__(self, source: Channels, same: Mapping[str, RecentArrays] | None = None) -> None:
         self._source = source
+        self.filtered = {key: RecentArrays(FILTERED_BYTES * source.n) for key in source.keys} | dict(
+            same or {}
+        )
         self._spectra: dict[str, ReadingSpectrum] = {}
         self._powers: dict[tuple[str, int, bool], tuple[FloatArray, FloatArray]] = {}
         self._extents: dict[str, tuple[Extent, FloatArray]] = {}
@@ -65,6 +73,11 @@ class RecordFacts:
         if key not in self._kept:
             self._kept[key] = make()
         return cast(Made, self._kept[key])
+
+    def forget_filtered(self) -> None:
+        """Let go what filters made of the channels."""
+        for found in self.filtered.values():
+            found.clear()
 
     def stretches(self, channel: str) -> tuple[FloatArray, ...]:
         """Return the samples of a channel, or of a long record stretches of equal length, shape (m,) each."""

@@ -16,6 +16,10 @@ STILL = 3.0
 # A record of so many samples is looked at as a whole; of a longer one, so many stretches.
 WHOLE = 1 << 18
 PIECES = 4
+# Of what filters make of a channel in memory so many bytes a sample are kept while a record is identified:
+# three settings of the filter, decimated by ten. Longer records are filtered whenever it is asked for.
+FILTERED_BYTES = 12
+MOST_FILTERED = 1 << 21
 # The record is active where its channels change by this share of what they do where they change most.
 ACTIVE = 0.36
 

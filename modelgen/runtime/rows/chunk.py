@@ -6,13 +6,18 @@ factors is that of the whole record.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
+from modelgen.runtime.model.model import Feature
 from modelgen.runtime.records.channels import Channels, not_finite, read_continued
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.thresholds import MOST_FILTERED
 from modelgen.runtime.rows.signal_plan import SignalPlan
 
 # Samples between halos; and at least so many halos, so that these take a small part of the work.
@@ -61,6 +66,10 @@ class Chunk:
             )
         return self._channels[channel][start - low : stop - low]
 
+    def filtered(self, channel: str, key: Hashable, make: Callable[[], npt.NDArray[Any]]) -> npt.NDArray[Any]:
+        """Return what is made of a channel at the samples kept, see `made_once`."""
+        return made_once(self.source, channel, (key, self.first, self.count), make)
+
     def not_finite(self, channel: str, start: int, stop: int) -> DataError:
         """Return the error that names the sample of a channel that is not finite."""
         return not_finite(self.source, channel, start, stop)
@@ -94,7 +103,11 @@ class KeptSignals(Mapping[str, FloatArray]):
         if key in plan.signals:
             channel, column = plan.signals[key]
             if channel not in self._made:
-                self._made[channel] = plan.table(chunk, channel, chunk.first, chunk.count)
+                self._made[channel] = chunk.filtered(
+                    channel,
+                    plan.operators[channel],
+                    lambda: plan.table(chunk, channel, chunk.first, chunk.count),
+                )
                 for times, place in plan.forces.get(channel, {}).items():
                     lever = plan.levers[channel]
                     power = float(np.sum((lever * self._made[channel][:, place]) ** 2))
@@ -103,8 +116,19 @@ class KeptSignals(Mapping[str, FloatArray]):
         if key not in self._made and key in plan.features and plan.features[key].function == "kernel":
             self._made |= plan.kernel_features(chunk, chunk.first, chunk.count)
         if key not in self._made:
-            self._made[key] = plan.feature(chunk, plan.features[key], chunk.first, chunk.count)
+            self._made[key] = self._feature(plan.features[key])
         return self._made[key]
+
+    def _feature(self, feature: Feature) -> FloatArray:
+        plan, chunk = self.chunk.plan, self.chunk
+
+        def make() -> FloatArray:
+            return plan.feature(chunk, feature, chunk.first, chunk.count)
+
+        if feature.times is not None or not isinstance(feature.of, str):
+            return make()
+        channel, smooth = plan.directions[feature.of]
+        return chunk.filtered(channel, (feature, smooth, plan.feature_operator), make)
 
     def forget(self, row: int) -> None:
         """Let go what no row after this one needs."""
@@ -116,6 +140,15 @@ class KeptSignals(Mapping[str, FloatArray]):
 
     def __len__(self) -> int:
         return len(self.chunk.plan.signals) + len(self.chunk.plan.features) + 1
+
+
+def made_once(
+    source: Channels, channel: str, key: Hashable, make: Callable[[], npt.NDArray[Any]]
+) -> npt.NDArray[Any]:
+    """Return what is made of a channel; once, of a record in memory that is not long. The key says how."""
+    if not isinstance(source, Record) or source.source is not source or source.n > MOST_FILTERED:
+        return make()
+    return source.facts.filtered[channel].of(key, make)
 
 
 def chunks(

@@ -55,6 +55,14 @@ class RowMask:
 
     def of(self, chunk: Chunk, thresholds: Mapping[str, float]) -> BoolArray:
         """Return which of the chunk's samples kept are masked, shape (count,)."""
+        if len(self.keys) != 1:
+            return self._of(chunk, thresholds)
+        (key,) = self.keys
+        channel, smooth = chunk.plan.directions[key]
+        how = self, thresholds[key], smooth, chunk.plan.filtering.factor
+        return chunk.filtered(channel, how, lambda: self._of(chunk, thresholds))
+
+    def _of(self, chunk: Chunk, thresholds: Mapping[str, float]) -> BoolArray:
         masked = np.zeros(chunk.count, dtype=bool)
         for place, key in enumerate(self.keys):
             low, high = chunk.start - self.halo, chunk.stop + self.halo

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -17,12 +18,12 @@ from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.numerics.threads import usable_threads
 from modelgen.runtime.records.channels import Channels, read_continued
-from modelgen.runtime.rows.chunk import Chunk, chunks
+from modelgen.runtime.rows.chunk import Chunk, chunks, made_once
 from modelgen.runtime.rows.filter_sections import matched_filtering
 from modelgen.runtime.rows.masks import RowMask, row_masks
 from modelgen.runtime.rows.row_terms import RowTerms, row_terms
 from modelgen.runtime.rows.signal_plan import SignalPlan, signal_plan
-from modelgen.runtime.rows.standstill_speeds import NOTHING, Survey, survey_record
+from modelgen.runtime.rows.standstill_speeds import NOTHING, Survey, standstill_speed
 from modelgen.runtime.rows.thresholds import SUPPORT_TOLERANCE
 
 Found = TypeVar("Found")
@@ -82,19 +83,30 @@ class RecordRows:
         with ThreadPoolExecutor(workers) as pool:
             yield from pool.map(work, self.chunks())
 
-    def lines(self, rows: Sequence[int] | None = None) -> tuple[FloatArray, ...]:
-        """Return rows at all samples kept, masked or not: the columns that each touches and y in lines.
+    def lines(self) -> tuple[FloatArray, ...]:
+        """Return the rows at all samples kept, masked or not: the columns that each touches and y in lines.
 
-        One array a row, shape (columns touched + 1, grid); of all rows, or of those chosen, in their order.
+        One array a row, shape (columns touched + 1, grid).
         """
-        chosen = self.terms if rows is None else [self.terms[row] for row in rows]
 
         def of(chunk: Chunk) -> list[FloatArray]:
             signals = chunk.signals()
-            return [terms.evaluate(signals) for terms in chosen]
+            return [terms.evaluate(signals) for terms in self.terms]
 
         parts = list(self.over_chunks(of))
         return tuple(np.concatenate(row, axis=1) for row in zip(*parts, strict=True))
+
+    def mixed(self, mixtures: Sequence[Mapping[str, float]]) -> FloatArray:
+        """Return sums of signals and features at all samples kept, shape (mixtures, grid): a weight a key."""
+
+        def of(chunk: Chunk) -> FloatArray:
+            signals, found = chunk.signals(), np.zeros((len(mixtures), chunk.count))
+            for line, weights in zip(found, mixtures, strict=True):
+                for key, weight in weights.items():
+                    line += weight * signals[key]
+            return found
+
+        return np.concatenate(list(self.over_chunks(of)), axis=1)
 
     def derivatives(self, source: str, orders: Sequence[int]) -> FloatArray:
         """Return filtered derivatives of a channel or feature at the samples kept, shape (grid, orders)."""
@@ -154,7 +166,21 @@ def matched_rows(
     if survey is not None or not plan.directions:
         return replace(rows, survey=survey or NOTHING)
     every = RecordRows(source, full_rate(plan), range(source.n), samples=samples)
-    return replace(rows, survey=survey_record(every.chunks(), plan, source.n))
+    return replace(rows, survey=_survey(every))
+
+
+def _survey(every: RecordRows) -> Survey:
+    """Return the survey of a record, from rows that keep every sample of it."""
+
+    def speed(key: str) -> FloatArray:
+        return standstill_speed(every.chunks(), key, every.source.n)
+
+    return Survey(
+        {
+            key: float(made_once(every.source, channel, ("standstill", smooth), partial(speed, key))[0])
+            for key, (channel, smooth) in every.plan.directions.items()
+        }
+    )
 
 
 def unmasked_rows(

@@ -34,20 +34,40 @@ class RowTerms:
 
 
 @lru_cache(maxsize=8)
-def channels_of_rows(model: Model) -> tuple[frozenset[str], ...]:
-    """Return which channels each row is made of, directions of motion included."""
+def channels_of_keys(model: Model) -> dict[str, frozenset[str]]:
+    """Return which channels each signal and feature is made of, directions of motion included."""
     channel = {signal.key: signal.channel for signal in model.signals}
-    reads: dict[str, set[str]] = {key: {name} for key, name in channel.items()}
+    reads = {key: frozenset({name}) for key, name in channel.items()}
     for feature in model.features:
         of = [feature.of] if isinstance(feature.of, str) else [key for _, key in feature.of]
         keys = [*of, *([feature.times] if feature.times else [])]
-        reads[feature.key] = {channel.get(key, key) for key in keys}
+        reads[feature.key] = frozenset(channel.get(key, key) for key in keys)
+    return reads
+
+
+@lru_cache(maxsize=8)
+def channels_of_rows(model: Model) -> tuple[frozenset[str], ...]:
+    """Return which channels each row is made of, directions of motion included."""
+    reads = channels_of_keys(model)
     return tuple(
         frozenset(name for terms in row.entries for _, key in terms for name in reads.get(key, ()))
         for row in row_terms(model)
     )
 
 
+def mismatch_terms(model: Model, x: FloatArray) -> tuple[dict[str, float], ...]:
+    """Return for each row the weights of signals and features in y - D x, x of shape (base parameters,)."""
+    found = []
+    for terms in row_terms(model):
+        weights: dict[str, float] = {}
+        for share, entry in zip((*(-x[list(terms.columns)]), 1.0), terms.entries, strict=True):
+            for coefficient, key in entry:
+                weights[key] = weights.get(key, 0.0) + float(share) * coefficient
+        found.append(weights)
+    return tuple(found)
+
+
+@lru_cache(maxsize=8)
 def row_terms(model: Model) -> tuple[RowTerms, ...]:
     """Return the terms of every row of a model."""
     return tuple(

@@ -14,7 +14,6 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filters.thresholds import STANDSTILL_SHARE
 from modelgen.runtime.rows.chunk import Chunk
-from modelgen.runtime.rows.signal_plan import SignalPlan
 from modelgen.runtime.rows.thresholds import PERCENTILE
 
 
@@ -32,21 +31,22 @@ class Survey:
 NOTHING = Survey({})
 
 
-def survey_record(parts: Iterator[Chunk], plan: SignalPlan, n: int) -> Survey:
-    """Return the survey of a record of n samples, from chunks that keep every sample of it."""
+def standstill_speed(parts: Iterator[Chunk], key: str, n: int) -> FloatArray:
+    """Return the speed below which a mass stands still, shape (1,), by the key of its velocity.
+
+    `parts` are chunks that keep every sample of a record of n samples.
+    """
     index = PERCENTILE * (n - 1)
     low = int(index)
-    fastest: dict[str, FloatArray] = {key: np.zeros(0) for key in plan.directions}
+    fastest = np.zeros(0)
     for chunk in parts:
-        for key in plan.directions:
-            speed = np.abs(chunk.direction(key, chunk.start, chunk.stop))
-            fastest[key] = _largest(np.concatenate([fastest[key], speed]), n - low)
-    thresholds = {}
-    for key, values in fastest.items():
-        ordered = np.sort(values)
-        percentile = ordered[0] + (index - low) * (ordered[min(1, len(ordered) - 1)] - ordered[0])
-        thresholds[key] = STANDSTILL_SHARE * float(percentile)
-    return Survey(thresholds)
+        speed = np.abs(chunk.direction(key, chunk.start, chunk.stop))
+        # once the fastest are known, most of the others need not be looked at again
+        least = fastest.min() if len(fastest) == n - low else -np.inf
+        fastest = _largest(np.concatenate([fastest, speed[speed > least]]), n - low)
+    ordered = np.sort(fastest)
+    percentile = ordered[0] + (index - low) * (ordered[min(1, len(ordered) - 1)] - ordered[0])
+    return np.array([STANDSTILL_SHARE * percentile])
 
 
 def _largest(values: FloatArray, count: int) -> FloatArray:
