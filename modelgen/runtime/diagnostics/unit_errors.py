@@ -90,7 +90,7 @@ def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | N
     parts = record.facts.stretches(one.key)
     moves = [float(np.ptp(part)) for part in parts]
     most = moves.index(max(moves))
-    first, second = (record.facts.lines(sensor.key)[most] for sensor in (one, other))
+    first, second = (record.facts.lines(sensor.key, most) for sensor in (one, other))
     derivatives = other.order - one.order
     if derivatives:
         omega = 2.0 * np.pi * record.fs / len(parts[most]) * np.maximum(np.arange(len(first)), 1)

@@ -242,17 +242,13 @@ def _parts(fit: Fit, indices: Sequence[int]) -> Iterator[FloatArray]:
         lines = np.zeros((c, stop - start))
         for index in indices:
             part, regressor, residual = fit.between(index, start, stop)
-            change = fit.solution.inverse[fit.touched(index)].T @ regressor.T
-            change *= fit.weights[index] ** 2 * residual
+            change = regressor.T * (fit.weights[index] ** 2 * residual)
             # where nothing is masked the places follow each other
-            if len(part.place) == stop - start:
-                lines += change
-                continue
-            place = part.place - start
-            for line, more in zip(lines, change, strict=True):
-                line[place] += more
+            place = slice(None) if len(part.place) == stop - start else part.place - start
+            for column, more in zip(fit.touched(index).tolist(), change, strict=True):
+                lines[column, place] += more
         # sums over time run along lines
-        yield lines.T
+        yield (fit.solution.inverse.T @ lines).T
 
 
 def andrews_bandwidth(series: Sequence[Series | FloatArray]) -> float:

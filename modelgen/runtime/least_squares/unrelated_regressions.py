@@ -11,7 +11,7 @@ from functools import partial, reduce
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.projected_least_squares import with_regressors
 from modelgen.runtime.least_squares.thresholds import SMALLEST_DEVIATION
@@ -28,9 +28,12 @@ def across_rows(fit: Fit) -> Fit:
     blocks: list[RowBlock] = []
     projected: list[FloatArray] = []
     for ours in fit.by_record.values():
-        places = (fit.blocks[index].place for index in ours)
-        common = reduce(partial(np.intersect1d, assume_unique=True), places)
-        kept = [np.searchsorted(fit.blocks[index].place, common) for index in ours]
+        places = [fit.blocks[index].place for index in ours]
+        kept: list[slice | IntArray]
+        common, kept = places[0], [slice(None)] * len(ours)
+        if any(len(place) < fit.blocks[index].grid for place, index in zip(places, ours, strict=True)):
+            common = reduce(partial(np.intersect1d, assume_unique=True), places)
+            kept = [np.searchsorted(place, common) for place in places]
         left = np.stack([fit.residuals[index][rows] for index, rows in zip(ours, kept, strict=True)])
         share = whitening(left @ left.T / max(len(common), 1), SMALLEST_DEVIATION)
         Y = np.stack([fit.blocks[index].Y[rows] for index, rows in zip(ours, kept, strict=True)])

@@ -64,7 +64,6 @@ class RecordFacts:
         self._powers: dict[tuple[str, int, bool], tuple[FloatArray, FloatArray]] = {}
         self._extents: dict[str, tuple[Extent, FloatArray]] = {}
         self._lags: dict[str, int | None] = {}
-        self._lines: dict[str, tuple[ComplexArray, ...]] = {}
         self._stretches: dict[str, tuple[FloatArray, ...]] = {}
         self._kept: dict[Hashable, Any] = {}
 
@@ -106,19 +105,18 @@ class RecordFacts:
         starts = [min(int(active[place]) * length, n - length) for place in dict.fromkeys(places.tolist())]
         return tuple(slice(start, start + length) for start in starts)
 
-    def lines(self, channel: str) -> tuple[ComplexArray, ...]:
-        """Return the Fourier transform of each stretch, less the line from its first to its last sample.
+    def lines(self, channel: str, number: int) -> ComplexArray:
+        """Return the Fourier transform of a stretch, less the line from its first to its last sample.
 
-        Under a Hann window, shape (m // 2 + 1,) each.
+        Under a Hann window, shape (m // 2 + 1,).
         """
-        if channel not in self._lines:
-            self._lines[channel] = tuple(
-                np.asarray(
-                    np.fft.rfft((part - np.linspace(part[0], part[-1], len(part))) * np.hanning(len(part)))
-                )
-                for part in self.stretches(channel)
-            )
-        return self._lines[channel]
+
+        def make() -> ComplexArray:
+            part = self.stretches(channel)[number]
+            level = part - np.linspace(part[0], part[-1], len(part))
+            return np.asarray(np.fft.rfft(level * np.hanning(len(part))))
+
+        return self.kept(("lines", channel, number), make)
 
     def extent(self, channel: str) -> Extent:
         """Return the extent of a channel.

@@ -16,7 +16,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.numerics.numba_support import kept_code
-from modelgen.runtime.stick_slip.cubic_spring_kernel import dot, expand, product_term, reach, shrink
+from modelgen.runtime.stick_slip.cubic_spring_kernel import dot, expand, is_told, product_term, reach, shrink
 from modelgen.runtime.stick_slip.event_free_kernel import (
     LANES,
     add_multiple,
@@ -56,6 +56,7 @@ STEPS_AN_EVENT = 16
 PARTS = (
     dot,
     product_term,
+    is_told,
     reach,
     shrink,
     expand,

@@ -40,13 +40,19 @@ def product_term(a: Any, b: Any, order: int) -> float:
     return total
 
 
-def expand(z: Any, M: Any, deflections: Any, pushes: Any, span: float, series: Any, cubes: Any) -> float:
-    """Fill the series of z over so many steps, and of the cubed deflections; return the share it covers.
+def expand(
+    z: Any, M: Any, deflections: Any, pushes: Any, span: float, series: Any, cubes: Any
+) -> tuple[float, int]:
+    """Fill the series of z over so many steps, and of the cubed deflections.
+
+    Return the share that they cover, and how many terms: further ones would be lost in rounding.
 
     `series` has shape (TERMS, len(z)), `cubes` (springs, TERMS); `deflections` and `pushes`, shape (springs,
     len(z)), belong to the mode: a held body is not pushed. The series are scaled to the share returned.
     """
     size, springs, last = len(z), len(deflections), TERMS - 1
+    # along a chain a force may take a term a state to be felt
+    fewest = FEWEST_TERMS + (0 if springs > 0 else size - INPUTS)
     stretch, square = np.zeros((springs, TERMS)), np.zeros((springs, TERMS))
     for i in range(size):
         series[0, i] = z[i]
@@ -62,15 +68,10 @@ def expand(z: Any, M: Any, deflections: Any, pushes: Any, span: float, series: A
             for s in range(springs):
                 rate += pushes[s, i] * cubes[s, order]
             series[order + 1, i] = rate * span / (order + 1)
-        if springs > 0 and order + 1 >= FEWEST_TERMS and reach(series, order + 1) == 1.0:
+        if order + 1 >= fewest and is_told(series, order + 1):
             last = order + 1
-    for order in range(last + 1, TERMS):
-        for i in range(size):
-            series[order, i] = 0.0
-        for s in range(springs):
-            cubes[s, order] = 0.0
     if springs == 0 or last < TERMS - 1:
-        return 1.0
+        return 1.0, last + 1
     covered = 1.0
     for _ in range(MOST_SHRINKS):
         share = reach(series, last)
@@ -79,7 +80,20 @@ def expand(z: Any, M: Any, deflections: Any, pushes: Any, span: float, series: A
         # what counts as the motion is less now, so look again
         shrink(series, cubes, share)
         covered *= share
-    return covered
+    return covered, TERMS
+
+
+def is_told(series: Any, last: int) -> bool:
+    """Return whether the last two terms are negligible, compared with the motion of each state."""
+    for i in range(series.shape[1] - INPUTS):
+        moved = 0.0
+        for order in range(1, last + 1):
+            moved = max(moved, abs(series[order, i]))
+        # what has overflowed is no number, and ends the step in what is not finite
+        for order in range(last - 1, last + 1):
+            if TRUNCATION * moved < abs(series[order, i]) < np.inf:
+                return False
+    return True
 
 
 def reach(series: Any, last: int) -> float:

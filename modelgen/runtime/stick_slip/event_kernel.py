@@ -114,21 +114,22 @@ def cross(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple
     _, guards, M, _, owners, guard_count, bodies, deflections, pushes, pulls, _, _ = tables
     size, body_count, springs = len(z), len(bodies), len(deflections)
     series, cubes = np.empty((TERMS, size)), np.empty((springs, TERMS))
-    polynomial = np.empty(TERMS)
+    coefficients = np.empty(TERMS)
     released = np.zeros(body_count, dtype=np.bool_)
     left, first_count, parts = 1.0, count, 0
     while left > 0.0 and parts < MOST_PARTS:
         parts += 1
-        share = expand(z, M[m], deflections, pushes[m], left, series, cubes)
+        share, terms = expand(z, M[m], deflections, pushes[m], left, series, cubes)
+        polynomial = coefficients[:terms]
         u, guard = 1.0, -1
         for g in range(guard_count[m]):
-            for order in range(TERMS):
+            for order in range(terms):
                 polynomial[order] = dot(guards[m, g], series[order])
             # what a held body has in reserve: friction minus or plus all forces on it, those of springs, too
             owner, sign = owners[m, g, 0], owners[m, g, 1]
             if m // 3**owner % 3 == 1:
                 for s in range(springs):
-                    for order in range(TERMS):
+                    for order in range(terms):
                         polynomial[order] -= sign * pulls[s, owner] * cubes[s, order]
             if released[owners[m, g, 0]]:
                 polynomial[1] = 0.0
@@ -136,7 +137,7 @@ def cross(z: Any, m: int, tables: Any, events: Any, count: int, k: int) -> tuple
             if found <= 1.0 and (found < u or guard < 0):
                 u, guard = found, g
         for i in range(size):
-            z[i] = horner(series[:, i], u)
+            z[i] = horner(series[:terms, i], u)
         left -= u * share * left
         if guard < 0:
             if share == 1.0:
