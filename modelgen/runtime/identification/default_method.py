@@ -14,7 +14,7 @@ from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import usable_cutoff, with_calm_turns
 from modelgen.runtime.identification.contradiction import contradiction
 from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts
-from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
+from modelgen.runtime.identification.explanation.explain_residual import explained, found_by, timing_moves
 from modelgen.runtime.identification.explanation.explain_stretches import explained_by_stretches
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, run_method
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
@@ -33,9 +33,9 @@ from modelgen.runtime.identification.thresholds import (
     SEARCHED,
     STANDS_IN,
 )
-from modelgen.runtime.iv.freed_effects import fit_with_effects
+from modelgen.runtime.iv.freed_effects import corrected, fit_with_effects
 from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS
-from modelgen.runtime.iv.told_effects import ESTIMATED, HELD, estimated
+from modelgen.runtime.iv.told_effects import estimated, held_instead
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
@@ -140,8 +140,10 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     two methods differ by widens the intervals.
     """
     iv = first.found
+    late = {effect: size for effect, size in zip(iv.effects, iv.sizes, strict=True) if effect.kind == "delay"}
+    job = replace(task.job, late=(), records=corrected(task.job.records, {}, late, late.values()))
     try:
-        plain = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
+        plain = run_method(replace(task, job=job), method.least_squares)
     except (IdentifiabilityError, DataError):
         return first
     fit = plain.found.fit
@@ -162,10 +164,11 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
             f"; instruments differ (most in {fit.columns[most]}, by {100.0 * share[most]:.2g} %), and the "
             "intervals are widened by that"
         )
-    told = tuple(replace(one, what=one.what.replace(ESTIMATED, HELD)) for one in iv.advice)
+    told = held_instead(iv.advice, late)
     found = replace(plain.found, advice=told)
     weighed, _ = other_weights(task.job, fit)
-    return _with_note(replace(plain, found=found), note, np.outer(move, move) + weighed)
+    timing = timing_moves(replace(job, late=task.job.late), plain.found.observation, fit)
+    return _with_note(replace(plain, found=found), note, np.outer(move, move) + weighed + timing)
 
 
 def _instrumental(task: Task, method: IV) -> Begun:
@@ -290,5 +293,7 @@ def _stand_in(
         reasons = [Problem(name, reason, remedy) for name, reason in refused.items()]
         swapped = [Problem(one.where, one.what, one.remedy) for one in swapped_channels(task.job, fit)]
         raise IdentifiabilityError(*error.problems, *reasons, *swapped) from None
-    note = f"method wls: {why}; noise pulls it little"
-    return _with_note(found, note, found.found.drift + np.outer(bias, bias))
+    note, drift = f"method wls: {why}; noise pulls it little", found.found.drift + np.outer(bias, bias)
+    if not turns:
+        drift = drift + timing_moves(task.job, found.found.observation, fit)
+    return _with_note(found, note, drift)

@@ -96,7 +96,7 @@ def fit_with_effects(
     length, before = 1.0, np.zeros(c + len(delays) + len(effects))
     edited = np.array([effect.edit is not None for effect in effects])
     for done in range(rounds or (KNOWN_ROUNDS if len(known) == len(effects) else EFFECT_ROUNDS)):
-        here = replace(setting, records=_corrected(setting.records, delays, effects, sizes))
+        here = replace(setting, records=corrected(setting.records, delays, effects, sizes.tolist()))
         observation = rows(tuple(here.records))
         plain = fit_at(observation, now)
         if plain.columns != start.columns:
@@ -144,14 +144,17 @@ def _refuse_far(sized: Iterable[tuple[Effect, float]], fs: float, plain: Fit, mo
         raise diverged(f"{', '.join(far)} runs away", plain, model)
 
 
-def _corrected(
-    records: Sequence[Record], delays: Mapping[str, float], effects: Sequence[Effect], sizes: FloatArray
+def corrected(
+    records: Sequence[Record],
+    delays: Mapping[str, float],
+    effects: Iterable[Effect],
+    sizes: Iterable[float],
 ) -> tuple[Record, ...]:
     """Return the records with delays compensated, and what effects can be set right in their channels."""
     found = []
     for record in records:
         record = advanced(record, delays)
-        for effect, size in zip(effects, sizes.tolist(), strict=True):
+        for effect, size in zip(effects, sizes, strict=True):
             record = effect.corrected(record, size)
         found.append(record)
     return tuple(found)

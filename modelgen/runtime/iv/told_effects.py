@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.iv.effect import Effect
@@ -24,6 +25,17 @@ def estimated(effect: Effect, size: float, others: Sequence[tuple[Effect, float]
 def left(effect: Effect, size: float, others: Sequence[tuple[Effect, float]]) -> Advice:
     """Return what is said of an effect that is not estimated, but held by the intervals."""
     return _told(effect, size, HELD, others)
+
+
+def held_instead(told: Sequence[Advice], kept: Mapping[Effect, float]) -> tuple[Advice, ...]:
+    """Return what is said of effects where none is estimated after all, but those that are `kept`."""
+    on_time = [effect.said(size) for effect, size in kept.items()]
+    return tuple(
+        one
+        if any(said in one.what for said in on_time)
+        else replace(one, what=one.what.replace(ESTIMATED, HELD))
+        for one in told
+    )
 
 
 def _told(effect: Effect, size: float, done: str, others: Sequence[tuple[Effect, float]]) -> Advice:

@@ -30,7 +30,11 @@ from modelgen.runtime.iv.thresholds import LITTLE_OWN
 from modelgen.runtime.iv.told_effects import estimated, summed
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.rows.masks import direction_keys
 from modelgen.runtime.rows.observation import Observation
+
+# Kinds of effects that say when something is read, or changes.
+TIMING = (DIRECTION, "delay")
 
 
 def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) -> Explained:
@@ -76,7 +80,7 @@ def _concluded(search: Search, seen: Seen, labels: tuple[str, ...]) -> Explained
         apart = apart + np.outer(one.x - now.fit.solution.x, one.x - now.fit.solution.x) / len(last)
     found = [estimated(*one) for one in zip(effects, now.sizes, others, strict=True)]
     fit = replace(now.fit, notes=now.fit.notes + labels)
-    drift = search.drift + weighed + apart
+    drift = search.drift + weighed + apart + unknown_timing(search.job, seen.found)
     return Explained(now.observation, fit, effects, now.sizes, drift, (*found, *search.advice, *told))
 
 
@@ -112,10 +116,36 @@ def with_turns(job: Job, found: Explained) -> Explained:
     fit = found.fit
     if fit.carried is not None or not any(block.turning for block in fit.blocks):
         return found
-    now = found_by(job, found.observation, fit)
-    shown = look(job, now, (), slope_of(job.model, fit), (DIRECTION,)).found
-    drift = sum((np.outer(one.move, one.move) for one in shown), found.drift)
-    return replace(found, drift=drift, advice=(*found.advice, *(left_of(one, ()) for one in shown)))
+    shown = look(job, found_by(job, found.observation, fit), (), slope_of(job.model, fit), TIMING).found
+    told = tuple(left_of(one, ()) for one in shown if one.matters and one.effect.kind == DIRECTION)
+    return replace(found, drift=found.drift + unknown_timing(job, shown), advice=(*found.advice, *told))
+
+
+def timing_moves(job: Job, observation: Observation, fit: Fit) -> FloatArray:
+    """Return what delays of forces and of directions move that least squares does not estimate, (c, c).
+
+    A mean square, as of `unknown_timing`; nothing where the rows are not kept.
+    """
+    if not all(block.in_memory for block in fit.blocks):
+        return np.zeros((len(fit.columns),) * 2)
+    feel = [bool(direction_keys(job.model, row)) for row in range(len(job.model.rows))]
+    blocks = tuple(replace(block.kept(), turning=feel[block.row]) for block in fit.dense().blocks)
+    fit = replace(fit, blocks=blocks)
+    return unknown_timing(job, look(job, found_by(job, observation, fit), (), None, TIMING).found)
+
+
+def unknown_timing(job: Job, found: Sequence[Score]) -> FloatArray:
+    """Return what timings that are not estimated move, as a mean square, certain or not, shape (c, c).
+
+    Where samples near reversals are used, directions are never known exactly: friction bends the velocity
+    there, and what a low-pass makes of that is late. So are forces, whose delays are unknown.
+    """
+    moves = [
+        one.move
+        for one in found
+        if one.effect.kind == DIRECTION or (one.effect.kind == "delay" and one.effect.channel in job.late)
+    ]
+    return sum((np.outer(move, move) for move in moves), np.zeros((len(moves[0]),) * 2 if moves else (1, 1)))
 
 
 def _setting(job: Job, fit: Fit) -> Setting:
