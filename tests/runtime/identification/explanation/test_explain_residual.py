@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from generated import emps_rigid_qm
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.identification.explanation.explain_residual import timing_moves, unknown_timing
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.iv.effect import DIRECTION, Effect
+from modelgen.runtime.iv.score_tests import Score
+from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.simulate import simulate
+
+RIGID = model_from_module(emps_rigid_qm)
+TRUTH = RIGID.parameter_sets["published_2019"]
+
+
+def moving(kind: str, channel: str, move: float) -> Score:
+    effect = Effect(f"{kind} of {channel}", kind, "late", "early", "", lambda _: {}, channel)
+    return Score(effect, 1.0, np.nan, 0.01, np.array([move, 0.0]), 1.0, 1.0, np.nan, False)
+
+
+def job(*records: Record) -> Job:
+    choice = FilterChoice(4, 40.0, 20.0, (5,) * len(records), 20.0, None, (), (), ())
+    return Job(RIGID, records, choice, late=("F",))
+
+
+def test_delays_and_directions_that_were_to_be_found_move_the_estimate_certain_or_not() -> None:
+    found = [moving("delay", "F", 3.0), moving(DIRECTION, "m", 4.0), moving("delay", "q_m", 9.0)]
+    assert unknown_timing(job(), found).tolist() == [[25.0, 0.0], [0.0, 0.0]]
+    known = replace(job(), late=())
+    assert unknown_timing(known, found).tolist() == [[16.0, 0.0], [0.0, 0.0]]
+    assert not np.any(unknown_timing(known, found[:1] + found[2:]))
+
+
+@pytest.mark.parametrize("late_s", [0.0, 1e-3])
+def test_a_late_force_is_in_the_intervals_of_least_squares(late_s: float) -> None:
+    record = simulate(RIGID, TRUTH, "trapezoid", fs=1000.0, duration_s=4.0).record
+    force = np.roll(record.signals["F"], round(late_s * record.fs))
+    here = job(Record({"q_m": record.signals["q_m"], "F": force}, record.fs, "axis"))
+    observation = here.observed(here.records)
+    fit = fit_matched(observation)
+    error = np.abs(fit.solution.x - [TRUTH[name] for name in fit.columns])
+    moved = np.sqrt(np.diag(timing_moves(here, observation, fit)))
+    # friction takes the late force's part at turns
+    place = fit.columns.index("Fv")
+    if late_s:
+        assert moved[place] == pytest.approx(error[place], rel=0.3)
+    else:
+        assert moved[place] < 1e-3 * TRUTH["Fv"]
