@@ -142,3 +142,8 @@ FEW_SENSORS = 10
 # share of the signal's rms: small against its motion, large against rounding.
 SLOPE_STRETCHES, SLOPE_SAMPLES = 16, 24
 SLOPE_STEP = 1e-4
+
+# An inertia is tested against so many slow cosines over the records; it counts as changing from this level,
+# this share of the residual's power and this share of its value on.
+SLOW_CHANGES = 4
+CHANGES_LEVEL, CHANGES_EXPLAINED, LEAST_CHANGE_OF_INERTIA = 1e-3, 0.1, 0.05

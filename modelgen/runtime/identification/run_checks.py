@@ -12,6 +12,11 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.progress import step
+from modelgen.runtime.diagnostics.changing_inertia import (
+    ChangingInertia,
+    changing_inertia,
+    changing_inertia_advice,
+)
 from modelgen.runtime.diagnostics.filter_scan import FilterScan, scan_filters, scanned_settings
 from modelgen.runtime.diagnostics.hold_out import HeldOut, held_out, hold_out_advice
 from modelgen.runtime.diagnostics.motion_checks import (
@@ -70,6 +75,7 @@ class Extras:
     scan: FilterScan | None = None
     bounds: BoundCost | None = None
     bias: FloatArray | None = None
+    changing: ChangingInertia | None = None
 
 
 def compared(
@@ -89,7 +95,15 @@ def compared(
     if task.period_s:
         periods = period_spread(fit, records, choice.decimation, task.period_s)
     bias = _bias(task, solution.as_measured) if checks.drift_check else None
-    return Extras(periods, _held_out(task, solution), scan, solution.cost, bias)
+    return Extras(periods, _held_out(task, solution), scan, solution.cost, bias, _changing(task, solution))
+
+
+def _changing(task: Task, solution: Solution) -> ChangingInertia | None:
+    """Return an inertia that is a mean only, if nothing else is named that the model lacks."""
+    asked = task.checks.drift_check and task.method.matched
+    if not asked or any(one.kind == "more than the model" for one in solution.advice):
+        return None
+    return changing_inertia(solution.fit, solution.job.model, task.records, task.choice)
 
 
 def _held_out(task: Task, solution: Solution) -> HeldOut | None:
@@ -152,7 +166,7 @@ def _bias(task: Task, fit: Fit) -> FloatArray | None:
 
 
 def more_than_noise(fit: Fit, extras: Extras) -> FloatArray:
-    """Return what periods, held-out records and bias by noise add to X's mean square error, shape (c, c)."""
+    """Return what `extras` say that the estimate is off by, as a mean square, shape (c, c)."""
     total = np.zeros((len(fit.columns), len(fit.columns)))
     if extras.periods is not None:
         total += spread_beyond_noise(extras.periods, hac_covariance(fit))
@@ -161,6 +175,8 @@ def more_than_noise(fit: Fit, extras: Extras) -> FloatArray:
     if extras.bias is not None:
         bias = significant_bias(fit, extras.bias, hac_covariance(fit))
         total += np.outer(bias, bias)
+    if extras.changing is not None:
+        total += np.outer(extras.changing.move, extras.changing.move)
     return total
 
 
@@ -205,6 +221,7 @@ def examine(
         *(bound_advice(bounds) if bounds else ()),
         *(period_advice(periods, noise, fit.columns) if periods else ()),
         *(hold_out_advice(extras.held_out) if extras.held_out else ()),
+        *changing_inertia_advice(extras.changing),
         *residual_advice(_alarming(task, solution, residuals)),
     )
     return Checks(
