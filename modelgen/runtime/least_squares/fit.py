@@ -130,12 +130,13 @@ class Fit:
     def misfit(self) -> float:
         """Minus the logarithm of the likelihood, each block with a noise of its own.
 
-        Residuals count as shares of what their rows balance: parameters that shrink a row explain nothing.
+        Residuals count as shares of the measured forces, or of what rows without a force balance: parameters
+        that shrink a row explain nothing, nor do terms that grow and cancel each other.
         """
         tiny = float(np.finfo(float).tiny)
         return sum(
-            block.count * float(np.log(max(share, tiny)))
-            for block, share in zip(self.blocks, self.left_shares, strict=True)
+            block.count * float(np.log(max(left / (block.size(self.solution.x) or 1.0), tiny)))
+            for block, left in zip(self.blocks, self.residual_norms, strict=True)
         )
 
     @property
