@@ -75,12 +75,12 @@ def _one_more(fit: Fit, extra: Sequence[Column | None]) -> tuple[float, float] |
     shared, whole = np.zeros(len(fit.columns)), 0.0
     for index, one, column in _columns_in_stretches(fit, extra):
         weight = fit.weights[index] ** 2
-        shared[fit.touched(index)] += weight * (one.regressor.T @ column)
+        shared += weight * one.regressor.across(column)
         whole += weight * float(column @ column)
     share = fit.solution.inverse @ shared
     power = value = 0.0
     for index, one, column in _columns_in_stretches(fit, extra):
-        weight, left = fit.weights[index] ** 2, column - one.regressor @ share[fit.touched(index)]
+        weight, left = fit.weights[index] ** 2, column - one.regressor.times(share)
         power += weight * float(left @ left)
         value += weight * float(left @ one.residual)
     if power <= RANK_TOLERANCE * whole:
@@ -120,7 +120,7 @@ def _influence(
             block, of = fit.blocks[index], extra[index]
             part, regressor, residual = fit.between(index, start, start + STRETCH)
             column = of(part.place) if of else np.zeros(len(part.place))
-            left = column - regressor @ share[fit.touched(index)]
+            left = column - regressor.times(share)
             rest = residual - value * (column - part.W @ block.own(share))
             psi[part.place - start, 0] += fit.weights[index] ** 2 * left * rest / power
         yield psi

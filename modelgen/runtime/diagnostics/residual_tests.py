@@ -206,7 +206,7 @@ def _correlation(fit: Fit, index: int, run: FittedStretch, step_s: float) -> Cor
     count = len(fit.blocks) * lags * len(fit.columns)
     quantile = normal_beyond(0.5 * (1.0 - CONFIDENCE) / count)
     best: tuple[float, Correlation] | None = None
-    inputs = run.regressor * fit.solution.x[touched]
+    inputs = run.regressor.chosen(touched) * fit.solution.x[touched]
     least = 1e-9 * max(float(inputs.max()), -float(inputs.min()))
     for column, u in zip(touched.tolist(), inputs.T, strict=True):
         name, u = fit.columns[column], u - u.mean()

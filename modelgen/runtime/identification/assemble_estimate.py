@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.modes.chain_of_fit import chain_of_fit, modes_of_fit
+from modelgen.runtime.modes.chain_of_fit import chain_of_fit
 from modelgen.runtime.parameters.known_sums import with_known_sums
 from modelgen.runtime.parameters.other_solutions import other_solutions, solution_notes
 from modelgen.runtime.parameters.parameter import Parameter
@@ -54,7 +55,7 @@ class Solved:
     fixed: Mapping[str, float] = field(default_factory=dict)
     keep: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def identified(self) -> tuple[str, ...]:
         """Columns of the fit that are estimates, not nuisances."""
         return tuple(name for name in self.fit.columns if name not in self.refused)
@@ -120,8 +121,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
             {**model.absent, **solved.refused, **found.unanswered},
             others,
         ),
-        modal=modes_of_fit(model, known),
-        source=Source(model, solved.job.records, known[0] if known else None),
+        source=Source(model, solved.job.records, known),
     )
 
 

@@ -94,7 +94,7 @@ class Job:
 
     def calm(self, records: tuple[Record, ...]) -> Observation:
         """Return the rows without the samples around reversals, which a consistent estimate must not use."""
-        return self.observed(records, turns=False).dense()
+        return self.observed(records, turns=False)
 
     def with_delays(self, run: Run, finish: Callable[[Fit], Fit] | None = None) -> tuple[Observation, Fit]:
         """Return the rows and the fit of `run`, delays of forces estimated where they are asked for."""
@@ -109,7 +109,7 @@ class Job:
 
         What a model lacks is no noise: weights made of it would only trade one of its errors for another.
         """
-        numbers = sum(block.count for block in fit.blocks) * len(fit.columns)
+        numbers = sum(block.count * len(fit.touched(index)) for index, block in enumerate(fit.blocks))
         room = (
             MOST_WHITENED
             if self.memory_limit is None

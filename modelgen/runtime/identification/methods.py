@@ -46,22 +46,22 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
 
     setting = job.setting()
 
-    def calm(records: tuple[Record, ...]) -> Observation:
+    def dense(records: tuple[Record, ...]) -> Observation:
         return observed(records).dense()
 
-    if composites:
+    if composites:  # physical parameters are in many columns
         rules = Rules(job.robust is not None, job.bounds is not None, job.at_zero)
-        return fit_composites_iv(setting, calm, job.late, job.start, rules, job.begin)
+        return fit_composites_iv(setting, dense, job.late, job.start, rules, job.begin)
 
     waiting = []
     if job.start is None or not job.start.delays:  # else there are samples that tell a delay
-        waiting = [calm(job.records)]
+        waiting = [observed(job.records)]
         # where every sample feels a reversal, a late force and a late change of direction look alike
         turning = any(block.turning and block.has_force for block in waiting[0].blocks)
         job = replace(job, late=()) if turning else job
 
     def run(records: tuple[Record, ...], start: Fit | None) -> tuple[Observation, Fit]:
-        observation = waiting.pop() if waiting and records is job.records else calm(records)
+        observation = waiting.pop() if waiting and records is job.records else observed(records)
         start = start or job.start
         if start is None and job.begin is not None:
             start = fit_from(observation, job.model.base_from_physical(job.begin))
@@ -73,7 +73,7 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
 
     if job.effects:
         near = job.start or run(job.records, None)[1]
-        found = fit_with_effects(setting, calm, near, job.effects, job.sizes, job.sharpened)
+        found = fit_with_effects(setting, observed, near, job.effects, job.sizes, job.sharpened)
         return found.observation, found.fit
     # turns leave gaps in the rows of arms, and stretches between them are too short to make them white
     return job.with_delays(run, None if job.model.is_arm else job.sharpened)

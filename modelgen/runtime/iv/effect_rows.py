@@ -77,7 +77,7 @@ def effect_rows(
 
     `sizes` are those to which the first effects are set right in the channels.
     """
-    nothing = [np.zeros(len(block.place)) for block in fit.blocks]
+    nothing = [np.zeros(block.count) for block in fit.blocks]
     found = [list(nothing) for _ in effects]
     reads, every = channels_of_keys(setting.model), _mismatch_terms(fit, setting)
     for record, indices in fit.by_record.items():

@@ -21,7 +21,7 @@ from modelgen.runtime.iv.thresholds import (
     PATIENT_ROUNDS,
     SHORTER,
 )
-from modelgen.runtime.least_squares.delays import advanced, delay_rates
+from modelgen.runtime.least_squares.delays import advanced, delay_rates, steps_of
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.further_columns import with_columns, without_columns
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -169,12 +169,10 @@ def _late_rows(fit: Fit, setting: Setting, delays: Mapping[str, float]) -> Grown
 
 def _with_columns(plain: Fit, Z: Sequence[FloatArray], grown: Grown, sizes: FloatArray, late: int) -> Fit:
     """Return the fit with a column for each delay's step and each effect's size."""
-    extra = [np.column_stack(parts) for parts in zip(*grown, strict=True)]
     # a late force is set right by its step; an effect stays in the rows
-    extra = [np.column_stack([-part[:, :late], part[:, late:]]) for part in extra]
-    residuals = tuple(
-        residual - part[:, late:] @ sizes for residual, part in zip(plain.residuals, extra, strict=True)
-    )
+    extra = [*(steps_of(rates) for rates in grown[:late]), *grown[late:]]
+    added = _added(plain, grown[late:], sizes)
+    residuals = tuple(residual - more for residual, more in zip(plain.residuals, added, strict=True))
     return with_columns(weighed(replace(plain, residuals=residuals)), Z, extra)
 
 
@@ -192,10 +190,16 @@ def _alone(
 
 def _without(larger: Fit, plain: Fit, grown: Grown, sizes: FloatArray) -> Fit:
     """Return the fit to the columns alone: effects subtracted from Y, further columns projected out."""
-    effects = len(sizes)
-    added = [np.column_stack(parts)[:, len(grown) - effects :] @ sizes for parts in zip(*grown, strict=True)]
+    added = _added(plain, grown[len(grown) - len(sizes) :], sizes)
     blocks = tuple(
-        replace(block.kept(), Y=block.Y - more)
-        for block, more in zip(plain.dense().blocks, added, strict=True)
+        replace(block.kept(), Y=block.Y - more) for block, more in zip(plain.blocks, added, strict=True)
     )
     return without_columns(larger, replace(plain, blocks=blocks))
+
+
+def _added(plain: Fit, effects: Grown, sizes: FloatArray) -> list[FloatArray]:
+    """Return what effects of these sizes add to each block, shape (n,)."""
+    found = [np.zeros(block.count) for block in plain.blocks]
+    for parts, size in zip(effects, sizes.tolist(), strict=True):
+        found = [more + size * part for more, part in zip(found, parts, strict=True)]
+    return found

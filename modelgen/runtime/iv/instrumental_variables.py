@@ -147,7 +147,7 @@ def simulated(fit: Fit, setting: Setting, values: Mapping[str, float]) -> Mappin
 
 
 def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple[FloatArray, ...]:
-    """Return for every block of the fit its rows built from the simulation, shape (n, columns) each.
+    """Return for every block of the fit its columns built from the simulation, shape (n, k) each.
 
     Raises
     ------
@@ -155,21 +155,24 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
         When the simulation does not move what a column needs.
     """
     model, choice = setting.model, setting.choice
-    place = {model.base_parameters.index(name): index for index, name in enumerate(fit.columns)}
+    every = [model.base_parameters.index(name) for name in fit.columns]
     touched = [terms.columns for terms in row_terms(model)]
     lines: dict[int, tuple[FloatArray, ...]] = {}
-    found = []
-    for block in fit.blocks:
+    found, power = [], np.zeros(len(fit.columns))
+    for index, block in enumerate(fit.blocks):
         if block.record not in lines:
             factor = choice.decimation[block.record]
             rows = unmasked_rows(model, runs[block.record], choice, factor, setting.drop)
             lines[block.record] = rows.lines()
-        Z = np.zeros((len(fit.columns), len(block.place)))
+        own = fit.touched(index)
+        place = {every[column]: line for line, column in enumerate(own.tolist())}
+        Z = np.zeros((len(own), len(block.place)))
         for column, line in zip(touched[block.row], lines[block.record][block.row][:-1], strict=True):
             if column in place:
                 Z[place[column]] = line if len(block.place) == len(line) else line[block.place]
         found.append(Z.T)
-    still = [name for name, size in zip(fit.columns, _norms(found), strict=True) if size == 0.0]
+        power[own] += np.sum(Z**2, axis=1)
+    still = [name for name, size in zip(fit.columns, power, strict=True) if size == 0.0]
     if still:
         raise diverged(f"its simulation does not move what {', '.join(still)} needs", fit, model)
     return tuple(found)
@@ -230,10 +233,6 @@ def simulation_parameters(
         better = physical_parameters(model, with_gaps, covariances, zero, {}).parameters
         found |= {entry.name: entry.value for entry in better}
     return {name: found.get(name, 0.0) for name in model.parameters}
-
-
-def _norms(Z: Sequence[FloatArray]) -> FloatArray:
-    return np.asarray(np.sqrt(np.sum([np.sum(z**2, axis=0) for z in Z], axis=0)))
 
 
 def _largest_move(before: Fit, after: Fit) -> float:

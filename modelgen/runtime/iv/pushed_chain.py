@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,8 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.thresholds import FELT_SHARE, SEEN_AT
-from modelgen.runtime.rows.row_terms import row_terms
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.rows.row_terms import mismatch_terms
 from modelgen.runtime.simulation.plant import Plant
 
 
@@ -79,22 +80,24 @@ class Pushed(Mapping[str, FloatArray]):
 
     def _feeling(self) -> tuple[int, ...]:
         held, model = self._held, self._held.plant.model
-        x = model.base_from_physical(held.plant.parameters)
         places = slice(1, None, max((len(held.omega) - 1) // SEEN_AT, 1))
-        omega = held.omega[places]
-        read = {key: held.reading(key, self._push, places) for key in self._keys}
-        most = {key: held.largest(key, self._push, places) for key in self._keys}
-        moved = [signal for signal in model.signals if signal.channel in read]
-        ways = {signal.key: (1j * omega) ** signal.derivative * read[signal.channel] for signal in moved}
-        reach = {signal.key: omega**signal.derivative * most[signal.channel] for signal in moved}
-        found = []
-        for terms in row_terms(model):
-            left, size = np.zeros(len(omega), dtype=complex), np.zeros(len(omega))
-            for weight, entry in zip((*x[list(terms.columns)], -1.0), terms.entries, strict=True):
-                for share, key in entry:
-                    if key in ways:
-                        left -= weight * share * ways[key]
-                        size += abs(weight * share) * reach[key]
-            if np.any(np.abs(left) > FELT_SHARE * size):
-                found.append(terms.row)
-        return tuple(found)
+        omega = held.omega[places, None]
+        keys, column = {*self._keys}, {key: index for index, key in enumerate(held.readings)}
+        moved = [signal for signal in model.signals if signal.channel in keys]
+        of = [column[signal.channel] for signal in moved]
+        order = np.array([signal.derivative for signal in moved])
+        read, most = held.readings_at(places, self._push)
+        shares = _shares(model, held.plant.parameters, [signal.key for signal in moved])
+        left = ((1j * omega) ** order * read[:, of]) @ shares
+        size = (omega**order * most[:, of]) @ np.abs(shares)
+        return tuple(np.flatnonzero(np.any(np.abs(left) > FELT_SHARE * size, axis=0)).tolist())
+
+
+def _shares(model: Model, parameters: Mapping[str, float], keys: Sequence[str]) -> FloatArray:
+    """Return what each row's mismatch Y - W X takes of each signal, shape (keys, rows)."""
+    place = {key: index for index, key in enumerate(keys)}
+    found = np.zeros((len(keys), len(model.rows)))
+    for row, weights in enumerate(mismatch_terms(model, model.base_from_physical(parameters))):
+        for key in weights.keys() & place.keys():
+            found[place[key], row] = weights[key]
+    return found

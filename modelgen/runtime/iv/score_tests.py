@@ -25,7 +25,9 @@ from modelgen.runtime.iv.thresholds import (
 )
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_run_covariance
+from modelgen.runtime.least_squares.spanned import Spanned
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.regressor import Regressors
 from modelgen.runtime.numerics.tails import normal_beyond
 
 
@@ -188,37 +190,30 @@ class Span:
         self, fit: Fit, others: Sequence[Sequence[FloatArray]], slope: FloatArray | None = None
     ) -> None:
         """Take what `scores` takes."""
-        R = np.concatenate([w * r for w, r in zip(fit.weights, fit.regressors, strict=True)])
-        if slope is not None:
-            R = R @ slope
-        self._fit, self._free = fit, R.shape[1]
-        self.largest_overlooked = _largest_overlooked(fit, R)
-        R = np.column_stack([R, *(stacked(fit, one) for one in others)])
-        scale = np.linalg.norm(R, axis=0)
-        scale = np.where(scale > 0.0, scale, 1.0)
-        Q, T = np.linalg.qr(R / scale)
-        U, s, Vt = np.linalg.svd(T)
-        kept = s > np.finfo(float).eps * max(R.shape) * s[0]
-        self._basis = Q @ U[:, kept]
-        self._back = (Vt[kept].T / s[kept] / scale[:, None])[: self._free]
+        R = fit.regressors if slope is None else fit.regressors.mixed(slope)
+        self._fit, free = fit, R.columns
+        self._spanned = Spanned(R.joined(others).weighted(fit.weights))
+        self._back = self._spanned.back[:free]
+        # the norm of what an effect may add to the rows
+        x = fit.solution.x if free == len(fit.columns) else _unknowns(fit, R)
+        self.largest_overlooked = LARGEST_SHARE * float(np.max(self._spanned.sizes[:free] * np.abs(x)))
 
     def apart(self, column: FloatArray) -> FloatArray:
         """Return a weighted column, shape (r,), without what the regressors explain of it."""
-        return np.asarray(column - self._basis @ (self._basis.T @ column))
+        return self._spanned.apart(column)
 
     def compared(self, grown: Sequence[Sequence[FloatArray]], residual: FloatArray) -> Compared:
         """Compare effects, one array a block, with the regressors, and a residual apart from these, (r,)."""
-        inner = np.zeros((self._basis.shape[1], len(grown)))
+        across = np.zeros((self._spanned.width, len(grown)))
         whole, along = np.zeros(len(grown)), np.zeros(len(grown))
-        last = 0
-        for index, weight in enumerate(self._fit.weights):
-            first, last = last, last + len(self._fit.residuals[index])
+        for index, left in enumerate(self._spanned.parts(residual)):
             for place, parts in enumerate(grown):
                 if parts[index].any():  # most effects are seen in few rows
-                    part = weight * parts[index]
-                    inner[:, place] += self._basis[first:last].T @ part
+                    part = self._fit.weights[index] * parts[index]
+                    across[:, place] += self._spanned.across(index, part)
                     whole[place] += part @ part
-                    along[place] += part @ residual[first:last]
+                    along[place] += part @ left
+        inner = self._spanned.coordinates(across)
         power = whole - np.sum(inner**2, axis=0)
         for place in np.flatnonzero(power < CANCELLED * whole).tolist():
             # twice: rounding leaves as much of the regressors as is to be found
@@ -227,16 +222,10 @@ class Span:
         return Compared(whole, power, along, self._back @ inner)
 
 
-def _largest_overlooked(fit: Fit, R: FloatArray) -> float:
-    """Return the norm of what an effect may add to the rows; R are their regressors, shape (r, p)."""
-    return LARGEST_SHARE * float(np.max(np.linalg.norm(R, axis=0) * np.abs(_unknowns(fit, R))))
-
-
-def _unknowns(fit: Fit, R: FloatArray) -> FloatArray:
+def _unknowns(fit: Fit, R: Regressors) -> FloatArray:
     """Return the parameters that belong to the columns of R."""
-    if R.shape[1] == len(fit.columns):
-        return fit.solution.x
-    return np.asarray(np.linalg.lstsq(R, fit.weighted_measurement, rcond=None)[0])
+    weighted = np.concatenate(R.weighted(fit.weights).dense().samples)
+    return np.asarray(np.linalg.lstsq(weighted, fit.weighted_measurement, rcond=None)[0])
 
 
 def stacked(fit: Fit, parts: Sequence[FloatArray]) -> FloatArray:

@@ -6,12 +6,14 @@ The columns W hold no force: with Y alone shifted, the rows are solved again for
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.spanned import Spanned
 from modelgen.runtime.least_squares.thresholds import COARSE_BETTER, EARLIEST, LATEST, LOOKED_AT
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -36,21 +38,20 @@ def coarse_delays(
     """
     sample = 1.0 / min(record.fs for record in records)
     found = dict.fromkeys(channels, 0.0)
-    W = np.concatenate([w * part for w, part in zip(fit.weights, _first(fit, fit.regressors), strict=True)])
-    Q = np.linalg.qr(W)[0]
+    R = fit.regressors
+    R = replace(R, samples=tuple(_first(fit, R.samples))).weighted(fit.weights)
+    spanned = Spanned(R)
     parts = [w * y for w, y in zip(fit.weights, _first(fit, [block.Y for block in fit.blocks]), strict=True)]
-    ends = np.cumsum([0, *(len(part) for part in parts)]).tolist()
-    Y = np.concatenate(parts)
-    along = Q.T @ Y
-    rest = Y - Q @ along
+    rest = spanned.apart(np.concatenate(parts))
+    rests = spanned.parts(rest)
     steps = np.arange(EARLIEST, LATEST + 1, dtype=float)
     for channel in channels:
         # a force is in few rows: the others stay as they are
-        changes, inner = np.zeros(len(steps)), np.zeros((len(along), len(steps)))
+        changes, across = np.zeros(len(steps)), np.zeros((spanned.width, len(steps)))
         for index, change in _shifted(fit, model, records, choice, channel, np.asarray(steps * sample)):
-            rows = slice(ends[index], ends[index + 1])
-            inner += Q[rows].T @ change
-            changes += np.sum(change * (change + 2.0 * rest[rows, None]), axis=0)
+            across += spanned.across(index, change)
+            changes += np.sum(change * (change + 2.0 * rests[index][:, None]), axis=0)
+        inner = spanned.coordinates(across)
         left = np.sqrt(np.maximum(rest @ rest + changes - np.sum(inner**2, axis=0), 0.0))
         best = int(np.argmin(left))
         if left[best] < COARSE_BETTER * left[-EARLIEST]:

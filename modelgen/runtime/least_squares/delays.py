@@ -34,6 +34,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.record_rows import unmasked_rows
+from modelgen.runtime.rows.row_terms import channels_of_rows
 
 # records, first values -> rows and their fit
 Run = Callable[[tuple[Record, ...], Fit | None], tuple[Observation, Fit]]
@@ -113,8 +114,7 @@ def fit_with_delays(
         except IdentifiabilityError as error:
             raise IdentifiabilityError(*error.problems, *_late_so_far(delays, sample)) from error
         rates = [rates_of(fit, moved, channel) for channel in channels]
-        steps_of = [-np.column_stack(columns) for columns in zip(*rates, strict=True)]
-        larger = with_columns(fit, fit.regressors, steps_of)
+        larger = with_columns(fit, fit.regressors, [steps_of(rate) for rate in rates])
         simulated = None
         if start is not None:
             spread = _spread(larger)
@@ -180,6 +180,11 @@ def _late_so_far(delays: Mapping[str, float], sample: float) -> list[Problem]:
     ]
 
 
+def steps_of(rates: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return the column of the step of a delay, one array a block, from what `delay_rates` gives."""
+    return [-part if part.any() else part for part in rates]
+
+
 def delay_rates(
     fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice, drop: int, channel: str
 ) -> tuple[FloatArray, ...]:
@@ -188,21 +193,24 @@ def delay_rates(
     An advanced force changes by its derivative, which is filtered already where a row differentiates it.
     """
     orders = {signal.key: signal.derivative for signal in model.signals if signal.actuator == channel}
-    columns = [model.base_parameters.index(name) for name in fit.columns]
     place = {key: index for index, key in enumerate(orders)}
-    slopes: dict[int, FloatArray] = {}
+    x = fit.all_parameters(model.base_parameters)
+    read, slopes = channels_of_rows(model), dict[int, FloatArray]()
     rates = []
     for block in fit.blocks:
-        if block.record not in slopes:
-            record, factor = records[block.record], choice.decimation[block.record]
-            rows = unmasked_rows(model, record, choice, factor, drop)
-            slopes[block.record] = rows.derivatives(channel, [order + 1 for order in orders.values()])
+        if channel not in read[block.row]:  # most rows of a long chain hold other forces
+            rates.append(np.broadcast_to(0.0, block.count))
+            continue
         terms = list(model.measurement_columns[block.row])
-        for column, x in zip(columns, fit.solution.x, strict=True):
-            terms += [(-share * x, key) for share, key in model.column_terms(block.row, column)]
+        for column, entry in model.regressor_columns[block.row].items():
+            terms += [(-share * x[column], key) for share, key in entry]
         shares = np.zeros(len(orders))
         for share, key in terms:
             if key in orders:
                 shares[place[key]] += share
+        if block.record not in slopes:
+            record, factor = records[block.record], choice.decimation[block.record]
+            rows = unmasked_rows(model, record, choice, factor, drop)
+            slopes[block.record] = rows.derivatives(channel, [order + 1 for order in orders.values()])
         rates.append(slopes[block.record][block.place] @ shares)
     return tuple(rates)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.fit import Fit, residuals_of
 from modelgen.runtime.least_squares.hac_covariance import influence
 from modelgen.runtime.least_squares.joint_whitening import JointWhitener, joint_whitener
@@ -32,13 +32,24 @@ class WhiteRows:
         """Coefficients that were estimated."""
         return sum(white_of.lost for _, white_of in self.parts)
 
-    def __call__(self, samples: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
-        """Return samples of every block, shape (n, m) each, with the residuals' colour taken off."""
-        found = list(samples)
+    def columns(
+        self, samples: Sequence[FloatArray], places: Sequence[IntArray]
+    ) -> list[tuple[FloatArray, IntArray]]:
+        """Return samples with the residuals' colour taken off, and which columns those of each block are.
+
+        Parameters
+        ----------
+        samples : sequence of array
+            Of every block, shape (n, k) each.
+        places : sequence of array
+            Which of all columns these are, shape (k,) each, in their order; the others are zero.
+        """
+        found = [(samples[0], places[0])] * len(samples)
         for ours, white_of in self.parts:
-            for index, white in zip(ours, white_of([samples[index] for index in ours]), strict=True):
+            own, at = [samples[index] for index in ours], [places[index] for index in ours]
+            for index, white in zip(ours, white_of.columns(own, at), strict=True):
                 found[index] = white
-        return tuple(found)
+        return found
 
 
 def white_rows(fit: Fit) -> WhiteRows:
@@ -62,19 +73,27 @@ def efficient(fit: Fit) -> Fit:
 
     Blocks, weights and what Y was regressed on stay: whatever is looked at is looked at in these.
     """
-    fit, c = fit.dense(), len(fit.columns)
-    white_of = white_rows(fit)
+    c, regressors = len(fit.columns), fit.regressors
+    white_of, m = white_rows(fit), c if regressors.mix is None else len(regressors.mix)
     stacked = [
-        np.vstack([r.T, block.W.T, block.Y]).T for r, block in zip(fit.regressors, fit.blocks, strict=True)
+        np.vstack([one.samples.T, block.W.T, block.Y]).T
+        for one, block in zip(regressors, fit.blocks, strict=True)
     ]
-    white = white_of(stacked)
-    blocks = tuple(
-        replace(block.kept(), W=part[:, c:-1], Y=part[:, -1])
-        for block, part in zip(fit.blocks, white, strict=True)
-    )
+    # columns of instruments, those of W, and Y, one after the other
+    places = [
+        np.r_[np.arange(m) if one.places is None else one.places, m + fit.touched(index), m + c]
+        for index, one in enumerate(regressors)
+    ]
+    blocks, samples, of = [], [], []
+    for block, (white, own) in zip(fit.blocks, white_of.columns(stacked, places), strict=True):
+        k = int(np.searchsorted(own, m))
+        samples.append(white[:, :k])
+        of.append(None if regressors.plain else own[:k])
+        touched = None if block.touched is None else own[k:-1] - m
+        blocks.append(replace(block.kept(), W=white[:, k:-1], Y=white[:, -1], touched=touched))
     lost = white_of.lost
-    plain = replace(fit, blocks=blocks, weights=(1.0,) * len(blocks), lost=lost)
-    found = two_stage(plain, tuple(part[:, :c] for part in white))
+    plain = replace(fit, blocks=tuple(blocks), weights=(1.0,) * len(blocks), lost=lost)
+    found = two_stage(plain, replace(regressors, samples=tuple(samples), places=tuple(of)))
     solution = replace(fit.solution, x=found.solution.x, inverse=found.solution.inverse)
     return replace(
         fit,

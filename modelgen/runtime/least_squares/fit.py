@@ -11,7 +11,8 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares
-from modelgen.runtime.numerics.qr_triangle import lines_of, triangle_of
+from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
+from modelgen.runtime.numerics.regressor import Regressor, Regressors
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock, Stretch
 from modelgen.runtime.rows.row_triangles import RowTriangle
@@ -43,10 +44,10 @@ class CarriedOver:
 
 
 class FittedStretch(NamedTuple):
-    """A stretch of a block: its samples, what Y was regressed on, shape (n, k), and Y - W x, shape (n,)."""
+    """A stretch of a block: its samples, what Y was regressed on, and Y - W x, shape (n,)."""
 
     part: Stretch
-    regressor: FloatArray
+    regressor: Regressor
     residual: FloatArray
 
 
@@ -67,9 +68,9 @@ class Fit:
         `residual_norms`, or for stretches (`between`).
     notes : tuple of str
         What the weighting met.
-    projected : tuple of array, optional
-        What Y was regressed on in place of W, shape (n, columns) a block: with instrumental variables their
-        projection on W. None for least squares. Ask `between`, which is right for both.
+    projected : Regressors, optional
+        What Y was regressed on in place of W: with instrumental variables their projection on W. None for
+        least squares. Ask `regressors` or `between`, which are right for both.
     delays : tuple of (str, float, float)
         Of each force whose delay was estimated: its channel, by how many s it is late, and the standard
         deviation of that.
@@ -92,7 +93,7 @@ class Fit:
     weights: tuple[float, ...]
     residuals: Sequence[FloatArray]
     notes: tuple[str, ...] = ()
-    projected: tuple[FloatArray, ...] | None = None
+    projected: Regressors | None = None
     delays: tuple[tuple[str, float, float], ...] = ()
     lost: int = 0
     carried: CarriedOver | None = None
@@ -100,23 +101,24 @@ class Fit:
     series: tuple[FloatArray, ...] | None = None
 
     @property
-    def regressors(self) -> tuple[FloatArray, ...]:
-        """What each block's Y was regressed on, all columns of the fit, shape (n, c) each."""
+    def regressors(self) -> Regressors:
+        """What each block's Y was regressed on."""
         if self.projected is not None:
             return self.projected
-        return tuple(block.dense(len(self.columns)).W for block in self.blocks)
+        touched = tuple(block.touched for block in self.blocks)
+        return Regressors(tuple(block.W for block in self.blocks), touched, None, len(self.columns))
 
     def dense(self) -> Fit:
         """Return the fit with every column in every block."""
-        return replace(self, blocks=tuple(block.dense(len(self.columns)) for block in self.blocks))
+        blocks = tuple(block.dense(len(self.columns)) for block in self.blocks)
+        return replace(self, blocks=blocks, projected=self.projected and self.projected.dense())
 
     @cached_property
     def triangle(self) -> FloatArray:
         """R of the weighted [regressors Y], shape (c + 1, c + 1)."""
         if self.projected is None:
             return triangle_of(triangle_rows(self.blocks, self.weights, len(self.columns)))
-        R = np.concatenate([w * r for w, r in zip(self.weights, self.projected, strict=True)])
-        return triangle_of(np.column_stack([R, self.weighted_measurement]))
+        return triangle_of(regressed_rows(self.blocks, self.weights, self.projected))
 
     @cached_property
     def left_shares(self) -> tuple[float, ...]:
@@ -153,11 +155,11 @@ class Fit:
         """Return the physical parameters of the fit that this was carried over from, None without one."""
         return None if self.carried is None else self.carried.physical(names)
 
-    def rows(self, columns: Sequence[str]) -> tuple[tuple[RowBlock, ...], tuple[FloatArray, ...] | None]:
-        """Return blocks, and what Y was regressed on in place of W, shape (n, columns), of some columns."""
+    def rows(self, columns: Sequence[str]) -> tuple[tuple[RowBlock, ...], Regressors | None]:
+        """Return blocks, and what Y was regressed on in place of W, of some columns."""
         chosen = [self.columns.index(name) for name in columns]
         blocks = tuple(block.chosen(chosen) for block in self.blocks)
-        return blocks, None if self.projected is None else tuple(part[:, chosen] for part in self.projected)
+        return blocks, None if self.projected is None else self.projected.chosen(chosen)
 
     def all_parameters(self, names: Sequence[str]) -> FloatArray:
         """Return the solution by these names, shape (names,), zero for those that are no columns."""
@@ -216,18 +218,19 @@ class Fit:
 
     def fitted(self, index: int, part: Stretch) -> FittedStretch:
         """Return what a stretch of a block was regressed on, and what it leaves."""
-        block, regressor = self.blocks[index], part.W
+        block = self.blocks[index]
         if self.projected is not None:
-            regressor = self.projected[index][part.rows]
+            regressor = self.projected[index].within(part.rows)
+        else:
+            regressor = Regressor(part.W, block.touched, None, len(self.columns))
         if block.in_memory:
             return FittedStretch(part, regressor, self.residuals[index][part.rows])
         return FittedStretch(part, regressor, part.Y - part.W @ block.own(self.solution.x))
 
     def touched(self, index: int) -> IntArray:
-        """Return the places of a regressor's columns among those of the fit, shape (k,)."""
+        """Return the places of a block's columns among those of the fit, shape (k,)."""
         touched = self.blocks[index].touched
-        every = np.arange(len(self.columns))
-        return every if self.projected is not None or touched is None else touched
+        return np.arange(len(self.columns)) if touched is None else touched
 
 
 def residuals_of(blocks: Sequence[RowBlock], x: FloatArray) -> Sequence[FloatArray]:
@@ -251,6 +254,25 @@ class _RemadeResiduals(Sequence[FloatArray]):
 def _norm(weights: Sequence[float], norms: Sequence[float]) -> float:
     """Return the norm of weighted parts together."""
     return float(np.linalg.norm([weight * norm for weight, norm in zip(weights, norms, strict=True)]))
+
+
+def regressed_rows(
+    blocks: Sequence[RowBlock], weights: Sequence[float], regressors: Regressors
+) -> FloatArray:
+    """Return rows that are as good as the weighted [regressors Y] of the blocks, shape (few, columns + 1)."""
+    found = []
+    for weight, one, block in zip(weights, regressors, blocks, strict=True):
+        lines = weight * lines_of(tall_triangle(one.samples, block.Y)[:, 1:])
+        found.append(np.column_stack([one.lines(lines[:, :-1]), lines[:, -1]]))
+    return np.concatenate(found)
+
+
+def weighted_parts(
+    blocks: Sequence[RowBlock], weights: Sequence[float], regressors: Regressors
+) -> list[tuple[Regressor, FloatArray]]:
+    """Return the weighted regressor and Y of each block."""
+    parts = zip(regressors.weighted(weights), weights, blocks, strict=True)
+    return [(one, weight * block.Y) for one, weight, block in parts]
 
 
 def triangle_rows(

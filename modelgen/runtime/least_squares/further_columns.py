@@ -14,37 +14,44 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.fit import Fit, residuals_of
 from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
+from modelgen.runtime.numerics.regressor import Regressors
 
 
-def with_columns(fit: Fit, Z: Sequence[FloatArray], extra: Sequence[FloatArray]) -> Fit:
+def with_columns(
+    fit: Fit, Z: Regressors | Sequence[FloatArray], extra: Sequence[Sequence[FloatArray]]
+) -> Fit:
     """Return the fit of the same weighted rows with further columns.
 
     Parameters
     ----------
     fit : Fit
-    Z : sequence of array
-        Instruments of its own columns, shape (n, columns) a block.
-    extra : sequence of array
-        The further columns, which are their own instruments, shape (n, further) a block.
+    Z : Regressors, or sequence of array
+        Instruments of its own columns, as `two_stage` takes them.
+    extra : sequence of sequence of array
+        The further columns, which are their own instruments: of each one array a block, shape (n,).
     """
-    fit = fit.dense()
+    c, names = len(fit.columns), tuple(f"further {index}" for index in range(len(extra)))
+    if not isinstance(Z, Regressors):
+        Z = Regressors(tuple(Z), tuple(block.touched for block in fit.blocks), None, c)
+    elif Z.mix is not None and len(Z.mix) == c:
+        # as many columns as are mixed: what they span, and the solution, is the same
+        Z = replace(Z, mix=None)
+    W = replace(fit, projected=None).regressors.joined(extra)
     blocks = tuple(
-        replace(block.kept(), W=np.column_stack([block.W, more]))
-        for block, more in zip(fit.blocks, extra, strict=True)
+        replace(block.kept(), W=samples, touched=places)
+        for block, samples, places in zip(fit.blocks, W.samples, W.places, strict=True)
     )
-    names = tuple(f"further {index}" for index in range(extra[0].shape[1]))
-    stacked = tuple(np.column_stack([z, more]) for z, more in zip(Z, extra, strict=True))
-    return two_stage(replace(fit, columns=fit.columns + names, blocks=blocks), stacked)
+    return two_stage(replace(fit, columns=fit.columns + names, blocks=blocks), Z.joined(extra))
 
 
 def without_columns(larger: Fit, fit: Fit) -> Fit:
     """Return a fit of the same rows to its own columns, the further ones of a larger fit projected out."""
     c = len(fit.columns)
-    stacked = np.concatenate([w * r for w, r in zip(larger.weights, larger.regressors, strict=True)])
-    scale = np.linalg.norm(stacked[:, c:], axis=0)
+    triangle = larger.triangle[:-1, :-1]
+    scale = np.linalg.norm(triangle[:, c:], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
-    share = np.linalg.lstsq(stacked[:, c:] / scale, stacked[:, :c], rcond=None)[0] / scale[:, None]
-    projected = tuple(r[:, :c] - r[:, c:] @ share for r in larger.regressors)
+    share = np.linalg.lstsq(triangle[:, c:] / scale, triangle[:, :c], rcond=None)[0] / scale[:, None]
+    projected = larger.regressors.mixed(np.vstack([np.eye(c), -share]))
     found = with_regressors(replace(fit, weights=larger.weights), projected)
     if larger.series is None:
         return found

@@ -234,21 +234,23 @@ def _whole(psi: FloatArray) -> Iterator[FloatArray]:
 
 def _parts(fit: Fit, indices: Sequence[int]) -> Iterator[FloatArray]:
     """Yield the influence of one record, whose blocks of the fit these are."""
-    c = len(fit.columns)
+    mix = None if fit.projected is None else fit.projected.mix
+    weigh = fit.solution.inverse if mix is None else mix @ fit.solution.inverse
     grid = fit.blocks[indices[0]].grid
-    step = max(1, PART // c)
+    step = max(1, PART // weigh.shape[1])
     for start in range(0, grid, step):
         stop = min(start + step, grid)
-        lines = np.zeros((c, stop - start))
+        lines = np.zeros((len(weigh), stop - start))
         for index in indices:
             part, regressor, residual = fit.between(index, start, stop)
-            change = regressor.T * (fit.weights[index] ** 2 * residual)
+            change = regressor.samples.T * (fit.weights[index] ** 2 * residual)
+            places = range(len(lines)) if regressor.places is None else regressor.places.tolist()
             # where nothing is masked the places follow each other
-            place = slice(None) if len(part.place) == stop - start else part.place - start
-            for column, more in zip(fit.touched(index).tolist(), change, strict=True):
-                lines[column, place] += more
+            at = slice(None) if len(part.place) == stop - start else part.place - start
+            for place, more in zip(places, change, strict=True):
+                lines[place, at] += more
         # sums over time run along lines
-        yield (fit.solution.inverse.T @ lines).T
+        yield (weigh.T @ lines).T
 
 
 def andrews_bandwidth(series: Sequence[Series | FloatArray]) -> float:

@@ -77,7 +77,7 @@ def _weighted(fit: Fit, weights: tuple[FloatArray, ...]) -> Fit:
         replace(block.kept(), Y=root * block.Y, W=root[:, None] * block.W)
         for block, root in zip(fit.blocks, roots, strict=True)
     )
-    Z = tuple(root[:, None] * r for root, r in zip(roots, fit.regressors, strict=True))
+    Z = tuple(root[:, None] * r.samples for root, r in zip(roots, fit.regressors, strict=True))
     solved = two_stage(replace(fit, blocks=blocks), Z)
     return solved if fit.projected is not None else replace(solved, projected=None)
 
@@ -85,7 +85,7 @@ def _weighted(fit: Fit, weights: tuple[FloatArray, ...]) -> Fit:
 def _with_sandwich(fit: Fit, found: Fit, weights: tuple[FloatArray, ...]) -> Fit:
     """Return the fit with the inverse of sum psi'(e) R^T R, to which samples beyond the bend add nothing."""
     parts = zip(fit.weights, fit.regressors, weights, strict=True)
-    inside = np.concatenate([weight * r[inner >= 1.0] for weight, r, inner in parts])
+    inside = np.concatenate([weight * r.samples[inner >= 1.0] for weight, r, inner in parts])
     scale = np.linalg.norm(inside, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     triangle = np.asarray(np.linalg.qr(inside / scale, mode="r"))

@@ -58,14 +58,34 @@ class JointWhitener:
 
     def __call__(self, samples: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
         """Return samples at the rows' places with the residuals' colour taken off."""
+        return tuple(self._row(row, samples) for row in range(len(self.together)))
+
+    def columns(
+        self, samples: Sequence[FloatArray], places: Sequence[IntArray]
+    ) -> list[tuple[FloatArray, IntArray]]:
+        """Return the same of rows that have some of all columns each, at `places`, in their order.
+
+        A row that is predicted from others has their columns as well.
+        """
         found = []
         for row, one in enumerate(self.together):
-            white = np.empty_like(samples[row])
-            self._predict_alone(white, row, samples[row])
-            if one is not None:
-                self._predict(white, row, one, samples)
-            found.append(white)
-        return tuple(found)
+            others = {row} if one is None else {row, *(other for other, _ in one.terms)}
+            every = np.unique(np.concatenate([places[other] for other in sorted(others)]))
+            wide = list(samples)
+            for other in others:
+                if len(every) > len(places[other]):
+                    lines = np.zeros((len(every), len(samples[other])))
+                    lines[np.searchsorted(every, places[other])] = samples[other].T
+                    wide[other] = lines.T
+            found.append((self._row(row, wide), every))
+        return found
+
+    def _row(self, row: int, samples: Sequence[FloatArray]) -> FloatArray:
+        white, one = np.empty_like(samples[row]), self.together[row]
+        self._predict_alone(white, row, samples[row])
+        if one is not None:
+            self._predict(white, row, one, samples)
+        return white
 
     def _predict_alone(self, white: FloatArray, row: int, samples: FloatArray) -> None:
         """Fill in what no others say anything of."""

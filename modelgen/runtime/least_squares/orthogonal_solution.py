@@ -16,6 +16,7 @@ from modelgen.runtime.least_squares.thresholds import (
     ROUNDING,
 )
 from modelgen.runtime.numerics.iterative_refinement import refined
+from modelgen.runtime.numerics.regressor import Regressor, regressor
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +62,13 @@ def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
 
 
 def polished(
-    triangle: FloatArray, parts: Sequence[tuple[FloatArray, FloatArray]], tolerance: float = RANK_TOLERANCE
+    triangle: FloatArray,
+    parts: Sequence[tuple[FloatArray | Regressor, FloatArray]],
+    tolerance: float = RANK_TOLERANCE,
 ) -> LeastSquares:
     """Return the solution of R = `triangle` of [W Y], freed of what rounding has moved.
 
-    `parts` are W and Y themselves, cut into pieces of shape (n, c) and (n,); none where rounding is no
+    `parts` are W and Y themselves, cut into pieces of n rows, (n, c) and (n,); none where rounding is no
     matter. Singular values below the share `tolerance` of the largest count as zero.
     """
     c = triangle.shape[1] - 1
@@ -87,7 +90,8 @@ def polished(
         # in QR, and with it the order of the rows, has moved
         gradient, count = np.zeros(c), 0
         for W, Y in parts:  # each pass may make them anew
-            gradient += W.T @ (Y - W @ x)
+            of = regressor(W)
+            gradient += of.across(Y - of.times(x))
             count += len(Y)
         x = x + inverse @ gradient
         rounding = _rounding(s, float(np.linalg.norm(x * scale)), float(np.abs(triangle[c:, c]).sum()))

@@ -7,50 +7,51 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.fit import Fit, regressed_rows, residuals_of, weighted_parts
 from modelgen.runtime.least_squares.orthogonal_solution import polished
 from modelgen.runtime.least_squares.thresholds import SIMULATED_TOLERANCE
 from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
+from modelgen.runtime.numerics.regressor import Regressor, Regressors
 
 
-def two_stage(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
-    """Return the fit of the same weighted rows with instruments Z, shape (n, columns) a block.
+def two_stage(fit: Fit, Z: Regressors | tuple[FloatArray, ...]) -> Fit:
+    """Return the fit of the same weighted rows with instruments Z.
 
     Regressing Y on the projection Z P, P = (Z^T Z)^-1 Z^T W, gives X = (Z^T W)^-1 Z^T Y and keeps everything
     symmetric (Theil 1953); residuals are those of W.
+
+    Parameters
+    ----------
+    fit : Fit
+    Z : Regressors, or tuple of array
+        One for each column; arrays are those of the columns that each block has, shape (n, k).
     """
-    fit, c = fit.dense(), len(fit.columns)
+    c = len(fit.columns)
+    if not isinstance(Z, Regressors):
+        Z = Regressors(tuple(Z), tuple(block.touched for block in fit.blocks), None, c)
     # all that the projection and the solution ask of the rows stands in the triangle of [Z W Y]
-    parts = [
-        weight * lines_of(tall_triangle(np.hstack([z, block.W]), block.Y)[:, 1:])
-        for weight, z, block in zip(fit.weights, Z, fit.blocks, strict=True)
-    ]
+    parts = []
+    for weight, z, block in zip(fit.weights, Z, fit.blocks, strict=True):
+        lines = weight * lines_of(tall_triangle(np.hstack([z.samples, block.W]), block.Y)[:, 1:])
+        k, W = z.samples.shape[1], Regressor(block.W, block.touched, None, c)
+        parts.append(np.column_stack([z.lines(lines[:, :k]), W.lines(lines[:, k:-1]), lines[:, -1]]))
     triangle = triangle_of(np.concatenate(parts))
     scale = np.linalg.norm(triangle[:, :c], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
-    rank = float(np.finfo(float).eps) * sum(len(z) for z in Z)
+    rank = float(np.finfo(float).eps) * sum(len(z) for z in Z.samples)
     P = np.linalg.lstsq(triangle[:, :c] / scale, triangle[:, c:-1], rcond=rank)[0] / scale[:, None]
     seen = triangle_of(np.column_stack([triangle[:, :c] @ P, triangle[:, -1]]))
-    # columns in lines, as those of W are
-    return _regressed(fit, tuple((P.T @ z.T).T for z in Z), seen)
+    return _regressed(fit, Z.mixed(P), seen)
 
 
-def with_regressors(fit: Fit, projected: tuple[FloatArray, ...]) -> Fit:
-    """Return the fit of the same weighted rows whose Y is regressed on `projected`, in place of W.
-
-    Its arrays have the shape (n, columns), one a block.
-    """
-    parts = [
-        weight * lines_of(tall_triangle(part, block.Y)[:, 1:])
-        for weight, part, block in zip(fit.weights, projected, fit.blocks, strict=True)
-    ]
-    return _regressed(fit, projected, triangle_of(np.concatenate(parts)))
+def with_regressors(fit: Fit, projected: Regressors) -> Fit:
+    """Return the fit of the same weighted rows whose Y is regressed on `projected`, in place of W."""
+    return _regressed(fit, projected, triangle_of(regressed_rows(fit.blocks, fit.weights, projected)))
 
 
-def _regressed(fit: Fit, projected: tuple[FloatArray, ...], triangle: FloatArray) -> Fit:
+def _regressed(fit: Fit, projected: Regressors, triangle: FloatArray) -> Fit:
     """Return the same, given the triangle of the weighted [projected Y], shape (c + 1, c + 1)."""
-    parts = zip(fit.weights, projected, fit.blocks, strict=True)
-    weighted = [(weight * part, weight * block.Y) for weight, part, block in parts]
-    solution = polished(triangle, weighted, SIMULATED_TOLERANCE)
-    residuals = tuple(block.residual(solution.x) for block in fit.blocks)
+    parts = weighted_parts(fit.blocks, fit.weights, projected)
+    solution = polished(triangle, parts, SIMULATED_TOLERANCE)
+    residuals = residuals_of(fit.blocks, solution.x)
     return replace(fit, solution=solution, residuals=residuals, projected=projected, series=None)

@@ -17,6 +17,7 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.thresholds import RANK_TOLERANCE
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.regressor import plain_regressors
 
 NOTE = (
     "total least squares takes the noise to be as large, relative to its length, in every column and in Y, "
@@ -68,7 +69,8 @@ def fit_total(fit: Fit, model: Model) -> Fit:
     share[noisy] = scale[noisy] / y_scale * free / (1.0 + float(free @ free))
     moved = tuple(block.W + np.outer(e, share) for block, e in zip(fit.blocks, residuals, strict=True))
     solution = replace(fit.solution, x=x, inverse=inverse)
-    return replace(fit, solution=solution, residuals=residuals, projected=moved, notes=(*fit.notes, NOTE))
+    projected = plain_regressors(moved)
+    return replace(fit, solution=solution, residuals=residuals, projected=projected, notes=(*fit.notes, NOTE))
 
 
 def _exact(model: Model, column: str) -> bool:

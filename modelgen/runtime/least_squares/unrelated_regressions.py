@@ -16,6 +16,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.projected_least_squares import with_regressors
 from modelgen.runtime.least_squares.thresholds import SMALLEST_DEVIATION
 from modelgen.runtime.numerics.decorrelation import whitening
+from modelgen.runtime.numerics.regressor import plain_regressors
 from modelgen.runtime.rows.row_block import RowBlock
 
 
@@ -24,7 +25,8 @@ def across_rows(fit: Fit) -> Fit:
 
     Of the samples that all rows of a record use. Residuals count around zero: a mean is an error as well.
     """
-    fit, regressors = fit.dense(), fit.regressors
+    fit = fit.dense()
+    regressors = fit.regressors
     blocks: list[RowBlock] = []
     projected: list[FloatArray] = []
     for ours in fit.by_record.values():
@@ -38,7 +40,7 @@ def across_rows(fit: Fit) -> Fit:
         share = whitening(left @ left.T / max(len(common), 1), SMALLEST_DEVIATION)
         Y = np.stack([fit.blocks[index].Y[rows] for index, rows in zip(ours, kept, strict=True)])
         W = np.stack([fit.blocks[index].W[rows] for index, rows in zip(ours, kept, strict=True)])
-        Z = np.stack([regressors[index][rows] for index, rows in zip(ours, kept, strict=True)])
+        Z = np.stack([regressors[index].samples[rows] for index, rows in zip(ours, kept, strict=True)])
         for place, index in enumerate(ours):
             part = share[place]
             one = replace(
@@ -51,4 +53,4 @@ def across_rows(fit: Fit) -> Fit:
             blocks.append(one)
             projected.append(np.tensordot(part, Z, 1))
     alike = replace(fit, blocks=tuple(blocks), weights=(1.0,) * len(blocks))
-    return with_regressors(alike, tuple(projected))
+    return with_regressors(alike, plain_regressors(tuple(projected)))

@@ -16,7 +16,13 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, Problem
-from modelgen.runtime.least_squares.fit import Fit, residuals_of, triangle_rows
+from modelgen.runtime.least_squares.fit import (
+    Fit,
+    regressed_rows,
+    residuals_of,
+    triangle_rows,
+    weighted_parts,
+)
 from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares, least_squares, polished
 from modelgen.runtime.least_squares.thresholds import (
     LOAD_ROW_SHARE,
@@ -24,6 +30,7 @@ from modelgen.runtime.least_squares.thresholds import (
     SMALLEST_RESIDUAL,
     WEIGHTING_ROUNDS,
 )
+from modelgen.runtime.numerics.regressor import Regressor, Regressors
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.row_block import STRETCH, RowBlock
 from modelgen.runtime.rows.row_triangles import RowTriangle
@@ -187,15 +194,13 @@ def _solve(
     columns: tuple[str, ...],
     absent: tuple[str, ...],
     weights: tuple[float, ...],
-    projected: tuple[FloatArray, ...] | None = None,
+    projected: Regressors | None = None,
     polish: bool = True,
 ) -> Fit:
     c = len(columns)
-    parts: Sequence[tuple[FloatArray, FloatArray]]
+    parts: Sequence[tuple[Regressor, FloatArray]]
     if projected is not None:
-        R = np.concatenate([weight * array for weight, array in zip(weights, projected, strict=True)])
-        Y = np.concatenate([weight * block.Y for weight, block in zip(weights, blocks, strict=True)])
-        rows, parts = np.column_stack([R, Y]), [(R, Y)]
+        rows, parts = regressed_rows(blocks, weights, projected), weighted_parts(blocks, weights, projected)
     else:
         rows, parts = triangle_rows(blocks, weights, c), _Weighted(blocks, weights, c)
     triangle = np.asarray(np.linalg.qr(rows, mode="r"))
@@ -204,7 +209,7 @@ def _solve(
     return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
 
 
-class _Weighted(Sequence[tuple[FloatArray, FloatArray]]):
+class _Weighted(Sequence[tuple[Regressor, FloatArray]]):
     """The weighted rows in pieces: all together they would be in memory twice.
 
     The rows of a record follow each other stretch by stretch: those that are not kept are made together.
@@ -225,11 +230,7 @@ class _Weighted(Sequence[tuple[FloatArray, FloatArray]]):
     def __getitem__(self, index: Any) -> Any:
         _, start, weight, block = self._pieces[index]
         part = block.between(start, start + STRETCH)
-        W = part.W
-        if block.touched is not None:
-            W = np.zeros((len(part.Y), self._columns))
-            W[:, block.touched] = part.W
-        return weight * W, weight * part.Y
+        return Regressor(weight * part.W, block.touched, None, self._columns), weight * part.Y
 
 
 def _weighted(rows: Sequence[RowTriangle], weights: Sequence[float], columns: int) -> LeastSquares:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
@@ -131,7 +132,7 @@ class Model:
     kernel: Kernel | DeflectedKernel | None = None
     loads: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def channels(self) -> tuple[str, ...]:
         """Keys a record must bring: every sensor and actuator in use, and signals that have neither."""
         used = dict.fromkeys(signal.channel for signal in self.signals)

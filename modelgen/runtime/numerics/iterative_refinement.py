@@ -13,8 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.numerics.regressor import Regressor, regressor
 
-Parts = Sequence[tuple[FloatArray, FloatArray]]
+Parts = Sequence[tuple[FloatArray | Regressor, FloatArray]]
 
 SPLITTER = 2.0**27 + 1.0  # splits 53 bits into two halves whose products are exact
 ROUNDS = 2
@@ -25,26 +26,27 @@ def refined(parts: Parts, x: FloatArray, inverse: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    parts : sequence of (array, array)
+    parts : sequence of (array or Regressor, array)
         W, shape (r, c), and Y, shape (r,), in pieces of some rows each. W is of full rank; its condition
         number squared must stay below the inverse of the rounding unit.
     x : array, shape (c,)
     inverse : array, shape (c, c)
         (W^T W)^-1, to a few digits.
     """
-    residuals = [Y - W @ x for W, Y in parts]
+    pieces = [(regressor(W), Y) for W, Y in parts]
+    residuals = [Y - W.times(x) for W, Y in pieces]
     for _ in range(ROUNDS):
         gradient = np.zeros(len(x))
         defects = []
-        for (W, Y), residual in zip(parts, residuals, strict=True):
-            defect = _defect(W, Y, x, residual)
-            gradient += W.T @ defect + _projection(W, residual)
+        for (W, Y), residual in zip(pieces, residuals, strict=True):
+            defect = _defect(W.samples, Y, W.own(x), residual)
+            gradient += W.spread(W.samples.T @ defect + _projection(W.samples, residual))
             defects.append(defect)
         step = inverse @ gradient
         x = x + step
         residuals = [
-            residual + (defect - W @ step)
-            for (W, _), residual, defect in zip(parts, residuals, defects, strict=True)
+            residual + (defect - W.times(step))
+            for (W, _), residual, defect in zip(pieces, residuals, defects, strict=True)
         ]
     return x
 

@@ -21,6 +21,7 @@ from modelgen.errors import DataError
 from modelgen.lazy_accessor import LazyAccessor
 from modelgen.read_file import ESTIMATE, read_text
 from modelgen.runtime.modes.arm_modes import modes_of_arm
+from modelgen.runtime.modes.chain_of_fit import modes_of_fit
 from modelgen.runtime.modes.measured_peaks import with_peaks
 from modelgen.runtime.modes.modes import Modes
 from modelgen.runtime.parameters.physical_parameters import Covariances
@@ -58,7 +59,7 @@ class Estimate:
     checks : Checks
         What the guards and the tests of the residual say, and the comparisons that were asked for.
     modal : Modes
-        What the fit says of the modes; `modes` adds what the records show of them.
+        What was said of the modes, where the estimate was loaded or pickled; ask `modes`.
     source : Source or None
         Model and records, for plots and comparisons; None where the estimate was loaded or pickled.
     contents : tuple of str
@@ -180,12 +181,13 @@ class Estimate:
 
     @cached_property
     def _modes(self) -> Modes:
-        # responses of whole records: only for those who ask
+        # zeros of every actuator, responses of whole records: only for those who ask
         if self.source is None:
             return self.modal
         if self.source.model.is_arm:
             return modes_of_arm(self.source.model, self.params, self.cov_params(), self.source.records)
-        return with_peaks(self.modal, self.source.model, self.source.records)
+        modal = modes_of_fit(self.source.model, self.source.known)
+        return with_peaks(modal, self.source.model, self.source.records)
 
     def __getstate__(self) -> dict[str, Any]:
         # records are not pickled: what they show of the modes goes along

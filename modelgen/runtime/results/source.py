@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.modes.chain_of_fit import Again
 from modelgen.runtime.modes.uncertain_chain import UncertainChain
 from modelgen.runtime.records.record import Record
 
@@ -14,7 +15,8 @@ from modelgen.runtime.records.record import Record
 class Source:
     """The model and the records (directions found, known delays compensated) behind an estimate.
 
-    `chain` is what the fit knows of all parameters, refused ones too; None where that is no chain.
+    `known` is what the fit knows of all parameters, refused ones too, and what gives it near other values;
+    None where that is no chain.
 
     They are what plots need. They are no part of what is saved, pickled or copied deeply: an estimate that
     comes from there holds none, and its plots ask for them.
@@ -22,7 +24,12 @@ class Source:
 
     model: Model
     records: tuple[Record, ...]
-    chain: UncertainChain | None
+    known: tuple[UncertainChain, Again] | None
+
+    @property
+    def chain(self) -> UncertainChain | None:
+        """What the fit knows of all parameters; None where that is no chain."""
+        return None if self.known is None else self.known[0]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _nothing, ()

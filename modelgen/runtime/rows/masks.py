@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from numbers import Real
 
 import numpy as np
@@ -87,6 +88,7 @@ class RowMask:
         return (reversals if self.events == "reversals" else turns)(velocity, threshold)
 
 
+@lru_cache(maxsize=8)  # the rows of a record are made again and again
 def row_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, ...]:
     """Return the mask of every row, for matched filtering at a sampling frequency in Hz.
 
@@ -171,14 +173,19 @@ def calm_masks(
 
 def direction_keys(model: Model, row: int) -> tuple[str, ...]:
     """Return the signals whose sign enters a row."""
-    used = dict.fromkeys(key for terms in model.regressor_columns[row].values() for _, key in terms)
-    signs = [feature.of for feature in model.features if feature.key in used and isinstance(feature.of, str)]
-    brought = [
-        signal.key
-        for signal in model.signals
-        if signal.key in used and signal.sensor is None and signal.actuator is None
-    ]
-    return tuple(dict.fromkeys(signs + brought))
+    return _all_direction_keys(model)[row]
+
+
+@lru_cache(maxsize=8)
+def _all_direction_keys(model: Model) -> tuple[tuple[str, ...], ...]:
+    features = [feature for feature in model.features if isinstance(feature.of, str)]
+    brought = [one.key for one in model.signals if one.sensor is None and one.actuator is None]
+    found = []
+    for touched in model.regressor_columns:
+        used = {key for terms in touched.values() for _, key in terms}
+        signs = [str(feature.of) for feature in features if feature.key in used]
+        found.append(tuple(dict.fromkeys([*signs, *(key for key in brought if key in used)])))
+    return tuple(found)
 
 
 def _direction_reach(choice: FilterChoice, fs: float) -> int:

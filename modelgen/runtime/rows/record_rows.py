@@ -22,7 +22,7 @@ from modelgen.runtime.rows.chunk import Chunk, chunks, made_once
 from modelgen.runtime.rows.filter_sections import matched_filtering
 from modelgen.runtime.rows.masks import RowMask, row_masks
 from modelgen.runtime.rows.row_terms import RowTerms, row_terms
-from modelgen.runtime.rows.signal_plan import SignalPlan, signal_plan
+from modelgen.runtime.rows.signal_plan import SignalPlan, deepest_derivative, signal_plan
 from modelgen.runtime.rows.standstill_speeds import NOTHING, Survey, standstill_speed
 from modelgen.runtime.rows.thresholds import SUPPORT_TOLERANCE
 
@@ -65,7 +65,7 @@ class RecordRows:
     @property
     def halo(self) -> int:
         """Samples around a chunk that the masks look at."""
-        return max((mask.halo for mask in self.masks), default=0)
+        return max((mask.halo for mask in self.masks), default=0) if self.plan.directions else 0
 
     def chunks(self) -> Iterator[Chunk]:
         """Yield the chunks of the samples kept; each reads when asked, and is to be let go after that."""
@@ -198,7 +198,7 @@ def unmasked_rows(
     """
     fast = None if source.n >= COMPILED_SAMPLES else False
     plan = signal_plan(model, matched_filtering(choice, source.fs, factor), fast)
-    deepest = max(signal.derivative for signal in model.signals)
+    deepest = deepest_derivative(model)
     order, cutoff_hz = choice.filter_order, choice.cutoff_hz
     edge = max(support_samples(order, cutoff_hz, source.fs, k, SUPPORT_TOLERANCE) for k in range(deepest + 1))
     start = max(edge, drop)

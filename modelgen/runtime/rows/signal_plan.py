@@ -227,7 +227,7 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
             brought = signal.sensor is None and signal.actuator is None
             smooth = None if brought else operator(filtering.directions, (signal.derivative,), 1)
             directions[signal.key] = (signal.channel, smooth)
-    deepest = DIFFERENCE_MARGIN * len(filtering.stencil) * max(s.derivative for s in model.signals)
+    deepest = DIFFERENCE_MARGIN * len(filtering.stencil) * deepest_derivative(model)
     of_directions = [one.margins for _, one in directions.values() if one is not None]
     of_features = [feature_operator.margins]
     of_features += [kernel.margins] if kernel and formed.intersection(features) else []
@@ -255,6 +255,12 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         isinstance(feature_operator.blocks, LoopBlocks),
         kernel,
     )
+
+
+@lru_cache(maxsize=8)
+def deepest_derivative(model: Model) -> int:
+    """Return how often the signal that is differentiated most is."""
+    return max(signal.derivative for signal in model.signals)
 
 
 def _full_rate_channels(

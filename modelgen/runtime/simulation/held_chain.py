@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -38,28 +39,55 @@ class HeldChain:
     rates: ComplexArray
     entering: ComplexArray
     readings: Mapping[str, tuple[ComplexArray, bool]]
-    _last: dict[tuple[float, ...], ComplexArray] = field(default_factory=dict, repr=False)
+    _last: dict[tuple[float, ...], dict[str, ComplexArray]] = field(default_factory=dict, repr=False)
 
-    def coordinates(self, push: FloatArray) -> ComplexArray:
-        """Return the coordinates, (frequencies, states), per unit of a force `push` (bodies,)."""
+    @cached_property
+    def _answers(self) -> ComplexArray:
+        """What each pair of poles, then each real pole, answers at all frequencies, (frequencies, pairs)."""
+        swings, single = self.rates[self.rates.imag > 0.0], self.rates[self.rates.imag == 0.0]
+        s = 1j * self.omega[:, None]
+        whole = s * (s - 2.0 * swings.real) + np.abs(swings) ** 2
+        return np.asarray(1.0 / np.concatenate([whole, s - single], axis=1))
+
+    def _excited(self, push: FloatArray) -> ComplexArray:
+        return np.asarray(self.entering @ (push / self.plant.inertia))
+
+    def reading(self, channel: str, push: FloatArray) -> ComplexArray:
+        """Return what a channel reads per unit of a force `push` (bodies,) at all frequencies."""
         at = tuple(push.tolist())
         if at not in self._last:
             self._last.clear()  # they are as long as the record: those of one push are kept
-            excited = self.entering @ (push / self.plant.inertia)
-            self._last[at] = excited / (1j * self.omega[:, None] - self.rates)
-        return self._last[at]
+            self._last[at] = {}
+        known = self._last[at]
+        if channel not in known:
+            known[channel] = self._reading(channel, push)
+        return known[channel]
 
-    def reading(self, channel: str, push: FloatArray, places: slice = slice(None)) -> ComplexArray:
-        """Return what a channel reads per unit of a force on the bodies, at some frequencies, (chosen,)."""
+    def _reading(self, channel: str, push: FloatArray) -> ComplexArray:
         shares, slope = self.readings[channel]
-        found = self.coordinates(push)[places] @ shares
-        return np.asarray(1j * self.omega[places] * found if slope else found)
+        weight, swings, single = (
+            shares * self._excited(push),
+            self.rates.imag > 0.0,
+            self.rates.imag == 0.0,
+        )
+        # w / (s - p) and its conjugate together: (2 Re(w) s - 2 Re(w conj(p))) / (s^2 - 2 Re(p) s + |p|^2)
+        level = np.r_[-2.0 * (weight * self.rates.conj()).real[swings], weight.real[single]]
+        rise = np.r_[2.0 * weight.real[swings], np.zeros(np.count_nonzero(single))]
+        s = 1j * self.omega
+        found = self._answers @ level + s * (self._answers @ rise)
+        return np.asarray(s * found if slope else found)
 
-    def largest(self, channel: str, push: FloatArray, places: slice = slice(None)) -> FloatArray:
-        """Return the same with all coordinates of one sign: rounding is a share of that, (chosen,)."""
-        shares, slope = self.readings[channel]
-        found = np.abs(self.coordinates(push)[places]) @ np.abs(shares)
-        return np.asarray(self.omega[places] * found if slope else found)
+    def readings_at(self, places: slice, push: FloatArray) -> tuple[ComplexArray, FloatArray]:
+        """Return what all channels read at some frequencies, and the same with all coordinates of one sign.
+
+        Both have the shape (chosen, channels); rounding is a share of the latter.
+        """
+        omega = self.omega[places, None]
+        coordinates = self._excited(push) / (1j * omega - self.rates)
+        shares = np.array([share for share, _ in self.readings.values()]).T
+        slope = np.array([slope for _, slope in self.readings.values()])
+        read, most = coordinates @ shares, np.abs(coordinates) @ np.abs(shares)
+        return np.where(slope, 1j * omega * read, read), np.where(slope, omega * most, most)
 
 
 def held_chain(plant: Plant, omega: FloatArray) -> HeldChain:

@@ -18,6 +18,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.numerics.regressor import plain_regressors
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
@@ -148,7 +149,7 @@ def test_a_load_row_that_noise_pulls_to_zero_is_named(monkeypatch: pytest.Monkey
         both = fit_paper(replace(rows, blocks=(*rows.blocks, replace(drowned, record=1))))
         assert null_solution(both, TWO_MASS, (Record({"q_m": np.zeros(9)}, FS, "run"),) * 2, CHOICE) == ()
     # instruments are not biased by noise: such a row is right if noise is all that it leaves
-    by_instruments = replace(lost, projected=tuple(block.W for block in lost.blocks))
+    by_instruments = replace(lost, projected=plain_regressors(tuple(block.W for block in lost.blocks)))
     records = (Record({"q_m": np.zeros(9)}, FS, "run"),) * 2
     for drowns in (True, False):
         monkeypatch.setattr(parameter_checks, "_drowned", lambda *_, drowns=drowns: drowns)

@@ -75,7 +75,7 @@ def test_rows_lack_what_effects_add_and_columns_are_free_of_them() -> None:
     assert len(found.others) == 2
     stacked = [np.concatenate([w * part for w, part in zip(found.fit.weights, one, strict=True)])
                for one in found.others]  # fmt: skip
-    R = np.concatenate([w * r for w, r in zip(found.fit.weights, found.fit.regressors, strict=True)])
+    R = np.concatenate([w * r.dense() for w, r in zip(found.fit.weights, found.fit.regressors, strict=True)])
     for other in stacked:
         angle = R.T @ other / np.linalg.norm(R, axis=0) / np.linalg.norm(other)
         np.testing.assert_allclose(angle, 0.0, atol=1e-8)

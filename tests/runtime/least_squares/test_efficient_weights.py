@@ -79,7 +79,7 @@ def test_solving_again_with_plain_weights_forgets_it(seed: int) -> None:
 def test_further_columns_stay_free_in_its_covariance(seed: int) -> None:
     fit, Z = fitted(seed)
     extra = [smooth(np.random.default_rng((9, seed)), 1) for _ in range(2)]
-    larger = efficient(with_columns(fit, Z, extra))
+    larger = efficient(with_columns(fit, Z, [[part[:, 0] for part in extra]]))
     found = without_columns(larger, fit)
     np.testing.assert_array_equal(found.solution.x, larger.solution.x[:3])
     c, n = 3, larger.count

@@ -23,7 +23,7 @@ def test_the_fit_without_has_the_solution_of_the_fit_with(seed: int) -> None:
         blocks.append(RowBlock(0, row, "run", f"row {row}", "N", np.arange(n), n, Y, W, 0, True, 1.0, 0))
         extra.append(more)
     fit = fit_matched(Observation(tuple(f"x{k}" for k in range(c)), tuple(blocks)))
-    larger = with_columns(fit, fit.regressors, extra)
+    larger = with_columns(fit, fit.regressors, [[part[:, k] for part in extra] for k in range(further)])
     stacked = np.concatenate(
         [w * np.column_stack([b.W, more]) for w, b, more in zip(fit.weights, blocks, extra, strict=True)]
     )

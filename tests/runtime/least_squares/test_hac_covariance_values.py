@@ -24,6 +24,7 @@ from modelgen.runtime.least_squares.hac_covariance import (
 )
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
 from modelgen.runtime.least_squares.thresholds import LARGEST_CORRELATION, WIDER
+from modelgen.runtime.numerics.regressor import plain_regressors
 from modelgen.runtime.rows.row_block import RowBlock
 
 RNG = np.random.default_rng(8)
@@ -155,5 +156,5 @@ def test_hac_counts_the_degrees_of_freedom_and_the_projected_columns() -> None:
     assert np.allclose(hac_covariance(fit), long_run_covariance(influence(fit)) * r / (r - 2), rtol=1e-12)
     whitened = replace(fit, lost=5)
     assert np.allclose(hac_covariance(whitened) * (r - 7), hac_covariance(fit) * (r - 2), rtol=1e-12)
-    doubled = replace(fit, projected=tuple(2.0 * block.W for block in fit.blocks))
+    doubled = replace(fit, projected=plain_regressors(tuple(2.0 * block.W for block in fit.blocks)))
     assert np.allclose(np.concatenate(influence(doubled)), 2.0 * np.concatenate(influence(fit)))

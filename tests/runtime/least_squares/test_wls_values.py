@@ -16,6 +16,7 @@ from modelgen.runtime.least_squares.orthogonal_solution import _rounding, least_
 from modelgen.runtime.least_squares.thresholds import FEW_ROWS, SMALLEST_RESIDUAL
 from modelgen.runtime.least_squares.wls import fit_matched, fit_paper, refit
 from modelgen.runtime.numerics.iterative_refinement import Parts
+from modelgen.runtime.numerics.regressor import plain_regressors
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.row_block import RowBlock
 from tests.runtime.least_squares.row_blocks import block
@@ -126,17 +127,19 @@ def test_every_fit_names_its_columns(solve: object, count: int) -> None:
     assert (fit.columns, fit.absent) == (("a", "b"), ("never",))
     assert (fit.notes, fit.projected, fit.delays) == ((), None, ())
     assert [one.W.shape for one in fit.blocks] == [(400, 2)] * count
-    assert [one.tolist() for one in fit.regressors] == [one.W.tolist() for one in fit.blocks]
+    assert [one.dense().tolist() for one in fit.regressors] == [one.W.tolist() for one in fit.blocks]
 
 
 def test_refit_keeps_what_is_absent_and_the_instruments() -> None:
     blocks = tuple(map(with_zero_column, two_rows((0.1, 0.2))))
     fit = fit_matched(Observation(("a", "never", "b"), blocks))
     assert refit(fit, ["b"]).projected is None
-    halved = tuple(0.5 * one.W for one in fit.blocks)  # instruments half as large: x twice as large
+    # instruments half as large: x twice as large
+    halved = plain_regressors(tuple(0.5 * one.W for one in fit.blocks))
     reduced = refit(replace(fit, projected=halved), ["b"])
     assert (reduced.columns, reduced.absent, reduced.weights) == (("b",), ("never",), fit.weights)
-    assert [one.tolist() for one in reduced.projected] == [one[:, [1]].tolist() for one in halved]
+    kept = [one[:, [1]].tolist() for one in halved.samples]
+    assert [one.dense().tolist() for one in reduced.projected] == kept
     assert reduced.solution.x[0] == pytest.approx(2.0 * refit(fit, ["b"]).solution.x[0], rel=1e-9)
     np.testing.assert_array_equal(
         reduced.residuals[0], fit.blocks[0].Y - fit.blocks[0].W[:, [1]] @ reduced.solution.x
