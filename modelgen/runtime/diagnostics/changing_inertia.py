@@ -69,7 +69,6 @@ def changing_inertia(
         return None
     if not exceeding_noise(model, records, choice, fit, LARGEST_NOISE):
         return None
-    fit = fit.dense()
     found = [
         one
         for column, name in enumerate(fit.columns)
@@ -120,15 +119,12 @@ def _factors(
 
 def _tested(fit: Fit, column: int, along: str, factors: Sequence[FloatArray]) -> ChangingInertia | None:
     """Return the change of an inertia by factors, shape (n, k) a block each, if it is certain and large."""
-    R = np.concatenate([w * part for w, part in zip(fit.weights, fit.regressors, strict=True)])
-    added = np.concatenate(
-        [
-            w * regressor[:, [column]] * part
-            for w, regressor, part in zip(fit.weights, fit.regressors, factors, strict=True)
-        ]
-    )
-    shares = fit.solution.inverse @ (R.T @ added)
-    own, e = added - R @ shares, fit.weighted_residual
+    R, at = fit.regressors.weighted(fit.weights), np.array([column])
+    added = [one.chosen(at) * part for one, part in zip(R, factors, strict=True)]
+    across = [one.across(more) for one, more in zip(R, added, strict=True)]
+    shares = fit.solution.inverse @ np.sum(across, axis=0)
+    own = np.concatenate([more - one.times(shares) for one, more in zip(R, added, strict=True)])
+    e = fit.weighted_residual
     power, along_residual = own.T @ own, own.T @ e
     if np.linalg.cond(power) > 1.0 / np.finfo(float).eps:
         return None
