@@ -36,7 +36,10 @@ def second_stage(
     period_s: float,
     boxes: Sequence[Box],
 ) -> FastExcitation:
-    """Return the small, fast motion about the modes at the posture where the slow one begins."""
+    """Return the small, fast motion about the modes at the posture where the slow one begins.
+
+    `posture` has shape (joints,), in rad or m.
+    """
     from modelgen.cli.arms.simulate_arm import arm_model
     from modelgen.runtime.planning.arms.fast_excitation import fast_excitation
 

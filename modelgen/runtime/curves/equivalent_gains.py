@@ -76,7 +76,10 @@ class LinearChain:
 
 
 def linear_chain(plant: Plant, gains: EquivalentGains | None, frequency_hz: FloatArray) -> LinearChain:
-    """Return the chain with the gains in place of what is not linear; without gains that has no part."""
+    """Return the chain with the gains in place of what is not linear; without gains that has no part.
+
+    Frequencies in Hz have shape (n,), the matrices (n, rows, columns), in SI.
+    """
     model, count = plant.model, len(frequency_hz)
     forward = {entry.body: 1 for entry in model.friction if entry.asymmetric}
     space = model.state_space(plant.parameters, forward or None)

@@ -45,7 +45,7 @@ class NoiseWays:
     slopes: Mapping[str, Mapping[int, FloatArray]]
 
     def of_residual(self, x: FloatArray) -> NoiseWays:
-        """Return the ways into Y - W x, a left side without columns; x has all columns of the model."""
+        """Return the ways into Y - W x, a left side without columns; x has shape (columns of the model,)."""
         mixed = np.append(-x[self.columns], 1.0)
         slopes = {
             channel: {order: (mixed @ slope)[None] for order, slope in by_order.items()}

@@ -129,7 +129,7 @@ def repeated_share(series: Iterable[FloatArray], n: int, period: float) -> float
     Parameters
     ----------
     series : iterable of array
-        Its n samples in stretches; NaN where there is none.
+        Its n samples in stretches, shape (k,) each; NaN where there is none.
     n : int
     period : float
         In samples. Where it is no integer, the smallest multiple that is one takes its place.

@@ -40,7 +40,10 @@ class Sums:
         return cls(rows, here[rows], constant[rows])
 
     def following(self, model: Model, base: FloatArray, nominal: Mapping[str, float]) -> dict[str, float]:
-        """Return the parameters without a value that the sums determine, the others being known."""
+        """Return the parameters without a value that the sums determine, the others being known.
+
+        `base`, shape (base parameters,), and values in SI.
+        """
         unknown = [i for i, name in enumerate(model.parameters) if name not in nominal]
         known = np.array([nominal.get(name, 0.0) for name in model.parameters])
         used = np.any(self.shares[:, unknown] != 0.0, axis=1)

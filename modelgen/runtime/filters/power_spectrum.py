@@ -64,7 +64,7 @@ def power_spectrum(
 def lines_of(size: int, fs: float) -> tuple[FloatArray, FloatArray]:
     """Return the frequencies in Hz of a transform of `size` samples, and what differencing does to each line.
 
-    Shape (size // 2 + 1,) each, not to be changed; the line at zero counts as 1.
+    Both have the shape (size // 2 + 1,), not to be changed; the line at zero counts as 1.
     """
     frequency_hz = np.asarray(np.fft.rfftfreq(size, 1.0 / fs))
     difference = 2.0 * np.sin(np.pi * frequency_hz / fs)

@@ -93,6 +93,8 @@ def _squared(c0: float, c1: float, c2: float, half_sine: FloatArray) -> FloatArr
 def table_length(sos: FloatArray) -> int:
     """Return a power of two at which the tails of the response do not fold back into it.
 
+    Sections have shape (k, 6).
+
     Raises
     ------
     DataError

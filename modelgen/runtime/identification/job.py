@@ -144,7 +144,9 @@ class Job:
         )
 
     def rates(self, fit: Fit, records: tuple[Record, ...], channel: str) -> tuple[FloatArray, ...]:
-        """Return how the mismatch of a fit's rows changes with the delay of a force channel.
+        """Return how the mismatch of a fit's rows changes with the delay of a force channel, in 1/s.
+
+        One array a block, shape (n,).
 
         Of arms it is taken of the noise-free forces of the instruments, where there are any: rows of a wide
         band hold more of the derivative of noise than of that of a slow joint's force.

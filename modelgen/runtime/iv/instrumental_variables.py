@@ -212,7 +212,7 @@ def simulation_parameters(
 ) -> dict[str, float]:
     """Return physical parameters for the simulation, nuisances of the fit included; 0 for what it lacks.
 
-    Where there are more composites than physical parameters, `covariance_of` weighs them.
+    Where there are more composites than physical parameters, `covariance_of`, shape (c, c), weighs them.
     """
     base = fit.all_parameters(model.base_parameters)
     if model.is_arm:  # its sums say all that moves it

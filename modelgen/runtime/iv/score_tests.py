@@ -155,7 +155,7 @@ def without_noise(
 
 
 def slope_of(model: Model, fit: Fit) -> FloatArray | None:
-    """Return how columns grow with the physical parameters, where those were fitted in their place."""
+    """Return how columns grow with the physical parameters, where these were fitted, shape (c, p)."""
     values = fit.physical(model.parameters)
     if values is None:
         return None

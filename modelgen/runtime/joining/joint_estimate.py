@@ -41,7 +41,10 @@ class Agreement:
 
     @classmethod
     def of(cls, solution: PhysicalSolution, covariance: FloatArray) -> Agreement | None:
-        """Return the test of what a fit to all numbers leaves; None where there are just enough of them."""
+        """Return the test of what a fit to all numbers leaves; None where there are just enough of them.
+
+        `covariance` is that of the numbers, shape (numbers, numbers).
+        """
         statistic, spare = solution.left_over(covariance)
         if not spare:
             return None

@@ -256,7 +256,8 @@ def _parts(fit: Fit, indices: Sequence[int]) -> Iterator[FloatArray]:
 def andrews_bandwidth(series: Sequence[Series | FloatArray]) -> float:
     """Return three times the bandwidth of Andrews (1991) for Parzen's kernel, eqs. (6.2), (6.4), at least 1.
 
-    It comes from first-order autoregressions of the columns, which weigh alike.
+    In instants; the series are those of `long_run_covariance`, shape (n, c) each. It comes from
+    first-order autoregressions of the columns, which weigh alike.
     """
     power = product = np.zeros(1)
     longest = 0

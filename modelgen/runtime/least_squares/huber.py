@@ -36,6 +36,7 @@ def huber(fit: Fit) -> tuple[Fit, tuple[FloatArray, ...]]:
         Its rows carry the roots of the weights, and its solution's `inverse` is that of sum psi'(e) W^T W, so
         that its influence series, and every covariance made from it, are those of the robust estimate.
     tuple of array
+        Shape (n,) each.
 
     Raises
     ------

@@ -38,7 +38,10 @@ def shift(channel: str, by: float) -> Edit:
 
 
 def interpolation_weights(fraction: float | FloatArray) -> list[tuple[int, FloatArray]]:
-    """Return Lagrange's weights of the neighbours of a place so far behind a sample, by their distance."""
+    """Return Lagrange's weights of the neighbours of a place so far behind a sample, by their distance.
+
+    `fraction` in samples, of any shape, which the weights share.
+    """
     nodes = np.arange(POINTS) - POINTS // 2 + 1
     found = []
     for node in nodes.tolist():
@@ -61,7 +64,7 @@ def hold(channel: str) -> Edit:
 def behind(
     channel: str, response: Callable[[FloatArray], ComplexArray], memory: float, still: float = 1.0
 ) -> Edit:
-    """Return a channel behind a frequency response, which takes frequencies in cycles a sample.
+    """Return a channel behind a frequency response, which takes frequencies in cycles a sample, shape (n,).
 
     Parameters
     ----------

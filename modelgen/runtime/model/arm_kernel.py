@@ -122,7 +122,7 @@ class Candidates:
     alone: Mapping[str, FloatArray]
 
     def also(self, further: Mapping[str, FloatArray]) -> Candidates:
-        """Return the same with further ones to be summed."""
+        """Return the same with further ones to be summed, shape (n,) each."""
         return Candidates({**self.summed, **further}, self.alone)
 
     def sums(self, lines: FloatArray) -> list[Sum | None]:

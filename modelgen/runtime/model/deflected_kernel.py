@@ -94,7 +94,7 @@ class DeflectedKernel:
     sampled: bool = False
 
     def at(self, point: FloatArray, sampled: bool = False) -> DeflectedKernel:
-        """Return the same about another point."""
+        """Return the same about another point, base parameters, shape (columns,), in SI."""
         return replace(self, point=point, sampled=sampled)
 
     @property

@@ -60,6 +60,8 @@ def undamped_modes(inertia: FloatArray, K: FloatArray) -> UndampedModes:
 def pole_pairs(inertia: FloatArray, D: FloatArray, K: FloatArray, modes: UndampedModes) -> list[PolePair]:
     """Return the pair of poles of every mode, in the order of `modes`.
 
+    Inertias, damping D and stiffness K (SI) have shape (bodies, bodies); inertias alone may be (bodies,).
+
     `modes` may be those of other values of the parameters, not far away: they tell which pair is which.
     """
     A, unit = _modal(inertia, D, K, modes)

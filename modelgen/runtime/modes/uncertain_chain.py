@@ -74,7 +74,10 @@ class UncertainChain:
         return np.asarray(self.root + size * (U * (s * wider) @ Vt))
 
     def moved(self, by: FloatArray, inertias: frozenset[str]) -> dict[str, float]:
-        """Return the values moved; inertias by their logarithms, so that none falls below zero."""
+        """Return the values moved; inertias by their logarithms, so that none falls below zero.
+
+        `by` in SI, shape (parameters,).
+        """
         found = self.values + by
         for i, name in enumerate(self.names):
             if name in inertias:
@@ -114,7 +117,11 @@ def uncertain_chain(
 def chain_around(
     model: Model, base: FloatArray, values: Mapping[str, float], root: FloatArray
 ) -> UncertainChain:
-    """Return the chain of these values, with what the base parameters leave open there."""
+    """Return the chain of these values (SI), with what the base parameters leave open there.
+
+    `base` has shape (base parameters,); `root` times its transpose is the covariance of the values, shape
+    (parameters, k).
+    """
     sizes = np.array([values[name] for name in model.parameters])
     return UncertainChain(
         model.parameters,

@@ -24,7 +24,7 @@ class RecentArrays:
         self._lock = Lock()
 
     def of(self, key: Hashable, make: Callable[[], npt.NDArray[Any]]) -> npt.NDArray[Any]:
-        """Return the array under a key, made when there is none."""
+        """Return the array under a key, of any shape, made when there is none."""
         with self._lock:
             found = self._found.pop(key, None)
             if found is not None:

@@ -64,7 +64,10 @@ def label_row(axis: Any, title: str, unit: str) -> None:
 
 
 def draw_series(axis: Any, time_s: FloatArray, values: FloatArray, **style: Any) -> None:
-    """Draw a series over time, a long one as its lowest and highest values; NaN leaves a gap."""
+    """Draw a series over time, a long one as its lowest and highest values; NaN leaves a gap.
+
+    Times in s and values, in the unit of the axis, have shape (n,).
+    """
     step = -(-values.size // MOST)
     if step <= 1:
         axis.plot(time_s, values, **style)

@@ -14,7 +14,7 @@ from modelgen.magnitudes import FAINTEST, LARGEST
 
 
 def checked_channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list[Problem]]:
-    """Return a read-only float64 copy of one channel, or what is wrong with it."""
+    """Return a read-only float64 copy of one channel, shape (n,), or what is wrong with it."""
     if not isinstance(key, str) or not key:
         return None, [Problem(where, f"key is {key!r}", "name the channel with a non-empty string")]
     try:

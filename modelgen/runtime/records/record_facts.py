@@ -156,7 +156,7 @@ class RecordFacts:
         return self._spectra[channel]
 
     def jumps(self, channel: str) -> IntArray:
-        """Return the samples at which a channel jumps, see `jumps`."""
+        """Return the samples at which a channel jumps, shape (jumps,), see `jumps`."""
         return self.kept(("jumps", channel), lambda: np.concatenate(list(self._jumps(channel))))
 
     def _jumps(self, channel: str) -> Iterator[IntArray]:

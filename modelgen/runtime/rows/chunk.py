@@ -67,7 +67,7 @@ class Chunk:
         return self._channels[channel][start - low : stop - low]
 
     def filtered(self, channel: str, key: Hashable, make: Callable[[], npt.NDArray[Any]]) -> npt.NDArray[Any]:
-        """Return what is made of a channel at the samples kept, see `made_once`."""
+        """Return what is made of a channel at the samples kept, shape (count, ...), see `made_once`."""
         return made_once(self.source, channel, (key, self.first, self.count), make)
 
     def not_finite(self, channel: str, start: int, stop: int) -> DataError:
@@ -145,7 +145,10 @@ class KeptSignals(Mapping[str, FloatArray]):
 def made_once(
     source: Channels, channel: str, key: Hashable, make: Callable[[], npt.NDArray[Any]]
 ) -> npt.NDArray[Any]:
-    """Return what is made of a channel; once, of a record in memory that is not long. The key says how."""
+    """Return what is made of a channel; once, of a record in memory that is not long. The key says how.
+
+    The array may have any shape.
+    """
     if not isinstance(source, Record) or source.source is not source or source.n > MOST_FILTERED:
         return make()
     return source.facts.filtered[channel].of(key, make)

@@ -198,7 +198,7 @@ def _long_rest(choice: FilterChoice, fs: float) -> int:
 
 
 def jump_places(model: Model, record: Record) -> tuple[IntArray, ...]:
-    """Return for every row the samples of a record at which one of its forces jumps.
+    """Return for every row the samples of a record at which one of its forces jumps, shape (jumps,).
 
     What a force does between two samples is not in its record: at such places row and motion differ.
     """

@@ -74,7 +74,7 @@ class RemadeRecord:
         self._firsts = [[0, *accumulate(one.samples for one in of_row)] for of_row in used]
 
     def mask(self, number: int, row: int) -> BoolArray:
-        """Return which points of the grid a row uses in a chunk."""
+        """Return which points of the grid a row uses in a chunk, shape (points,)."""
         count, bits = (
             min(self.chunks.size, self.grid - number * self.chunks.size),
             self.used[row][number].bits,
@@ -84,7 +84,10 @@ class RemadeRecord:
         return np.unpackbits(bits, count=count).astype(bool)
 
     def stretch(self, chunk: Chunk, signals: Mapping[str, FloatArray], row: int) -> Stretch:
-        """Return the samples of a row, by its place among the terms, that are used in a chunk."""
+        """Return the samples of a row, by its place among the terms, that are used in a chunk.
+
+        Signals have shape (points,).
+        """
         number, terms = chunk.index // self.chunks.size, self.rows.terms[row]
         lines, mask = terms.evaluate(signals), self.mask(number, terms.row)
         place = np.flatnonzero(mask).astype(np.int64) + chunk.index

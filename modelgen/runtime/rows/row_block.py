@@ -146,11 +146,11 @@ class RowBlock:
         return np.asarray(self.Y - self.W @ self.own(x))
 
     def terms_norm(self, x: FloatArray) -> float:
-        """Return the norm of the largest term; see `RowTriangle`."""
+        """Return the norm of the largest term, x of shape (columns,); see `RowTriangle`."""
         return self.summary.terms_norm(x)
 
     def size(self, x: FloatArray) -> float:
-        """Return the norm that a residual is compared with; see `RowTriangle`."""
+        """Return the norm that a residual is compared with, x of shape (columns,); see `RowTriangle`."""
         return self.summary.size(x)
 
     def column_norm(self, index: int) -> float:

@@ -192,7 +192,10 @@ def _differences(series: Series, first: Difference, level: float) -> tuple[tuple
 
 
 def segments(series: Series, found: Sequence[IntArray]) -> IntArray:
-    """Return a number for every entry, the same for those that are in the same of the sets of entries."""
+    """Return a number for every entry, the same for those that are in the same of the sets of entries.
+
+    Each of the sets has shape (k,), the result (entries,).
+    """
     number = np.zeros(len(series.entries), dtype=np.int64)
     for entries in found:
         _, number = np.unique(2 * number + np.isin(series.entries, entries), return_inverse=True)

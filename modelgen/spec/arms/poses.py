@@ -27,7 +27,10 @@ def zero_poses(arm: ArmSpec) -> dict[str, FloatArray]:
 
 
 def zero_ways(arm: ArmSpec) -> dict[str, list[FloatArray]]:
-    """Return the frames on the way to every joint: its parent's, and those after each step from there."""
+    """Return the frames on the way to every joint: its parent's, and those after each step from there.
+
+    Shape (4, 4) each, lengths in m.
+    """
     ways: dict[str, list[FloatArray]] = {}
     for joint in arm.joints:
         frames: list[FloatArray] = [np.eye(4) if joint.parent is None else ways[joint.parent][-1]]

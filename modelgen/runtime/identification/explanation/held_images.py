@@ -83,7 +83,8 @@ def folded(
     """Return what images add to samples at `fs` in Hz of C x, x' = A x + B u, per u as a hold makes it.
 
     Exact: the motion from sample to sample under the held command, less the response to u. The function
-    takes frequencies in cycles a sample. `late` is by how many samples u is recorded late; below zero it acts
+    takes frequencies in cycles a sample, shape (k,). A (SI) has shape (states, states), B (states,) and C
+    (states,). `late` is by how many samples u is recorded late; below zero it acts
     later.
     """
     whole = int(np.floor(-late))

@@ -33,7 +33,10 @@ def look(
     slope: FloatArray | None,
     kinds: Sequence[str] = (),
 ) -> Seen:
-    """Return what the residual says of effects that are not estimated, of `kinds` if any."""
+    """Return what the residual says of effects that are not estimated, of `kinds` if any.
+
+    `slope` says how X grows with the parameters that were fitted in its place, shape (c, p).
+    """
     try:
         simulated = simulated_records(now.fit, now.setting)
     except IdentifiabilityError:

@@ -52,7 +52,10 @@ class ArmPower(BalanceLines):
         return {key: found[key] for key in self.keys}
 
     def all_lines(self, signals: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Return the lines of all columns, those that are always zero, too."""
+        """Return the lines of all columns, those that are always zero, too.
+
+        Signals and lines, in SI, have shape (n,).
+        """
         rest = np.zeros(len(signals[self.inputs[0]]))
         still = {**signals, **dict.fromkeys(self.risen, rest)}
         at_rest = {**still, **dict.fromkeys(self.fast, rest)}

@@ -237,7 +237,7 @@ def arm_plant(model: Model, base: FloatArray, tame: bool = False) -> ArmPlant:
 
 
 def checked_base(model: Model, parameters: Mapping[str, float]) -> FloatArray:
-    """Return base parameters from physical ones (SI); known ones may be left out.
+    """Return base parameters, shape (columns,), from physical ones (SI); known ones may be left out.
 
     Raises
     ------

@@ -50,7 +50,10 @@ class Sides:
     backward: FloatArray
 
     def rubbing(self, mass: FloatArray) -> Rubbing:
-        """Return the friction of the speeds that have any; `mass` is the matrix at rest."""
+        """Return the friction of the speeds that have any.
+
+        `mass` is the matrix at rest, shape (coordinates, coordinates), in SI.
+        """
         half, middle = 0.5 * (self.forward - self.backward), 0.5 * (self.forward + self.backward).sum(axis=1)
         pushes = np.linalg.solve(mass, half)
         # friction that would push is none: an estimate may have one

@@ -45,7 +45,10 @@ def nodes_a_sample(plant: ArmPlant, controller: JointController, reference: Join
 def followed(
     plant: ArmPlant, reference: JointReference, controller: JointController, start: FloatArray, factor: int
 ) -> ArmMotion:
-    """Return the motion at so many nodes a sample of the reference."""
+    """Return the motion at so many nodes a sample of the reference; it starts at positions and speeds in SI.
+
+    `start` has shape (2 coordinates,).
+    """
     nodes = reference.motion.finer(factor)
     added = None
     if reference.forces:

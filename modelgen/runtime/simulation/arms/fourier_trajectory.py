@@ -62,7 +62,7 @@ class FourierTrajectory:
         return q, speed, acceleration
 
     def grid(self, a_harmonic: int = DENSITY) -> FloatArray:
-        """Return equidistant times [s] of one period, so many for every harmonic, without its end."""
+        """Return equidistant times in s of one period without its end, so many a harmonic, shape (n,)."""
         count = a_harmonic * self.harmonics
         return np.asarray(self.period_s / count * np.arange(count), dtype=float)
 

@@ -156,7 +156,10 @@ class Tracking:
         return at_half_steps(by_q), at_half_steps(by_v)
 
     def fed_back(self, q: FloatArray, v: FloatArray, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the derivatives at positions and speeds, and accelerations of joints that are asked for."""
+        """Return the derivatives at positions and speeds, and accelerations of joints that are asked for.
+
+        All in SI, shape (coordinates, n); the derivatives have shape (n, coordinates, coordinates).
+        """
         own = self.plant.coordinates
         driven = np.eye(len(q))[:, list(own.driven)]
         if not self.computed:

@@ -57,7 +57,8 @@ class Residues:
 def echelon(rows: Sequence[Sequence[int]]) -> tuple[ResidueArray, list[int]]:
     """Return the reduced echelon form without its zero rows, and the column of each row's leading one.
 
-    Columns without a leading one depend on earlier ones: their entries say how.
+    The form has shape (rank, columns). Columns without a leading one depend on earlier ones: their entries
+    say how.
     """
     matrix = np.array(rows, dtype=np.uint64)
     leading: list[int] = []
