@@ -16,13 +16,13 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from elastic_motion import elastic_motion, record_along
 
 from modelgen import identify
 from modelgen.cli.arms.simulate_arm import mounted
 from modelgen.errors import ModelgenError
 from modelgen.render.arms.arm_writer import arm_files
 from modelgen.runtime.model.model import model_from_text
-from modelgen.runtime.planning.arms.elastic_motion import elastic_motion, record_along
 from modelgen.spec.arms.load import load_arm
 from modelgen.spec.load import catalog_path
 from modelgen.symbolic.arms.arm_sensor_sets import USUAL_SETS, with_usual_sets

@@ -41,10 +41,7 @@ class Agreement:
 
     @classmethod
     def of(cls, solution: PhysicalSolution, covariance: FloatArray) -> Agreement | None:
-        """Return the test of what a fit to all numbers leaves; None where there are just enough of them.
-
-        `covariance` is that of the numbers, shape (numbers, numbers).
-        """
+        """Return the test of what a fit leaves, or None; the covariance has shape (numbers, numbers)."""
         statistic, spare = solution.left_over(covariance)
         if not spare:
             return None

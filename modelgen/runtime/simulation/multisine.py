@@ -35,11 +35,6 @@ def multisine(
     return wave
 
 
-def crest_factor(wave: FloatArray) -> float:
-    """Return the peak over the rms of a wave, shape (n,)."""
-    return float(np.abs(wave).max() / np.sqrt(np.mean(wave**2)))
-
-
 @lru_cache(maxsize=256)
 def _lines(numbers: tuple[int, ...], tilt: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return amplitudes and phases of peak 1, by clipping from Schroeder's phases.

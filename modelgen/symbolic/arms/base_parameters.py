@@ -13,8 +13,6 @@ from fractions import Fraction
 from random import Random
 from typing import Any
 
-import numpy as np
-
 from modelgen.errors import ModelError, listed, shortened
 from modelgen.spec.arms.arm import LINK_PARAMETERS
 from modelgen.symbolic.arms.arm_rows import ArmRows
@@ -27,13 +25,9 @@ from modelgen.symbolic.arms.length_field import (
     length_elements,
 )
 from modelgen.symbolic.arms.payload_changes import payload_changes, payload_keys
-from modelgen.symbolic.arms.regressor_samples import SEED, random_regressor, residue_regressor
+from modelgen.symbolic.arms.regressor_samples import SEED, residue_regressor
 from modelgen.symbolic.arms.unseen_changes import Change, Key, unseen_changes
 
-#: |R_ii| below this fraction of |R_11| counts as zero; the columns have unit scale.
-RANK_TOLERANCE = 1e-9
-#: Columns below this share of the largest hold nothing but rounding.
-ROUNDING = 1e-13
 #: characters of a combination in the reason of a parameter
 LONGEST_REASON = 200
 UNSEEN = "no motion of the arm shows it"
@@ -153,23 +147,6 @@ def dependencies(
                 "write the lengths that are zero, or equal, as numbers",
             )
     return found
-
-
-def numerical_rank(rows: ArmRows, lengths: Mapping[str, float] | None = None) -> int:
-    """Return the rank of a random regressor by QR with column pivoting, at values of the lengths [m].
-
-    It is below the exact one where lengths or angles are so small that double precision loses them.
-    """
-    from scipy.linalg import qr
-
-    known = {name: 1.0 if value is None else value for name, value in rows.spec.lengths.items()}
-    regressor = random_regressor(rows, {**known, **(lengths or {})})
-    regressor = regressor[:, [name not in rows.spec.known for name in rows.columns]]
-    scale = np.linalg.norm(regressor, axis=0)
-    seen = scale > ROUNDING * scale.max(initial=0.0)
-    regressor = regressor[:, seen] / scale[seen]
-    diagonal = np.abs(np.diag(qr(regressor, mode="r", pivoting=True)[0]))
-    return int(np.sum(diagonal > RANK_TOLERANCE * diagonal[0])) if len(diagonal) else 0
 
 
 class _Proof:

@@ -18,7 +18,6 @@ from modelgen.symbolic.arms.base_parameters import (
     ArmBaseModel,
     arm_base_model,
     dependencies,
-    numerical_rank,
 )
 from modelgen.symbolic.arms.regressor_samples import random_regressor
 from modelgen.symbolic.arms.unseen_changes import unseen_changes
@@ -35,6 +34,7 @@ from tests.symbolic.arms.made_arms import (
     serial,
     tx40,
 )
+from tests.symbolic.arms.numerical_rank import numerical_rank
 
 PUBLISHED = Path(__file__).resolve().parents[4] / "shared" / "data" / "tx40" / "TX40_bp_5.csv"
 #: base inertial parameters as the literature counts them

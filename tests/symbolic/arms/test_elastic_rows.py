@@ -14,7 +14,7 @@ from modelgen.render.arms.arm_writer import arm_module
 from modelgen.spec.arms.arm import ArmSensor, ArmSpec
 from modelgen.spec.arms.sensors import without_springs
 from modelgen.symbolic.arms.arm_rows import arm_rows
-from modelgen.symbolic.arms.base_parameters import arm_base_model, numerical_rank
+from modelgen.symbolic.arms.base_parameters import arm_base_model
 from modelgen.symbolic.arms.drives import coordinates, drives, motor_coordinate, speed_node
 from modelgen.symbolic.arms.dynamics.inverse_dynamics import inverse_dynamics
 from modelgen.symbolic.arms.dynamics.lagrange import newton_minus_lagrange, vanishes
@@ -33,6 +33,7 @@ from tests.symbolic.arms.elastic_arms import (
     with_sensors,
 )
 from tests.symbolic.arms.made_arms import PUMA, random_arm, serial
+from tests.symbolic.arms.numerical_rank import numerical_rank
 from tests.symbolic.arms.test_base_parameters import coupled, reproduces
 
 PARTS = ("damping", "stiffness3")

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from random import Random
-from typing import Any
 
 from modelgen.spec.arms.arm import ArmSpec, Joint
 from modelgen.symbolic.arms.drives import (
@@ -25,7 +24,7 @@ from modelgen.symbolic.arms.drives import (
 from modelgen.symbolic.arms.dynamics.geometry import in_base, link_poses
 from modelgen.symbolic.arms.dynamics.inverse_dynamics import first_moment, inertia, inverse_dynamics
 from modelgen.symbolic.arms.expressions.derivative import partial_derivatives, time_derivatives
-from modelgen.symbolic.arms.expressions.evaluation import evaluate, residues
+from modelgen.symbolic.arms.expressions.evaluation import residues
 from modelgen.symbolic.arms.expressions.graph import ONE, ZERO, Graph, Ref, Symbol
 from modelgen.symbolic.arms.expressions.prime_field import PRIME
 from modelgen.symbolic.arms.kinematics import cross, link_motions
@@ -91,35 +90,6 @@ def vanishes(graph: Graph, refs: Sequence[Ref], lengths: Sequence[str], seed: in
     random = Random(seed)
     drawn = {name: random.randrange(1, PRIME) for name in lengths}
     return not any(any(found.values) for found in residues(graph, refs, 4, seed, drawn))
-
-
-def normal_forms(graph: Graph, refs: Sequence[Ref]) -> list[Any]:
-    """Return references as polynomials in all symbols, in which no sine has a power above one: 0 is zero.
-
-    For small arms: the polynomials of six joints have millions of terms. No reciprocal may stand in them.
-    """
-    from sympy import QQ, ring
-
-    symbols = [
-        node.symbol for node in (graph.nodes[k] for k in graph.needed(refs)) if node.symbol is not None
-    ]
-    if not symbols:
-        return list(refs)
-    names = [f"x{place}" for place in range(len(symbols))]  # no name of a spec reaches SymPy
-    made = ring(names, QQ)
-    whole, generators = made[0], dict(zip(symbols, made[1:], strict=True))
-    circles = []
-    for symbol in symbols:
-        if symbol.kind == "sine":
-            cosine = generators.get(symbol._replace(kind="cosine"))
-            if cosine is not None:
-                circles.append(generators[symbol] ** 2 + cosine**2 - 1)
-
-    def constant(value: Fraction) -> Any:
-        return whole(QQ(value.numerator, value.denominator))
-
-    found = evaluate(graph, refs, lambda symbol: generators[symbol], constant)
-    return [polynomial.rem(circles) if circles else polynomial for polynomial in found]
 
 
 def _spring(graph: Graph, joint: Joint) -> tuple[Ref, Ref]:

@@ -8,15 +8,15 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from modelgen import CheckOptions, identify
-from modelgen.errors import DataError
-from modelgen.render.arms.arm_writer import arm_files
-from modelgen.runtime.model.model import Model, model_from_text
-from modelgen.runtime.planning.arms.elastic_motion import (
+from benchmarks.elastic_motion import (
     ElasticMotion,
     elastic_motion,
     record_along,
 )
+from modelgen import CheckOptions, identify
+from modelgen.errors import DataError
+from modelgen.render.arms.arm_writer import arm_files
+from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.planning.arms.predicted_sets import USUAL_NOISE
 from modelgen.spec.arms.arm import ArmSpec
 from tests.runtime.made_arm_records import catalogued

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Sequence
 from fractions import Fraction
+from typing import Any
 
 import pytest
 
@@ -10,10 +12,10 @@ from modelgen.symbolic.arms.dynamics.inverse_dynamics import inverse_dynamics
 from modelgen.symbolic.arms.dynamics.lagrange import (
     lagrange_torques,
     newton_minus_lagrange,
-    normal_forms,
     vanishes,
 )
-from modelgen.symbolic.arms.expressions.graph import Graph, Symbol
+from modelgen.symbolic.arms.expressions.evaluation import evaluate
+from modelgen.symbolic.arms.expressions.graph import Graph, Ref, Symbol
 from tests.symbolic.arms.made_arms import PANDA, PLANAR, PUMA, STANFORD, random_arm, serial, tx40
 
 SMALL = [PLANAR[2], serial(STANFORD[:3], True), serial(PUMA[:3], True),
@@ -21,6 +23,35 @@ SMALL = [PLANAR[2], serial(STANFORD[:3], True), serial(PUMA[:3], True),
                                                                                     "r3": None})]  # fmt: skip
 SMALL += [random_arm(random.Random(seed), joints=2) for seed in range(6)]
 LARGE = [tx40(), serial(PANDA, True), *(random_arm(random.Random(seed)) for seed in range(20, 30))]
+
+
+def normal_forms(graph: Graph, refs: Sequence[Ref]) -> list[Any]:
+    """Return references as polynomials in all symbols, in which no sine has a power above one: 0 is zero.
+
+    For small arms: the polynomials of six joints have millions of terms. No reciprocal may stand in them.
+    """
+    from sympy import QQ, ring
+
+    symbols = [
+        node.symbol for node in (graph.nodes[k] for k in graph.needed(refs)) if node.symbol is not None
+    ]
+    if not symbols:
+        return list(refs)
+    names = [f"x{place}" for place in range(len(symbols))]  # no name of a spec reaches SymPy
+    made = ring(names, QQ)
+    whole, generators = made[0], dict(zip(symbols, made[1:], strict=True))
+    circles = []
+    for symbol in symbols:
+        if symbol.kind == "sine":
+            cosine = generators.get(symbol._replace(kind="cosine"))
+            if cosine is not None:
+                circles.append(generators[symbol] ** 2 + cosine**2 - 1)
+
+    def constant(value: Fraction) -> Any:
+        return whole(QQ(value.numerator, value.denominator))
+
+    found = evaluate(graph, refs, lambda symbol: generators[symbol], constant)
+    return [polynomial.rem(circles) if circles else polynomial for polynomial in found]
 
 
 @pytest.mark.parametrize("spec", SMALL)
