@@ -35,6 +35,7 @@ from modelgen.runtime.iv.thresholds import (
 )
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.row_terms import mismatch_terms
 from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
 from modelgen.runtime.simulation.drive import Drive
@@ -74,6 +75,12 @@ class Simulated:
         size = quick_length(self.record.n)
         omega = np.asarray(2.0 * pi * np.fft.rfftfreq(size, self.record.dt), dtype=float)
         return held_chain(self.plant, omega)
+
+    @cached_property
+    def mismatch(self) -> tuple[dict[str, float], ...]:
+        """What Y - W X takes of each signal at the simulation's parameters, row by row of the model."""
+        model = self.plant.model
+        return mismatch_terms(model, model.base_from_physical(self.plant.parameters))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +11,6 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.thresholds import FELT_SHARE, SEEN_AT
-from modelgen.runtime.model.model import Model
-from modelgen.runtime.rows.row_terms import mismatch_terms
 from modelgen.runtime.simulation.plant import Plant
 
 
@@ -47,6 +45,7 @@ class Pushed(Mapping[str, FloatArray]):
         """Take how the force acts on the bodies, shape (bodies,), and the force in N m or N, shape (n,)."""
         record = simulated.record
         self._held, self._push, self._n, self._felt = simulated.held, push, record.n, simulated.felt
+        self._mismatch = simulated.mismatch
         self._size = quick_length(record.n)
         padded = np.concatenate([force, np.linspace(force[-1], force[0], self._size - record.n + 2)[1:-1]])
         self._spectrum = np.fft.rfft(padded)
@@ -87,17 +86,11 @@ class Pushed(Mapping[str, FloatArray]):
         of = [column[signal.channel] for signal in moved]
         order = np.array([signal.derivative for signal in moved])
         read, most = held.readings_at(places, self._push)
-        shares = _shares(model, held.plant.parameters, [signal.key for signal in moved])
+        shares = np.zeros((len(moved), len(model.rows)))
+        place = {signal.key: index for index, signal in enumerate(moved)}
+        for row, weights in enumerate(self._mismatch):
+            for key in weights.keys() & place.keys():
+                shares[place[key], row] = weights[key]
         left = ((1j * omega) ** order * read[:, of]) @ shares
         size = (omega**order * most[:, of]) @ np.abs(shares)
         return tuple(np.flatnonzero(np.any(np.abs(left) > FELT_SHARE * size, axis=0)).tolist())
-
-
-def _shares(model: Model, parameters: Mapping[str, float], keys: Sequence[str]) -> FloatArray:
-    """Return what each row's mismatch Y - W X takes of each signal, shape (keys, rows)."""
-    place = {key: index for index, key in enumerate(keys)}
-    found = np.zeros((len(keys), len(model.rows)))
-    for row, weights in enumerate(mismatch_terms(model, model.base_from_physical(parameters))):
-        for key in weights.keys() & place.keys():
-            found[place[key], row] = weights[key]
-    return found

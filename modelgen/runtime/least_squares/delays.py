@@ -196,10 +196,11 @@ def delay_rates(
     place = {key: index for index, key in enumerate(orders)}
     x = fit.all_parameters(model.base_parameters)
     read, slopes = channels_of_rows(model), dict[int, FloatArray]()
+    nothing = np.zeros(max(block.count for block in fit.blocks))
     rates = []
     for block in fit.blocks:
         if channel not in read[block.row]:  # most rows of a long chain hold other forces
-            rates.append(np.broadcast_to(0.0, block.count))
+            rates.append(nothing[: block.count])
             continue
         terms = list(model.measurement_columns[block.row])
         for column, entry in model.regressor_columns[block.row].items():

@@ -22,6 +22,7 @@ class Spanned:
     def __init__(self, regressors: Regressors) -> None:
         """Take what is spanned, weighted."""
         self._R, plain = regressors, regressors.plain
+        self._places = [slice(None) if places is None else places for places in regressors.places]
         self._ends = np.cumsum([0, *(len(part) for part in regressors.samples)]).tolist()
         if plain:
             R = np.concatenate(regressors.samples)
@@ -40,18 +41,22 @@ class Spanned:
         kept = s > least * s[0]
         self.back = Vt[kept].T / s[kept] / scale[:, None]
         self._Q = None if Q is None else np.asarray(Q @ U[:, kept])
+        # the same of the samples that R is made of
+        self._mixed = self.back if regressors.mix is None else regressors.mix @ self.back
         # numbers that `across` gives
-        self.width = int(kept.sum()) if plain else len(self.back)
+        self.width = int(kept.sum()) if plain else len(self._mixed)
 
     def across(self, index: int, rows: FloatArray) -> FloatArray:
         """Return what `coordinates` takes, added up over the blocks, of rows of a block, shape (n, ...)."""
-        if self._Q is None:
-            return np.asarray(self._R[index].across(rows))
-        return np.asarray(self._Q[self._ends[index] : self._ends[index + 1]].T @ rows)
+        if self._Q is not None:
+            return np.asarray(self._Q[self._ends[index] : self._ends[index + 1]].T @ rows)
+        found = np.zeros((self.width, *rows.shape[1:]))
+        found[self._places[index]] = self._R.samples[index].T @ rows
+        return found
 
     def coordinates(self, across: FloatArray) -> FloatArray:
         """Return Q^T e, shape (rank, ...), from the sum over all blocks of what `across` gives."""
-        return np.asarray(across if self._Q is not None else self.back.T @ across)
+        return np.asarray(across if self._Q is not None else self._mixed.T @ across)
 
     def parts(self, column: FloatArray) -> Sequence[FloatArray]:
         """Return the blocks of a column, shape (r,)."""
@@ -61,6 +66,10 @@ class Spanned:
         """Return a weighted column, shape (r,), without what the regressors explain of it."""
         if self._Q is not None:
             return np.asarray(column - self._Q @ (self._Q.T @ column))
-        across = sum((self.across(*one) for one in enumerate(self.parts(column))), np.zeros(self.width))
-        x = self.back @ self.coordinates(across)
-        return np.asarray(column - np.concatenate([one.times(x) for one in self._R]))
+        across = np.zeros(self.width)
+        pieces = list(zip(self._R.samples, self._places, self.parts(column), strict=True))
+        for samples, places, part in pieces:
+            if part.any():
+                across[places] += samples.T @ part
+        own = self._mixed @ self.coordinates(across)
+        return np.concatenate([part - samples @ own[places] for samples, places, part in pieces])

@@ -57,9 +57,11 @@ class RecordFacts:
 
     def __init__(self, source: Channels, same: Mapping[str, RecentArrays] | None = None) -> None:
         self._source = source
-        self.filtered = {key: RecentArrays(FILTERED_BYTES * source.n) for key in source.keys} | dict(
-            same or {}
-        )
+        shared = same or {}
+        self.filtered = {
+            key: shared[key] if key in shared else RecentArrays(FILTERED_BYTES * source.n)
+            for key in source.keys
+        }
         self._spectra: dict[str, ReadingSpectrum] = {}
         self._powers: dict[tuple[str, int, bool], tuple[FloatArray, FloatArray]] = {}
         self._extents: dict[str, tuple[Extent, FloatArray]] = {}
