@@ -14,8 +14,11 @@ from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import usable_cutoff, with_calm_turns
 from modelgen.runtime.identification.contradiction import contradiction
 from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts
-from modelgen.runtime.identification.explanation.explain_residual import explained, found_by, timing_moves
-from modelgen.runtime.identification.explanation.explain_stretches import explained_by_stretches
+from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
+from modelgen.runtime.identification.explanation.explain_stretches import (
+    explained_by_stretches,
+    timing_by_stretches,
+)
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, run_method
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.explanation.other_weights import other_weights
@@ -70,9 +73,7 @@ def default_method(task: Task, method: Auto) -> Begun:
         if found is None:
             return _last_resort(task, method, error)
         first = found
-    first = with_held_commands(
-        task, first, method.held, lambda there: _instrumental(there, method.instrumental)
-    )
+    first = with_held_commands(task, first, method.held, lambda to: _instrumental(to, method.instrumental))
     task = first.task
     if first.found.fit.carried is not None:
         return _with_note(first, "method iv, in the physical parameters")
@@ -164,10 +165,9 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
             f"; instruments differ (most in {fit.columns[most]}, by {100.0 * share[most]:.2g} %), and the "
             "intervals are widened by that"
         )
-    told = held_instead(iv.advice, late)
-    found = replace(plain.found, advice=told)
+    found = replace(plain.found, advice=held_instead(iv.advice, late))
     weighed, _ = other_weights(task.job, fit)
-    timing = timing_moves(replace(job, late=task.job.late), plain.found.observation, fit)
+    timing = timing_by_stretches(replace(job, late=task.job.late), method.least_squares, plain.found)
     return _with_note(replace(plain, found=found), note, np.outer(move, move) + weighed + timing)
 
 
@@ -295,5 +295,5 @@ def _stand_in(
         raise IdentifiabilityError(*error.problems, *reasons, *swapped) from None
     note, drift = f"method wls: {why}; noise pulls it little", found.found.drift + np.outer(bias, bias)
     if not turns:
-        drift = drift + timing_moves(task.job, found.found.observation, fit)
+        drift = drift + timing_by_stretches(replace(task.job, turns=False), method.least_squares, found.found)
     return _with_note(found, note, drift)

@@ -47,7 +47,9 @@ class HeldChain:
         swings, single = self.rates[self.rates.imag > 0.0], self.rates[self.rates.imag == 0.0]
         s = 1j * self.omega[:, None]
         whole = s * (s - 2.0 * swings.real) + np.abs(swings) ** 2
-        return np.asarray(1.0 / np.concatenate([whole, s - single], axis=1))
+        found = np.concatenate([whole, s - single], axis=1)
+        # a division of complex numbers takes several times as long
+        return np.asarray(found.conj() / (found.real**2 + found.imag**2))
 
     def _excited(self, push: FloatArray) -> ComplexArray:
         return np.asarray(self.entering @ (push / self.plant.inertia))

@@ -201,22 +201,21 @@ def _outputs(
     springs = np.zeros_like(x if cubes else x[:0])
     for spring in cubes:
         springs += np.outer((x @ spring.deflection) ** 3, spring.push)
-    for rows, mode in _rows_by_mode(modes):
+    for rows, mode in _rows_by_space(plant, modes):
         space = plant.space(mode)
-        moving, pushed = x[rows], forces[rows]
+        moving, pushed, f = x[rows], forces[rows], friction[rows]
         free = moving @ space.A.T + pushed @ space.B.T
         if cubes:
             free += springs[rows]
-        f = friction[rows]
-        for j, body, sign in zip(plant.sticking, plant.coulomb_bodies, mode, strict=True):
-            if sign:
-                f[:, j] += body.plus if sign > 0 else -body.minus
-            else:
-                f[:, j] = free[:, body.velocity] * body.inertia  # what holds it
+        resting = []
+        for j, body, sign in zip(plant.sticking, plant.coulomb_bodies, modes[rows].T, strict=True):
+            f[:, j] += np.where(sign > 0, body.plus, -body.minus)
+            resting.append((np.flatnonzero(sign == 0), body.velocity))
+            at_rest = resting[-1][0]
+            f[at_rest, j] = free[at_rest, body.velocity] * body.inertia  # what holds it
         felt = free + f @ space.E.T
-        # exactly, where the line above leaves rounding errors
-        held = [body.velocity for body, sign in zip(plant.coulomb_bodies, mode, strict=True) if sign == 0]
-        felt[:, held] = 0.0
+        for at_rest, velocity in resting:
+            felt[at_rest, velocity] = 0.0  # exactly, where the line above leaves rounding errors
         acceleration[rows] = felt[:, n:]
         sensed[rows] = moving @ space.C.T + pushed @ space.D.T + f @ space.F.T
         friction[rows] = f
@@ -225,14 +224,20 @@ def _outputs(
     return acceleration, friction, sensed
 
 
-def _rows_by_mode(modes: npt.NDArray[np.int8]) -> Iterator[tuple[slice | IntArray, tuple[int, ...]]]:
-    """Yield the samples of each mode and the mode, a sign a body; all at once where there is one only."""
-    # a number from 0 on for every mode: counting needs no sorting
+def _rows_by_space(
+    plant: Plant, modes: npt.NDArray[np.int8]
+) -> Iterator[tuple[slice | IntArray, tuple[int, ...]]]:
+    """Yield the samples that have the same matrices, and a mode with these, a sign a body.
+
+    They depend on the directions of bodies whose friction does; in most chains on none.
+    """
+    asymmetric = [place for place, j in enumerate(plant.sticking) if plant.model.friction[j].asymmetric]
+    # a number from 0 on for all directions together: counting needs no sorting
     codes = np.zeros(len(modes), dtype=np.int64)
-    for column in modes.T:
-        codes = 3 * codes + (column + 1)
-    counts = np.bincount(codes)
-    for code in np.flatnonzero(counts).tolist():
-        rows = slice(None) if counts[code] == len(codes) else np.flatnonzero(codes == code)
-        mode = modes[0] if isinstance(rows, slice) else modes[rows[0]]
-        yield rows, tuple(int(sign) for sign in mode)
+    for place in asymmetric:
+        codes = 2 * codes + (modes[:, place] < 0)
+    for code in np.flatnonzero(np.bincount(codes)).tolist() if asymmetric else [0]:
+        rows = np.flatnonzero(codes == code) if asymmetric else slice(None)
+        mode = np.ones(modes.shape[1], dtype=int)
+        mode[asymmetric] = [1 - 2 * (code >> k & 1) for k in reversed(range(len(asymmetric)))]
+        yield rows, tuple(mode.tolist())

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
+from modelgen.runtime.identification.explanation.explain_residual import explained, found_by, timing_moves
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, run_method
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import IV
+from modelgen.runtime.identification.methods import IV, WLS
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import SEARCHED, STRETCHES
 from modelgen.runtime.iv.effect import Effect
@@ -57,16 +58,40 @@ def explained_by_stretches(task: Task, method: IV) -> Begun:
 
 def _of_stretches(job: Job, method: IV) -> tuple[Fit, Explained, list[int]] | None:
     """Return the fit of stretches, what they show and the record that each is of; None where nothing fits."""
-    stretches = [_stretches(record) for record in job.records]
-    parts = replace(job, records=tuple(part for one in stretches for part in one), surveys=())
-    factors = tuple(factor for factor, one in zip(job.choice.decimation, stretches, strict=True) for _ in one)
-    parts = replace(parts, choice=replace(job.choice, decimation=factors))
+    parts, record_of = _in_stretches(job)
     try:
         observation, fit = method.run(parts)
     except (IdentifiabilityError, DataError):
         return None
-    told = explained(parts, found_by(parts, observation, fit), fit)
-    return fit, told, [index for index, one in enumerate(stretches) for _ in one]
+    return fit, explained(parts, found_by(parts, observation, fit), fit), record_of
+
+
+def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
+    """Return what timings move that least squares does not estimate, (c, c); of long records, in stretches.
+
+    As `timing_moves`; `job` says how rows are taken, and which delays were to be found.
+    """
+    if any(record.n > SEARCHED for record in job.records):
+        parts, _ = _in_stretches(job)
+        try:
+            observation, fit = method.run(replace(parts, late=()))
+        except (IdentifiabilityError, DataError):
+            return timing_moves(job, found.observation, found.fit)
+        if fit.columns == found.fit.columns:
+            return timing_moves(parts, observation, fit)
+    return timing_moves(job, found.observation, found.fit)
+
+
+def _in_stretches(job: Job) -> tuple[Job, list[int]]:
+    """Return the job of stretches of long records, and the record that each is of."""
+    stretches = [_stretches(record) for record in job.records]
+    factors = tuple(factor for factor, one in zip(job.choice.decimation, stretches, strict=True) for _ in one)
+    records, choice = (
+        tuple(part for one in stretches for part in one),
+        replace(job.choice, decimation=factors),
+    )
+    parts = replace(job, records=records, choice=choice, surveys=())
+    return parts, [index for index, one in enumerate(stretches) for _ in one]
 
 
 def _started_near(task: Task, method: IV, fit: Fit) -> Begun:

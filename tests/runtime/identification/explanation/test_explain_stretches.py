@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from generated import emps_rigid_qm
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification import default_method
 from modelgen.runtime.identification.explanation import explain_stretches
+from modelgen.runtime.identification.explanation.explain_residual import timing_moves
+from modelgen.runtime.identification.explanation.explained import Explained
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import WLS
 from modelgen.runtime.iv.model_errors import zero_effect
+from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.two_mass_records import SMALL, TRUTH, assert_truth_inside, two_mass_records
+
+RIGID = model_from_module(emps_rigid_qm)
 
 
 @pytest.fixture(autouse=True)
@@ -42,3 +55,28 @@ def test_of_a_right_model_nothing_is_said() -> None:
     estimate = identify(SMALL, two_mass_records())
     assert not estimate.checks.advice
     assert_truth_inside(estimate, TRUTH)
+
+
+@pytest.mark.slow
+def test_what_a_late_force_moves_is_seen_in_stretches_as_in_the_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    truth = RIGID.parameter_sets["published_2019"]
+    record = simulate(RIGID, truth, "trapezoid", fs=1000.0, duration_s=12.0).record
+    late = Record({"q_m": record.signals["q_m"], "F": np.roll(record.signals["F"], 1)}, record.fs, "axis")
+    job = Job(RIGID, (late,), FilterChoice(4, 40.0, 20.0, (5,), 20.0, None, (), (), ()), late=("F",))
+    observation = job.observed(job.records)
+    found = Explained(observation, fit_matched(observation), (), (), np.zeros((1, 1)), ())
+    whole = timing_moves(job, observation, found.fit)
+    seen: list[list[int]] = []
+
+    def spied(job: Job, *given: object) -> np.ndarray:
+        seen.append([one.n for one in job.records])
+        return timing_moves(job, *given)
+
+    monkeypatch.setattr(explain_stretches, "timing_moves", spied)
+    short = explain_stretches.timing_by_stretches(job, WLS(), found)
+    assert seen == [[4096, 4096]]
+    # an offset hardly moves
+    told = [found.fit.columns.index(name) for name in ("M", "Fv", "Fc")]
+    assert np.diag(short)[told] ** 0.5 == pytest.approx(np.diag(whole)[told] ** 0.5, rel=0.3)
