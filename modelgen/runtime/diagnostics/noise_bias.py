@@ -8,6 +8,7 @@ E[dW^T dY] to W^T Y. What least squares would have found without them is (W^T W 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,6 +36,28 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
 
     Infinite where a parameter rests on combinations of columns that are nearly all noise.
     """
+    return noise_effect(model, records, choice, fit).bias
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseEffect:
+    """What noise of the sensors does to a least-squares fit.
+
+    Attributes
+    ----------
+    bias : array, shape (c,)
+        By how much it shifts each parameter, infinite where noise is nearly all that a parameter rests on.
+    gain : array, shape (c, c)
+        What a change of the biased solution is worth in the one without bias, which an estimator that noise
+        does not bias finds from the same rows.
+    """
+
+    bias: FloatArray
+    gain: FloatArray
+
+
+def noise_effect(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit) -> NoiseEffect:
+    """Return what noise of the sensors does to a least-squares fit."""
     c = len(fit.columns)
     # instruments keep what drives report from biasing the columns of their gains
     free = {one.key for one in model.actuators} if fit.projected is not None else set()
@@ -57,8 +80,8 @@ def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fi
     return _without_noise(fit, added, crossed)
 
 
-def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> FloatArray:
-    """Return by how much N = `added`, shape (c, c), and E[dW^T dY] = `crossed` shift the solution, (c,).
+def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> NoiseEffect:
+    """Return what N = `added`, shape (c, c), and E[dW^T dY] = `crossed`, shape (c,), do to the solution.
 
     In the directions in which N and W^T W are both diagonal, each is attenuated by the share of it that is
     no noise. Where hardly any of a direction is, that share is not known: what has a part in it is lost.
@@ -71,11 +94,12 @@ def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> FloatArr
     share, turned = np.linalg.eigh(root.T @ (added * np.outer(scale, scale)) @ root)
     along = root @ turned
     back = (vectors[:, held] / np.sqrt(values[held])) @ turned
-    seen = back.T @ (x / scale) - along.T @ (scale * crossed)
-    found = scale * (along @ (seen / np.maximum(1.0 - share, LEAST_SIGNAL)))
+    signal = np.maximum(1.0 - share, LEAST_SIGNAL)
+    gain = scale[:, None] * ((along / signal) @ back.T) / scale
+    found = gain @ x - scale * ((along / signal) @ (along.T @ (scale * crossed)))
     # a parameter over its scale is a unit vector in these directions
     part = np.sum(along[:, share > 1.0 - LEAST_SIGNAL] ** 2, axis=1)
-    return np.asarray(np.where(part > LOST_PART, np.inf, x - found))
+    return NoiseEffect(np.where(part > LOST_PART, np.inf, x - found), gain)
 
 
 def lost_in_noise(fit: Fit, bias: FloatArray) -> dict[str, str]:

@@ -1,10 +1,9 @@
-"""A lower cut-off where noise of the sensors would drown the estimate at the one that the spectra ask for.
-
-And a higher one for instruments of arms, where turns of the joints fill a record.
+"""The cut-off whose estimate is predicted to be the best, tried by least squares on a part of the records.
 
 Spectra do not tell which frequencies an estimate can use: a feedback carries the sensor's noise into the
-force, and lines of the electronics count as motion. So least squares is tried at lower cut-offs, its error
-predicted from its covariance, its bias by noise, and how far the neighbouring cut-offs move it.
+force, lines of the electronics count as motion, and a hundredth of the power may hold all that tells two
+inertias apart. So least squares is tried at lower and higher cut-offs, and its error predicted from its
+covariance, what noise of the sensors does to it, and how far it moves from what lower cut-offs find.
 """
 
 from __future__ import annotations
@@ -16,16 +15,12 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.diagnostics.noise_bias import noise_effect
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF, SIGNAL_CUTOFF
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.options import Filters
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
-    CALM_CUTOFFS,
-    CALM_SHARE,
-    CALM_STEP,
     CLEARLY_BETTER,
     CUTOFF_STEPS,
     FULLY_KNOWN,
@@ -34,59 +29,235 @@ from modelgen.runtime.identification.thresholds import (
     LOAD_ROW_LEFT,
     NEARLY_BEST,
     SAMPLES_TRIED,
+    SIGNIFICANT_MOVE,
+    STEPS_IN_VAIN,
 )
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.further_columns import with_columns, without_columns
+from modelgen.runtime.least_squares.hac_covariance import (
+    andrews_bandwidth,
+    covariance_of_bandwidth,
+    influence_parts,
+)
 from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock
 
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """Least squares at one cut-off: estimate, its variance and its bias by noise, shape (c,) each.
+    """What least squares at one cut-off predicts of the method that is to follow.
 
-    `left` is the largest share of its largest term that a row without a force leaves.
+    Attributes
+    ----------
+    choice : FilterChoice
+    columns : tuple of str
+    x, size : array, shape (c,)
+        The estimate, without the bias by noise if the method has none; and how large it is.
+    square_error : array, shape (c,)
+        Variance, and the bias by noise squared if the method has it; infinite where noise is nearly all.
+    noisy : bool
+        Whether noise of the sensors pulls least squares by more than `LITTLE_BIAS` of any value.
+    left : float
+        The largest share of its largest term that a row without a force leaves.
+    calm : float
+        The least share of its record that a row with a force keeps of an arm, if turns are to be left out.
     """
 
     choice: FilterChoice
     columns: tuple[str, ...]
     x: FloatArray
-    variance: FloatArray
-    bias: FloatArray
+    size: FloatArray
+    square_error: FloatArray
+    noisy: bool
     left: float
+    calm: float
+
+    def digits(self, size: FloatArray, lower: Sequence[Tried]) -> float:
+        """Return how many digits of all parameters the method is predicted to know.
+
+        `lower` are lower cut-offs: what moves an estimate away from theirs by more than they leave open is
+        dynamics that the model lacks, or noise that is not what it seems. `size`, shape (c,), is what errors
+        are compared with.
+        """
+        moved = np.zeros(len(self.x))
+        for other in lower:
+            beyond = (self.x - other.x) ** 2 - SIGNIFICANT_MOVE**2 * other.square_error
+            moved = np.maximum(moved, beyond)
+        share = np.sqrt(self.square_error + moved) / np.maximum(size, np.finfo(float).tiny)
+        return float(np.sum(-np.log10(np.clip(share, FULLY_KNOWN, 1.0))))
 
 
-def usable_cutoff(job: Job, filters: Filters) -> FilterChoice:
-    """Return the filter choice of a job, or one with a lower cut-off that predicts a better estimate."""
-    records = tuple(part_tried(record) for record in job.records)
-    try:
-        first = _tried(job, records, job.choice)
-    except (DataError, IdentifiabilityError):
-        return job.choice
-    if np.all(np.abs(first.bias) <= LITTLE_BIAS * np.abs(first.x)):
-        return job.choice
-    found = [first]
-    for step in range(1, CUTOFF_STEPS):
-        try:
-            choice = choose_filter(
-                job.model,
-                job.records,
-                cutoff_hz=job.choice.cutoff_hz * 2.0 ** (-0.5 * step),
-                filter_order=filters.filter_order,
-                decimation=filters.decimation,
-                direction_cutoff_hz=filters.direction_cutoff_hz,
-                signal_cutoff_hz=filters.signal_cutoff_hz,
-            )
-            choice = replace(choice, slow_speeds=job.choice.slow_speeds)
-            tried = _tried(job, records, choice)
-        except (DataError, IdentifiabilityError):
-            break
-        if tried.columns != first.columns:
-            break
-        found.append(tried)
-    best = _best(found)
-    return job.choice if best == 0 else _explained(found[best].choice, job.choice)
+def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
+    """Return a task with the cut-off that predicts the best estimate; the same if its own is nearly as good.
+
+    What was given stays as it is. While a joint of an arm sticks its friction is no sign of a speed, and the
+    low-pass of the rows spreads that around every turn: instruments, whose intervals do not hold it, need a
+    cut-off at which every row with a force leaves turns out and keeps `LEAST_CALM` of its record.
+
+    Parameters
+    ----------
+    task : Task
+    consistent : bool
+        Whether noise of the sensors leaves the method that is to follow unbiased.
+    """
+    # directions that were made of other channels belong to the first cut-off; rows with given positions are
+    # linear about an estimate only, which there is none of yet
+    given = task.filters.cutoff_hz is not None or task.filters.directions
+    if given or isinstance(task.model.kernel, DeflectedKernel):
+        return task
+    scan = Scan(task, consistent)
+    best = scan.best()
+    found = scan.at(best)
+    if best == 0 or found is None:
+        return task
+    choice, before = found.choice, task.choice
+    sentence = (
+        f"Cut-off {choice.cutoff_hz:.4g} Hz in place of {before.cutoff_hz:.4g} Hz: least squares, tried at "
+        f"{len(scan.worth())} cut-offs, predicts that most is known there."
+    )
+    kept = tuple(one for one in choice.sentences if not one.startswith("Cut-off"))
+    choice = replace(choice, bands=before.bands, sentences=(sentence, *kept))
+    return replace(task, choice=choice, job=replace(task.job, choice=choice))
+
+
+class Scan:
+    """Cut-offs in steps of the root of two around that of a task, each tried once; 0 is its own."""
+
+    def __init__(self, task: Task, consistent: bool) -> None:
+        self._task, self._consistent = task, consistent
+        self._records = tuple(part_tried(record) for record in task.job.records)
+        self._found: dict[int, Tried | None] = {}
+        self._correlated = 1.0  # samples
+
+    def best(self) -> int:
+        """Return which step to take: 0, unless another is clearly better; of those nearly best the nearest.
+
+        Where turns fill the records at the first, it is the highest, which leaves least of them in.
+        """
+        first = self.at(0)
+        if first is None:
+            return 0
+        # a lower cut-off keeps noise out, a higher one is of no use where noise drowns everything already
+        ways = (1,) * (self.worth()[0] != 0.0) + (-1,) * (first.noisy and first.calm >= LEAST_CALM)
+        for way in ways:
+            self._walk(way)
+        c, worth = len(first.x), self.worth()
+        top = max(worth.values())
+        if worth[0] >= top - CLEARLY_BETTER * c:
+            return 0
+        near = [step for step, one in worth.items() if one >= top - NEARLY_BEST * c]
+        return max(near) if first.calm < LEAST_CALM else min(near, key=abs)
+
+    def _walk(self, way: int) -> None:
+        """Try one step after the other while they gain, or nothing is known yet."""
+        step, vain, top = 0, 0, self.worth()[0]
+        while vain < STEPS_IN_VAIN and abs(step) < CUTOFF_STEPS:
+            step += way
+            if self.at(step) is None:
+                return
+            now = self.worth()[step]
+            vain = vain + 1 if now <= top and top > 0.0 else 0
+            top = max(top, now)
+
+    def worth(self) -> dict[int, float]:
+        """Return the digits of every step that gave an estimate, none of those that are of no use."""
+        found = {step: one for step, one in sorted(self._found.items()) if one is not None}
+        size = np.median([one.size for one in found.values()], axis=0)
+        most = max(LOAD_ROW_LEFT, found[0].left)
+        return {
+            step: one.digits(size, [other for k, other in found.items() if k < step])
+            if one.left <= most and one.calm >= LEAST_CALM
+            else -np.inf
+            for step, one in found.items()
+        }
+
+    def at(self, step: int) -> Tried | None:
+        """Return what a step gives; None where it gives nothing, or other columns."""
+        if step not in self._found:
+            first = self._found.get(0)
+            try:
+                one = self._tried(step)
+            except (DataError, IdentifiabilityError):
+                one = None
+            alike = one is None or first is None or one.columns == first.columns
+            self._found[step] = one if alike else None
+        return self._found[step]
+
+    def _tried(self, step: int) -> Tried | None:
+        task, consistent = self._task, self._consistent
+        choice = task.choice if step == 0 else _choice_at(task, task.choice.cutoff_hz * 2.0 ** (0.5 * step))
+        if choice is None:
+            return None
+        here = replace(task.job, records=self._records, choice=choice, surveys=())
+        fit = fit_matched(here.observed(self._records, turns=not consistent))
+        if consistent and here.late:
+            fit = _delays_free(here, fit)
+        noise = noise_effect(task.model, self._records, choice, fit)
+        covariance = self._covariance(step, fit, choice)
+        if consistent:
+            covariance = noise.gain @ covariance @ noise.gain.T
+        lost, x = ~np.isfinite(noise.bias), fit.solution.x
+        bias = np.where(lost, 0.0, noise.bias)
+        square = np.maximum(np.diag(covariance), 0.0) + np.where(lost, np.inf, 0.0)
+        return Tried(
+            choice,
+            fit.columns,
+            x - bias if consistent else x,
+            np.maximum(np.abs(x - bias), np.abs(x) / 3.0),
+            square if consistent else square + bias**2,
+            bool(np.any(np.abs(noise.bias) > LITTLE_BIAS * np.abs(x))),
+            max((one for block, one in _left(fit) if not block.has_force), default=0.0),
+            _calm_share(fit, self._records, choice) if consistent and task.model.is_arm else 1.0,
+        )
+
+    def _covariance(self, step: int, fit: Fit, choice: FilterChoice) -> FloatArray:
+        """Return the covariance of a fit; what is correlated for long at the first cut-off is so above."""
+        factor = choice.decimation[0]
+        if step == 0:
+            self._correlated = factor * andrews_bandwidth(influence_parts(fit))
+        return covariance_of_bandwidth(fit, self._correlated / factor if step > 0 else 1.0)
+
+
+def _left(fit: Fit) -> list[tuple[RowBlock, float]]:
+    """Return the blocks of a fit and what share of its largest term each leaves."""
+    return list(zip(fit.blocks, fit.left_shares, strict=True))
+
+
+def _calm_share(fit: Fit, records: Sequence[Record], choice: FilterChoice) -> float:
+    """Return the least share of its record that a row with a force keeps, 0 where one keeps its turns."""
+    every = [record.n / factor for record, factor in zip(records, choice.decimation, strict=True)]
+    kept = [
+        0.0 if block.turning else block.count / every[block.record] for block in fit.blocks if block.has_force
+    ]
+    return min(kept, default=0.0)
+
+
+def _delays_free(job: Job, fit: Fit) -> Fit:
+    """Return a fit that leaves open how late its forces are."""
+    rates = [job.rates(fit, job.records, channel) for channel in job.late]
+    late = [np.column_stack(columns) for columns in zip(*rates, strict=True)]
+    return without_columns(with_columns(fit, fit.regressors, late), fit)
+
+
+def _choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:
+    """Return the filters of a task with another cut-off, None where its records do not allow it."""
+    highest = HIGHEST_CUTOFF * min(record.fs for record in task.records)
+    wide_hz = cutoff_hz * (SIGNAL_CUTOFF if task.model.is_arm else 1.0)
+    if cutoff_hz > task.choice.cutoff_hz and wide_hz > highest:
+        return None
+    filters = task.filters
+    choice = choose_filter(
+        task.model,
+        task.records,
+        cutoff_hz=cutoff_hz,
+        filter_order=filters.filter_order,
+        decimation=filters.decimation,
+        direction_cutoff_hz=filters.direction_cutoff_hz,
+        signal_cutoff_hz=filters.signal_cutoff_hz,
+    )
+    return replace(choice, slow_speeds=task.choice.slow_speeds)
 
 
 def part_tried(record: Record) -> Record:
@@ -95,100 +266,3 @@ def part_tried(record: Record) -> Record:
         return record
     start = (record.n - SAMPLES_TRIED) // 2
     return record.part(start, start + SAMPLES_TRIED, record.name)
-
-
-def _tried(job: Job, records: tuple[Record, ...], choice: FilterChoice) -> Tried:
-    here = replace(job, records=records, choice=choice, surveys=())
-    fit = fit_matched(here.observed(records))
-    bias = noise_bias(job.model, records, choice, fit)
-    variance = np.maximum(np.diag(hac_covariance(fit)), 0.0)
-    return Tried(choice, fit.columns, fit.solution.x, variance, bias, _load_rows_left(fit))
-
-
-def _load_rows_left(fit: Fit) -> float:
-    shares = zip(fit.blocks, fit.left_shares, strict=True)
-    return max((share for block, share in shares if not block.has_force), default=0.0)
-
-
-def _best(found: Sequence[Tried]) -> int:
-    """Return which cut-off to take: the first, unless another is clearly better."""
-    c = len(found[0].x)
-    most = max(LOAD_ROW_LEFT, found[0].left)
-    digits = [_digits(found, index) if one.left <= most else -np.inf for index, one in enumerate(found)]
-    top = max(digits)
-    if digits[0] >= top - CLEARLY_BETTER * c:
-        return 0
-    return next(index for index, one in enumerate(digits) if one >= top - NEARLY_BEST * c)
-
-
-def _digits(found: Sequence[Tried], index: int) -> float:
-    """Return how many digits of all parameters an estimate is predicted to know."""
-    one = found[index]
-    neighbours = [found[k].x for k in (index - 1, index + 1) if 0 <= k < len(found)]
-    moved = np.mean([(other - one.x) ** 2 for other in neighbours], axis=0) if neighbours else 0.0
-    bias = np.where(np.isfinite(one.bias), one.bias, one.x)
-    error = np.sqrt(one.variance + bias**2 + moved)
-    size = np.maximum(np.abs(one.x - bias), np.abs(one.x) / 3.0)
-    share = error / np.maximum(size, np.finfo(float).tiny)
-    return float(np.sum(-np.log10(np.clip(share, FULLY_KNOWN, 1.0))))
-
-
-def _explained(choice: FilterChoice, first: FilterChoice) -> FilterChoice:
-    sentence = (
-        f"Cut-off {choice.cutoff_hz:.4g} Hz in place of {first.cutoff_hz:.4g} Hz: noise of the sensors would "
-        "drown the estimate there."
-    )
-    kept = tuple(one for one in choice.sentences if not one.startswith("Cut-off"))
-    return replace(choice, bands=first.bands, sentences=(sentence, *kept))
-
-
-def with_calm_turns(task: Task) -> Task:
-    """Return a task with a cut-off at which rows with a force leave turns out and keep enough samples.
-
-    While a joint sticks its friction is no sign of a speed, and the low-pass of the rows spreads that around
-    every turn. The rows of least squares see little of noise behind a low cut-off; noise does not bias
-    instruments, so these may see a wider band, in which a turn is short. It is the lowest cut-off at which
-    every row keeps `CALM_SHARE` of its record, else the one at which the row that keeps least keeps most, if
-    that is `LEAST_CALM`; else the same task. What was given stays as it is.
-    """
-    filters, job = task.filters, task.job
-    if filters.cutoff_hz is not None or filters.directions:
-        return task
-    choice, lowest_fs = task.choice, min(record.fs for record in task.records)
-    found = []
-    for _ in range(CALM_CUTOFFS):
-        try:
-            blocks = replace(job, choice=choice).calm(job.records).blocks
-        except (DataError, IdentifiabilityError):
-            break
-        shares = (_calm_share(block, job, choice) for block in blocks if block.has_force)
-        found.append((min(shares, default=0.0), choice))
-        cutoff_hz = CALM_STEP * choice.cutoff_hz
-        if found[-1][0] >= CALM_SHARE or cutoff_hz * SIGNAL_CUTOFF > HIGHEST_CUTOFF * lowest_fs:
-            break
-        choice = choose_filter(
-            job.model,
-            job.records,
-            cutoff_hz=cutoff_hz,
-            filter_order=filters.filter_order,
-            decimation=filters.decimation,
-            direction_cutoff_hz=filters.direction_cutoff_hz,
-            signal_cutoff_hz=filters.signal_cutoff_hz,
-        )
-        choice = replace(choice, slow_speeds=task.choice.slow_speeds)
-    share, choice = max(found, key=lambda one: one[0], default=(0.0, task.choice))
-    if share < LEAST_CALM or choice is task.choice:
-        return task
-    sentence = (
-        f"Cut-off {choice.cutoff_hz:.4g} Hz in place of {task.choice.cutoff_hz:.4g} Hz: rows that leave out "
-        "the turns of their joints keep enough samples there."
-    )
-    kept = tuple(one for one in choice.sentences if not one.startswith("Cut-off"))
-    choice = replace(choice, bands=task.choice.bands, sentences=(sentence, *kept))
-    return replace(task, choice=choice, job=replace(job, choice=choice))
-
-
-def _calm_share(block: RowBlock, job: Job, choice: FilterChoice) -> float:
-    """Return the share of its record that a block keeps, 0 where it does not leave turns out."""
-    every = job.records[block.record].n / choice.decimation[block.record]
-    return 0.0 if block.turning else block.count / every

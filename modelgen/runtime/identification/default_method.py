@@ -11,7 +11,7 @@ from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.progress import step
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
-from modelgen.runtime.identification.choose_cutoff import usable_cutoff, with_calm_turns
+from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import contradiction
 from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
@@ -63,13 +63,14 @@ def default_method(task: Task, method: Auto) -> Begun:
     beyond = beyond_limit(task.job, method.instrumental)
     if beyond is not None:
         why = "instruments take more than memory_limit_mb; delays are not estimated"
-        return _stand_in(_with_usable_cutoff(task), method, DataError(beyond), why)
+        return _stand_in(with_predicted_cutoff(task, consistent=False), method, DataError(beyond), why)
+    given, task = task, with_predicted_cutoff(task, consistent=True)
     try:
         first = _instrumental(task, method.instrumental)
     except (IdentifiabilityError, DataError) as error:
-        lower = _with_usable_cutoff(task)
-        found = None if lower is task else _tried(lower, method)
-        task = lower
+        other = with_predicted_cutoff(given, consistent=False)
+        found = None if other.choice.cutoff_hz == task.choice.cutoff_hz else _tried(other, method)
+        task = other
         if found is None:
             return _last_resort(task, method, error)
         first = found
@@ -93,6 +94,8 @@ def _tried(task: Task, method: Auto) -> Begun | None:
 def _of_arm(task: Task, method: Auto) -> Begun:
     """Return instruments of an arm; least squares where they find nothing, or noise is not what is left."""
     plain = replace(task, job=replace(task.job, late=()))
+    if not follows(task.model):
+        plain = with_predicted_cutoff(plain, consistent=False)
     begun = run_method(plain, method.least_squares)
     why = "instruments take more than memory_limit_mb"
     if not follows(task.model):
@@ -100,7 +103,7 @@ def _of_arm(task: Task, method: Auto) -> Begun:
     elif _exceeding(begun, LEFT_BY_ARMS, FAR_OVER_NOISE):
         why = "the residual is far more than noise of the sensors"
     elif beyond_limit(task.job, method.instrumental) is None:
-        calm = with_calm_turns(task)
+        calm = with_predicted_cutoff(task, consistent=True)
         # slow motion may not tell the delays, and the parameters all the same
         for late in dict.fromkeys((calm.job.late, ())):
             try:
@@ -115,17 +118,6 @@ def _of_arm(task: Task, method: Auto) -> Begun:
             why = "the residual is more than noise of the sensors"
             break
     return _with_note(begun, f"method wls: {why}; delays are not estimated")
-
-
-def _with_usable_cutoff(task: Task) -> Task:
-    """Return a task with a cut-off at which noise does not drown the estimate; the same if it has one."""
-    # directions that were made of other channels belong to the first cut-off
-    if task.filters.cutoff_hz is not None or task.filters.directions:
-        return task
-    choice = usable_cutoff(task.job, task.filters)
-    if choice is task.choice:
-        return task
-    return replace(task, choice=choice, job=replace(task.job, choice=choice))
 
 
 def _exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> bool:

@@ -157,9 +157,9 @@ def _run(task: Task) -> Begun:
     if beyond is not None:
         raise DataError(beyond)
     if task.model.is_arm and isinstance(task.method, IV):
-        from modelgen.runtime.identification.choose_cutoff import with_calm_turns
+        from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 
-        return run_method(with_calm_turns(task), task.method)
+        return run_method(with_predicted_cutoff(task, consistent=True), task.method)
     begun = run_method(task, task.method)
     if not isinstance(task.method, IV) or not task.checks.drift_check:
         return begun

@@ -55,16 +55,18 @@ NOISE_ALONE = 1.5
 # Rows times columns that are made white at most, as they are kept several times for that; bytes a number.
 MOST_WHITENED, COPIES_OF_WHITE_ROWS = 5e6, 80.0
 
-# Lower cut-offs are tried in steps of the root of two, where noise biases a parameter by more than
-# this share.
-CUTOFF_STEPS = 13
+# Other cut-offs are tried in steps of the root of two, so many at most; so many in vain end it. Lower ones
+# are where noise biases a parameter by more than this share.
+CUTOFF_STEPS, STEPS_IN_VAIN = 13, 2
 LITTLE_BIAS = 0.1
 # A parameter known to this share counts as fully known: what is better than that does not decide.
-FULLY_KNOWN = 0.003
+FULLY_KNOWN = 1e-5
+# Estimates that differ by more of the deviations of the one at the lower cut-off do so for a reason.
+SIGNIFICANT_MOVE = 2.0
 # A row without a force may leave this share of its largest term; more where it did so at first.
 LOAD_ROW_LEFT = 0.5
 # Digits a parameter by which another cut-off has to be better, and by which it may be worse than the best.
-CLEARLY_BETTER, NEARLY_BEST = 0.2, 0.05
+CLEARLY_BETTER, NEARLY_BEST = 0.15, 0.1
 # Samples of a record that cut-offs are tried on.
 SAMPLES_TRIED = 1 << 17
 
@@ -109,11 +111,9 @@ POINT_TOLERANCE = 1e-4
 ROUNDING = 1e-11
 LONGEST_LAG = 0.5
 
-# Cut-offs at which turns of arms are to be short enough: so many, each so many times the one before;
-CALM_CUTOFFS, CALM_STEP = 6, 1.6
-# and the share of a record that every row is to keep there. With half of it and gaps intervals are a fifth
-# too narrow in simulations, which is less harm than turns that are not left out: below that they stay in.
-CALM_SHARE, LEAST_CALM = 0.75, 0.5
+# The share of a record that every row of an arm is to keep where instruments leave turns out. With half of
+# it and gaps intervals are a fifth too narrow in simulations, which is less harm than turns that stay in.
+LEAST_CALM = 0.5
 # Least squares of an arm that leave this share of a row, and this multiple of the noise, lack what no
 # instruments would cure; in simulations stick and slip alone leaves up to four times the noise.
 LEFT_BY_ARMS, FAR_OVER_NOISE = 0.01, 6.0

@@ -54,7 +54,13 @@ def hac_covariance(fit: Fit) -> FloatArray:
     return np.asarray(known["long_run"][1] * r / (r - len(fit.columns) - fit.lost))
 
 
-def long_run_covariance(series: Sequence[Series | FloatArray]) -> FloatArray:
+def covariance_of_bandwidth(fit: Fit, least: float) -> FloatArray:
+    """Return `hac_covariance` with a bandwidth of at least so many instants, shape (c, c)."""
+    r = fit.count
+    return long_run_covariance(influence_parts(fit), least) * r / (r - len(fit.columns) - fit.lost)
+
+
+def long_run_covariance(series: Sequence[Series | FloatArray], least: float = 1.0) -> FloatArray:
     """Return the covariance of the sum over all instants and records, shape (c, c).
 
     Parzen's kernel is the triangle's with itself: its weighted sum over lags is the sum of squares of
@@ -65,9 +71,12 @@ def long_run_covariance(series: Sequence[Series | FloatArray]) -> FloatArray:
     ----------
     series : sequence of array or callable
         One a record: its influence, shape (n, c), or what yields it in parts from the first instant on.
+    least : float
+        Instants, the least bandwidth: what is correlated for long does not show beside much noise of a wide
+        band.
     """
     series = [_kept(one) for one in series]
-    bandwidth = andrews_bandwidth(series)
+    bandwidth = max(least, andrews_bandwidth(series))
     sums = [_ParzenSums(bandwidth) for _ in series]
     for one, parzen in zip(series, sums, strict=True):
         for psi in _in_parts(one):

@@ -117,7 +117,8 @@ def test_one_direction_of_noise_pulls_what_has_a_part_in_it_and_nothing_else(see
     weight = gram @ direction
     added = share * np.outer(weight, weight) / (direction @ weight)
     fit = SimpleNamespace(solution=Solved(x, np.linalg.inv(gram)))
-    found = _without_noise(fit, added, np.zeros(4))  # type: ignore[arg-type]
+    effect = _without_noise(fit, added, np.zeros(4))  # type: ignore[arg-type]
+    found = effect.bias
     unit = direction / np.sqrt(direction @ weight)
     part = unit**2 / np.diag(fit.solution.inverse)
     if share > 0.91:
@@ -127,3 +128,6 @@ def test_one_direction_of_noise_pulls_what_has_a_part_in_it_and_nothing_else(see
         np.testing.assert_allclose(
             (found - expected) / x, 0.0, atol=1e-6 * (1.0 + np.max(np.abs(expected / x)))
         )
+        # what is left of x is what the gain makes of it
+        left = effect.gain @ x
+        np.testing.assert_allclose((x - found - left) / x, 0.0, atol=1e-6 * (1.0 + np.max(np.abs(left / x))))

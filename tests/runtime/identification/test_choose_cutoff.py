@@ -1,24 +1,51 @@
-"""Cut-offs for instruments of arms: turns of joints are left out, and enough of every row remains."""
+"""Cut-offs are predicted before the fit: higher where that tells more, lower where noise drowns it."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification import choose_cutoff
-from modelgen.runtime.identification.choose_cutoff import with_calm_turns
-from modelgen.runtime.identification.methods import IV
+from modelgen.runtime.identification.choose_cutoff import Scan, Tried, with_predicted_cutoff
+from modelgen.runtime.identification.methods import IV, Auto, run_iv
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.identification.task import Task, prepared
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.made_arm_records import catalogued, model_of, record_of, values_of
+from tests.runtime.two_mass_records import SMALL
+
+# a mode of 20 Hz, far above what moves between rests have most of their power at
+SLOW_DRIVE = {"J_m": 1e-3, "F_vm": 5e-3, "F_sm": 0.02, "J_c": 1e-3, "F_vmc": 4e-3, "K": 8.0}
 
 
 @cache
-def task(**filters: float) -> Task:
+def chain_task(kind: str, noise: float, **filters: float) -> Task:
+    rms = {"q_m": noise, "q_c": noise, "Gamma_m": 2e-3}
+    record = simulate(SMALL, SLOW_DRIVE, kind, fs=1000.0, duration_s=4.0, noise=rms).record
+    return prepared(SMALL, record, Auto(), Filters(**filters), CheckOptions())
+
+
+@cache
+def arm_task(**filters: float) -> Task:
     model = model_of(catalogued("two_link"))
     record = record_of(model, values_of(model), 10.0, noise=(2e-5, 0.1))
     return prepared(model, record, IV(), Filters(**filters), CheckOptions())
+
+
+@cache
+def predicted(consistent: bool, kind: str = "", noise: float = 0.0) -> Task:
+    return with_predicted_cutoff(chain_task(kind, noise) if kind else arm_task(), consistent)
+
+
+def instruments(task: Task) -> Fit:
+    return run_iv(replace(task.job, late=()))[1]
 
 
 def least_kept(found: Task) -> float:
@@ -28,23 +55,70 @@ def least_kept(found: Task) -> float:
     return min(0.0 if block.turning else block.count / every for block in blocks)
 
 
-def test_turns_are_left_out_and_most_of_every_row_stays() -> None:
-    assert least_kept(task()) < choose_cutoff.CALM_SHARE <= least_kept(with_calm_turns(task()))
+def test_moves_between_rests_are_told_by_the_little_power_about_the_mode() -> None:
+    first, better = chain_task("trapezoid", 1e-4), predicted(True, "trapezoid", 1e-4)
+    assert first.choice.cutoff_hz < 15.0 < 25.0 < better.choice.cutoff_hz
+    with pytest.raises(IdentifiabilityError):
+        instruments(first)
+    fit = instruments(better)
+    truth = np.array([SLOW_DRIVE[name] for name in fit.columns])
+    spread = np.sqrt(np.diag(hac_covariance(fit)))
+    assert np.all(np.abs(fit.solution.x - truth) < 4.0 * spread)
+    assert dict(zip(fit.columns, spread / truth, strict=True))["J_c"] < 0.02
 
 
-def test_where_no_cut_off_keeps_enough_the_one_that_keeps_most_is_better_than_turns(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(choose_cutoff, "CALM_SHARE", 0.5)
-    enough = with_calm_turns(task())
-    monkeypatch.setattr(choose_cutoff, "CALM_SHARE", 1.0)
-    most = with_calm_turns(task())
-    assert most.choice.cutoff_hz > enough.choice.cutoff_hz
-    assert choose_cutoff.LEAST_CALM <= least_kept(enough) < least_kept(most) < 1.0
+def test_the_job_filters_as_the_task_says_and_a_sentence_says_why() -> None:
+    better = predicted(True, "trapezoid", 1e-4)
+    assert better.job.choice is better.choice
+    assert [one for one in better.choice.sentences if one.startswith("Cut-off")] == [
+        f"Cut-off {better.choice.cutoff_hz:.4g} Hz in place of "
+        f"{chain_task('trapezoid', 1e-4).choice.cutoff_hz:.4g} Hz: least squares, tried at 7 cut-offs, "
+        "predicts that most is known there."
+    ]
+    assert better.choice.bands
+
+
+def test_a_chirp_keeps_its_cut_off() -> None:
+    assert predicted(True, "chirp", 1e-4) is chain_task("chirp", 1e-4)
+
+
+@pytest.mark.parametrize("consistent", [True, False])
+def test_noise_is_told_from_what_a_higher_cut_off_would_tell(consistent: bool) -> None:
+    quiet, loud = (Scan(chain_task("chirp", noise), consistent) for noise in (1e-4, 1e-2))
+    for scan in (quiet, loud):
+        scan.best()
+    assert quiet.worth()[0] > loud.worth()[0] + 6.0
+    assert loud.worth()[-2] < loud.worth()[0]
+    assert min(quiet.worth()) == 0  # lower ones are not tried where there is little noise
+    assert min(loud.worth()) < 0
+
+
+@pytest.mark.parametrize("kind", ["chain", "arm"])
+def test_a_cut_off_that_was_given_stays(kind: str) -> None:
+    given = chain_task("trapezoid", 1e-4, cutoff_hz=5.0) if kind == "chain" else arm_task(cutoff_hz=5.0)
+    assert with_predicted_cutoff(given, True) is given
+
+
+def tried(x: float, square_error: float) -> Tried:
+    choice = FilterChoice(4, 40.0, 10.0, (10,), 30.0, 30.0, (), (), ())
+    both = np.array([1.0, x])
+    return Tried(choice, ("a", "b"), both, both, np.array([1e-4, square_error]), False, 0.0, 1.0)
+
+
+def test_digits_are_those_of_errors_and_of_moves_that_nothing_explains() -> None:
+    size = np.ones(2)
+    assert tried(1.0, 1e-4).digits(size, []) == pytest.approx(4.0)
+    assert tried(1.0, 1e-4).digits(size, [tried(1.3, 0.04)]) == pytest.approx(4.0)
+    moved = tried(1.0, 1e-4).digits(size, [tried(1.3, 1e-4)])
+    assert moved == pytest.approx(2.0 - 0.5 * np.log10(1e-4 + 0.09 - 4e-4))
+    assert tried(1.0, np.inf).digits(size, []) == pytest.approx(2.0)
+
+
+def test_turns_are_left_out_and_most_of_every_row_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert least_kept(arm_task()) < choose_cutoff.LEAST_CALM <= least_kept(predicted(True))
     monkeypatch.setattr(choose_cutoff, "LEAST_CALM", 1.0)
-    assert with_calm_turns(task()) is task()
+    assert with_predicted_cutoff(arm_task(), True) is arm_task()
 
 
-def test_a_cut_off_that_was_given_stays() -> None:
-    given = task(cutoff_hz=5.0)
-    assert with_calm_turns(given) is given
+def test_least_squares_of_an_arm_keep_turns_and_need_no_higher_cut_off() -> None:
+    assert predicted(False).choice.cutoff_hz < 0.6 * predicted(True).choice.cutoff_hz
