@@ -47,13 +47,14 @@ class NoiseEffect:
     ----------
     bias : array, shape (c,)
         By how much it shifts each parameter, infinite where noise is nearly all that a parameter rests on.
-    gain : array, shape (c, c)
-        What a change of the biased solution is worth in the one without bias, which an estimator that noise
-        does not bias finds from the same rows.
+    spread : array, shape (c, c)
+        Applied from both sides to the covariance of the fit: that of an estimator which noise does not bias,
+        as instruments are, from the same rows. Where a share of what columns hold is noise, the scores have
+        that share less of a variance, and the solution is divided by what is left.
     """
 
     bias: FloatArray
-    gain: FloatArray
+    spread: FloatArray
 
 
 def noise_effect(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit) -> NoiseEffect:
@@ -95,11 +96,12 @@ def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> NoiseEff
     along = root @ turned
     back = (vectors[:, held] / np.sqrt(values[held])) @ turned
     signal = np.maximum(1.0 - share, LEAST_SIGNAL)
-    gain = scale[:, None] * ((along / signal) @ back.T) / scale
-    found = gain @ x - scale * ((along / signal) @ (along.T @ (scale * crossed)))
+    seen = back.T @ (x / scale) - along.T @ (scale * crossed)
+    found = scale * (along @ (seen / signal))
+    spread = scale[:, None] * ((along / np.sqrt(signal)) @ back.T) / scale
     # a parameter over its scale is a unit vector in these directions
     part = np.sum(along[:, share > 1.0 - LEAST_SIGNAL] ** 2, axis=1)
-    return NoiseEffect(np.where(part > LOST_PART, np.inf, x - found), gain)
+    return NoiseEffect(np.where(part > LOST_PART, np.inf, x - found), spread)
 
 
 def lost_in_noise(fit: Fit, bias: FloatArray) -> dict[str, str]:

@@ -135,8 +135,9 @@ def choose_filter(
     said, lost = _seen(highest, cutoff, order)
     sentences += said
     notes += lost
-    direction = float(direction_cutoff_hz or _direction_cutoff(model, records, cutoff, dynamics))
-    sentences.append(paper or _direction_sentence(direction, direction_cutoff_hz is not None))
+    motion = dynamics if dynamics and not model.is_arm else cutoff
+    direction = float(direction_cutoff_hz or min(motion, cutoff))
+    sentences.append(paper or direction_sentence(direction, direction_cutoff_hz is not None))
     wide, said = _signal_cutoff(model, records, cutoff, dynamics, signal_cutoff_hz)
     sentences += said
     factors, said = _decimations(records, decimation, cutoff)
@@ -169,22 +170,8 @@ def _decimations(
     ]
 
 
-def _direction_cutoff(
-    model: Model, records: Sequence[Record], cutoff_hz: float, dynamics_hz: float | None
-) -> float:
-    """Return the cut-off in Hz of the speeds whose signs are the directions of motion.
-
-    Joints of an arm reverse as their motion says, however little of it the rows keep.
-    """
-    if not dynamics_hz:
-        return cutoff_hz
-    if not model.is_arm:
-        return min(dynamics_hz, cutoff_hz)
-    highest = HIGHEST_CUTOFF * min(record.fs for record in records)
-    return max(min(ARM_BAND * dynamics_hz, highest), cutoff_hz)
-
-
-def _direction_sentence(direction_hz: float, given: bool) -> str:
+def direction_sentence(direction_hz: float, given: bool) -> str:
+    """Say below which frequency speeds tell the directions of motion."""
     end = " as given." if given else "."
     return f"Directions of motion are the signs of velocities below {direction_hz:.4g} Hz{end}"
 

@@ -16,11 +16,12 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.noise_bias import noise_effect
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter, direction_sentence
 from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF, SIGNAL_CUTOFF
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
+    CALM_DIGITS,
     CLEARLY_BETTER,
     CUTOFF_STEPS,
     FULLY_KNOWN,
@@ -77,9 +78,9 @@ class Tried:
     def digits(self, size: FloatArray, lower: Sequence[Tried]) -> float:
         """Return how many digits of all parameters the method is predicted to know.
 
-        `lower` are lower cut-offs: what moves an estimate away from theirs by more than they leave open is
-        dynamics that the model lacks, or noise that is not what it seems. `size`, shape (c,), is what errors
-        are compared with.
+        `lower` are lower cut-offs, from the first on: what moves an estimate away from theirs by more than
+        they leave open is dynamics that the model lacks, or noise that is not what it seems. `size`, shape
+        (c,), is what errors are compared with.
         """
         moved = np.zeros(len(self.x))
         for other in lower:
@@ -134,7 +135,8 @@ class Scan:
     def best(self) -> int:
         """Return which step to take: 0, unless another is clearly better; of those nearly best the nearest.
 
-        Where turns fill the records at the first, it is the highest, which leaves least of them in.
+        Where turns fill the records at the first, it is the highest that knows nearly as much: there are
+        fewest left.
         """
         first = self.at(0)
         if first is None:
@@ -147,8 +149,9 @@ class Scan:
         top = max(worth.values())
         if worth[0] >= top - CLEARLY_BETTER * c:
             return 0
-        near = [step for step, one in worth.items() if one >= top - NEARLY_BEST * c]
-        return max(near) if first.calm < LEAST_CALM else min(near, key=abs)
+        if first.calm < LEAST_CALM:
+            return max(step for step, one in worth.items() if one >= CALM_DIGITS * top)
+        return min((step for step, one in worth.items() if one >= top - NEARLY_BEST * c), key=abs)
 
     def _walk(self, way: int) -> None:
         """Try one step after the other while they gain, or nothing is known yet."""
@@ -162,12 +165,15 @@ class Scan:
             top = max(top, now)
 
     def worth(self) -> dict[int, float]:
-        """Return the digits of every step that gave an estimate, none of those that are of no use."""
+        """Return the digits of every step that gave an estimate, none of those that are of no use.
+
+        Below the first cut-off little is left of a motion: what moves from there is no measure.
+        """
         found = {step: one for step, one in sorted(self._found.items()) if one is not None}
         size = np.median([one.size for one in found.values()], axis=0)
         most = max(LOAD_ROW_LEFT, found[0].left)
         return {
-            step: one.digits(size, [other for k, other in found.items() if k < step])
+            step: one.digits(size, [other for k, other in found.items() if 0 <= k < step])
             if one.left <= most and one.calm >= LEAST_CALM
             else -np.inf
             for step, one in found.items()
@@ -197,7 +203,7 @@ class Scan:
         noise = noise_effect(task.model, self._records, choice, fit)
         covariance = self._covariance(step, fit, choice)
         if consistent:
-            covariance = noise.gain @ covariance @ noise.gain.T
+            covariance = noise.spread @ covariance @ noise.spread.T
         lost, x = ~np.isfinite(noise.bias), fit.solution.x
         bias = np.where(lost, 0.0, noise.bias)
         square = np.maximum(np.diag(covariance), 0.0) + np.where(lost, np.inf, 0.0)
@@ -257,7 +263,14 @@ def _choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:
         direction_cutoff_hz=filters.direction_cutoff_hz,
         signal_cutoff_hz=filters.signal_cutoff_hz,
     )
-    return replace(choice, slow_speeds=task.choice.slow_speeds)
+    choice = replace(choice, slow_speeds=task.choice.slow_speeds)
+    directions_hz = task.choice.direction_cutoff_hz
+    if not task.model.is_arm or filters.direction_cutoff_hz or directions_hz <= cutoff_hz:
+        return choice
+    # joints reverse as their motion says, however little of it the rows keep
+    told = direction_sentence(directions_hz, given=False)
+    said = tuple(told if one.startswith("Directions") else one for one in choice.sentences)
+    return replace(choice, direction_cutoff_hz=directions_hz, sentences=said)
 
 
 def part_tried(record: Record) -> Record:

@@ -128,6 +128,6 @@ def test_one_direction_of_noise_pulls_what_has_a_part_in_it_and_nothing_else(see
         np.testing.assert_allclose(
             (found - expected) / x, 0.0, atol=1e-6 * (1.0 + np.max(np.abs(expected / x)))
         )
-        # what is left of x is what the gain makes of it
-        left = effect.gain @ x
+        # twice applied it is what takes the bias off
+        left = effect.spread @ effect.spread @ x
         np.testing.assert_allclose((x - found - left) / x, 0.0, atol=1e-6 * (1.0 + np.max(np.abs(left / x))))

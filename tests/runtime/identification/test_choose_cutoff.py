@@ -120,5 +120,16 @@ def test_turns_are_left_out_and_most_of_every_row_stays(monkeypatch: pytest.Monk
     assert with_predicted_cutoff(arm_task(), True) is arm_task()
 
 
+def test_directions_of_joints_follow_their_motion_however_low_the_cut_off_is() -> None:
+    first, scan = arm_task().choice, Scan(arm_task(), consistent=False)
+    lower, higher = scan.at(-2), scan.at(2)
+    assert lower is not None and higher is not None
+    assert lower.choice.cutoff_hz == pytest.approx(0.5 * first.cutoff_hz)
+    assert lower.choice.direction_cutoff_hz == first.direction_cutoff_hz
+    told = f"Directions of motion are the signs of velocities below {first.direction_cutoff_hz:.4g} Hz."
+    assert told in lower.choice.sentences
+    assert higher.choice.direction_cutoff_hz == higher.choice.cutoff_hz
+
+
 def test_least_squares_of_an_arm_keep_turns_and_need_no_higher_cut_off() -> None:
     assert predicted(False).choice.cutoff_hz < 0.6 * predicted(True).choice.cutoff_hz
