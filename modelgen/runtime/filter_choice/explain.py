@@ -54,6 +54,12 @@ def derivative(one: HighestDerivative) -> str:
     return f"{ordinal(one.order)} derivative"
 
 
+def direction_sentence(direction_hz: float, given: bool) -> str:
+    """Say below which frequency speeds tell the directions of motion."""
+    end = " as given." if given else "."
+    return f"Directions of motion are the signs of velocities below {direction_hz:.4g} Hz{end}"
+
+
 def percent(level_db: float) -> str:
     """Return a level in dB as a ratio of rms, in %."""
     return f"{float(f'{100.0 * 10.0 ** (level_db / 20.0):.2g}'):g} %"

@@ -32,6 +32,7 @@ from modelgen.runtime.filter_choice.derivative_noise import (
     steep_enough,
 )
 from modelgen.runtime.filter_choice.explain import (
+    direction_sentence,
     lost_note,
     order_sentence,
     ordinal,
@@ -168,12 +169,6 @@ def _decimations(
         f"{record.name}: every {ordinal(factor)} sample of {record.fs:.6g} Hz ({why})."
         for record, factor in zip(records, factors, strict=True)
     ]
-
-
-def direction_sentence(direction_hz: float, given: bool) -> str:
-    """Say below which frequency speeds tell the directions of motion."""
-    end = " as given." if given else "."
-    return f"Directions of motion are the signs of velocities below {direction_hz:.4g} Hz{end}"
 
 
 def _arm_sentence(dynamics_hz: float) -> str:

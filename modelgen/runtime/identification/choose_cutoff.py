@@ -8,7 +8,7 @@ covariance, what noise of the sensors does to it, and how far it moves from what
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,12 +16,14 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.noise_bias import noise_effect
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter, direction_sentence
+from modelgen.runtime.filter_choice.explain import direction_sentence
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF, SIGNAL_CUTOFF
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CALM_DIGITS,
+    CALM_SHARE,
     CLEARLY_BETTER,
     CUTOFF_STEPS,
     FULLY_KNOWN,
@@ -130,13 +132,12 @@ class Scan:
         self._task, self._consistent = task, consistent
         self._records = tuple(part_tried(record) for record in task.job.records)
         self._found: dict[int, Tried | None] = {}
-        self._correlated = 1.0  # samples
+        self._correlated = 0.0  # samples
 
     def best(self) -> int:
         """Return which step to take: 0, unless another is clearly better; of those nearly best the nearest.
 
-        Where turns fill the records at the first, it is the highest that knows nearly as much: there are
-        fewest left.
+        Where turns fill the records at the first, it is a higher one that knows nearly as much.
         """
         first = self.at(0)
         if first is None:
@@ -150,8 +151,13 @@ class Scan:
         if worth[0] >= top - CLEARLY_BETTER * c:
             return 0
         if first.calm < LEAST_CALM:
-            return max(step for step, one in worth.items() if one >= CALM_DIGITS * top)
+            return self._calmest({step for step, one in worth.items() if one >= CALM_DIGITS * top})
         return min((step for step, one in worth.items() if one >= top - NEARLY_BEST * c), key=abs)
+
+    def _calmest(self, steps: Collection[int]) -> int:
+        """Return the lowest of some steps that keeps `CALM_SHARE` of the records, else the highest."""
+        kept = {step: one.calm for step in steps if (one := self.at(step)) is not None}
+        return min((step for step, calm in kept.items() if calm >= CALM_SHARE), default=max(kept))
 
     def _walk(self, way: int) -> None:
         """Try one step after the other while they gain, or nothing is known yet."""
@@ -200,8 +206,9 @@ class Scan:
         fit = fit_matched(here.observed(self._records, turns=not consistent))
         if consistent and here.late:
             fit = _delays_free(here, fit)
+        calm = _calm_share(fit, self._records, choice) if consistent and task.model.is_arm else 1.0
         noise = noise_effect(task.model, self._records, choice, fit)
-        covariance = self._covariance(step, fit, choice)
+        covariance = self._covariance(step, fit, choice, calm)
         if consistent:
             covariance = noise.spread @ covariance @ noise.spread.T
         lost, x = ~np.isfinite(noise.bias), fit.solution.x
@@ -215,13 +222,13 @@ class Scan:
             square if consistent else square + bias**2,
             bool(np.any(np.abs(noise.bias) > LITTLE_BIAS * np.abs(x))),
             max((one for block, one in _left(fit) if not block.has_force), default=0.0),
-            _calm_share(fit, self._records, choice) if consistent and task.model.is_arm else 1.0,
+            calm,
         )
 
-    def _covariance(self, step: int, fit: Fit, choice: FilterChoice) -> FloatArray:
+    def _covariance(self, step: int, fit: Fit, choice: FilterChoice, calm: float) -> FloatArray:
         """Return the covariance of a fit; what is correlated for long at the first cut-off is so above."""
         factor = choice.decimation[0]
-        if step == 0:
+        if not self._correlated and calm >= LEAST_CALM:
             self._correlated = factor * andrews_bandwidth(influence_parts(fit))
         return covariance_of_bandwidth(fit, self._correlated / factor if step > 0 else 1.0)
 
@@ -258,7 +265,7 @@ def _choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:
         task.model,
         task.records,
         cutoff_hz=cutoff_hz,
-        filter_order=filters.filter_order,
+        filter_order=task.choice.filter_order,
         decimation=filters.decimation,
         direction_cutoff_hz=filters.direction_cutoff_hz,
         signal_cutoff_hz=filters.signal_cutoff_hz,

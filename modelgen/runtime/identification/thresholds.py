@@ -111,10 +111,10 @@ POINT_TOLERANCE = 1e-4
 ROUNDING = 1e-11
 LONGEST_LAG = 0.5
 
-# The share of a record that every row of an arm is to keep where instruments leave turns out. With half of
-# it and gaps intervals are a fifth too narrow in simulations, which is less harm than turns that stay in.
-# Where the first cut-off leaves too little, it is the highest that knows this share of the best one's digits.
-LEAST_CALM, CALM_DIGITS = 0.5, 0.8
+# The share of a record that every row of an arm is to keep where instruments leave turns out, at least. With
+# half of it and gaps intervals are a fifth too narrow in simulations, which is less harm than turns that stay
+# in; the larger share is given up where it costs more than this of the digits that the best cut-off knows.
+LEAST_CALM, CALM_SHARE, CALM_DIGITS = 0.5, 0.75, 0.55
 # Least squares of an arm that leave this share of a row, and this multiple of the noise, lack what no
 # instruments would cure; in simulations stick and slip alone leaves up to four times the noise.
 LEFT_BY_ARMS, FAR_OVER_NOISE = 0.01, 6.0
