@@ -250,8 +250,7 @@ def _calm_share(fit: Fit, records: Sequence[Record], choice: FilterChoice) -> fl
 def _delays_free(job: Job, fit: Fit) -> Fit:
     """Return a fit that leaves open how late its forces are."""
     rates = [job.rates(fit, job.records, channel) for channel in job.late]
-    late = [np.column_stack(columns) for columns in zip(*rates, strict=True)]
-    return without_columns(with_columns(fit, fit.regressors, late), fit)
+    return without_columns(with_columns(fit, fit.regressors, rates), fit)
 
 
 def _choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:

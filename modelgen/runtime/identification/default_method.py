@@ -69,7 +69,9 @@ def default_method(task: Task, method: Auto) -> Begun:
         first = _instrumental(task, method.instrumental)
     except (IdentifiabilityError, DataError) as error:
         other = with_predicted_cutoff(given, consistent=False)
-        found = None if other.choice.cutoff_hz == task.choice.cutoff_hz else _tried(other, method)
+        left = {one.choice.cutoff_hz: one for one in (other, given)}
+        left.pop(task.choice.cutoff_hz, None)
+        found = next(filter(None, (_tried(one, method) for one in left.values())), None)
         task = other
         if found is None:
             return _last_resort(task, method, error)
