@@ -78,15 +78,11 @@ def line_plot(
     y_axis: Axis,
     lines: Sequence[Line],
     marks: Sequence[tuple[float, str]] = (),
-    band: float | None = None,
     title: str = "",
     height: int = HEIGHT,
 ) -> Markup:
-    """Return a plot of lines; `marks` are upright lines with a word, `band` shades -band to band."""
+    """Return a plot of lines; `marks` are upright lines with a word."""
     parts = [_frame(x_axis, y_axis, height)]
-    if band is not None:
-        top, bottom = (_y(y_axis, np.array([v]), height)[0] for v in (band, -band))
-        parts.append(_rect("band", LEFT, top, WIDTH - LEFT - RIGHT, bottom - top))
     for place, (value, word) in enumerate(marks):
         if x_axis.low < value < x_axis.high:
             x = _x(x_axis, np.array([value]))[0]

@@ -71,12 +71,9 @@ class RecordRows:
         """Yield the chunks of the samples kept; each reads when asked, and is to be let go after that."""
         return chunks(self.source, self.plan, self.grid, self.halo, self.samples)
 
-    def over_chunks(self, work: Callable[[Chunk], Found], threads: int | None = None) -> Iterator[Found]:
-        """Yield what a function makes of each chunk, in their order; several threads take a chunk each.
-
-        `threads` is by default as many as `usable_threads` says.
-        """
-        workers = min(threads or usable_threads(), sum(1 for _ in self.chunks()))
+    def over_chunks(self, work: Callable[[Chunk], Found]) -> Iterator[Found]:
+        """Yield what a function makes of each chunk, in their order; several threads take a chunk each."""
+        workers = min(usable_threads(), sum(1 for _ in self.chunks()))
         if workers <= 1:
             yield from map(work, self.chunks())
             return

@@ -14,9 +14,7 @@ from modelgen.symbolic.arms.expressions.evaluation import residues, sampled
 SEED = 2002
 
 
-def residue_regressor(
-    rows: ArmRows, columns: Sequence[int], lengths: Mapping[str, int], seed: int = SEED
-) -> list[list[int]]:
+def residue_regressor(rows: ArmRows, columns: Sequence[int], lengths: Mapping[str, int]) -> list[list[int]]:
     """Return the named columns at random points of the field, one list a row and sample.
 
     There are so many samples that the row of the first joint alone, which sees every link, decides the rank.
@@ -24,7 +22,7 @@ def residue_regressor(
     place = {column: k for k, column in enumerate(columns)}
     keys = [key for key in rows.entries if key[1] in place]
     samples = len(columns) + 8 if len(rows.names) < 4 else 3 * len(columns) // len(rows.names) + 8
-    values = residues(rows.graph, [rows.entries[key] for key in keys], samples, seed, lengths)
+    values = residues(rows.graph, [rows.entries[key] for key in keys], samples, SEED, lengths)
     matrix = [[[0] * len(columns) for _ in rows.names] for _ in range(samples)]
     for (row, column), found in zip(keys, values, strict=True):
         for sample, value in zip(matrix, found.values, strict=True):
