@@ -25,6 +25,7 @@ from modelgen.runtime.simulation.arms.mounted_sensors import MountedSensor, felt
 # Differences exact up to degree 16; they are applied to positions, torques and positions of motors in turn.
 STENCIL = central_difference(8)
 EDGE = 64
+_FIRST = ("position", "velocity", "acceleration")
 # Terms of (1 + s D / K)^-1.
 DAMPED = 3
 
@@ -224,11 +225,11 @@ def _read(model: Model, sensor: Mapping[str, Any], motion: ElasticMotion) -> Flo
     joint, side, measures = sensor["joint"], sensor["side"], sensor["measures"]
     if measures == "torque":
         return motion.torques[joint]
-    if measures not in ("position", "velocity"):
+    if measures not in _FIRST:
         raise DataError.at(sensor["key"], f"is a {measures}", "say in mounted where it is")
     position = motion.links[joint]
     if side == "deflection":
         position = motion.motors[joint] - motion.links[joint]
     elif side == "motor":
         position = _turned(model, moving, joint, motion.motors)
-    return differentiate(position, 1.0 / motion.fs, int(measures == "velocity"), STENCIL)
+    return differentiate(position, 1.0 / motion.fs, _FIRST.index(measures), STENCIL)

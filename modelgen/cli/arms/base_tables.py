@@ -12,6 +12,8 @@ from modelgen.errors import ModelError
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec
 from modelgen.spec.arms.parameters import arm_parameters
 
+#: What base parameters are of; mountings are named only where there are any.
+_OWNERS = ("link", "drive", "mounting")
 _NO_SCALE = (
     "only ratios can be found: the gain of every drive is to be estimated and no force or parameter is "
     "known; give a payload that was weighed, or one gain, in [known]"
@@ -28,14 +30,14 @@ def describe_base(arm: ArmSpec, prove: bool, sensor_set: str | None = "") -> Des
         model = arm_base_model(rows)
     except ModelError as error:
         return {"base_parameters": None, "reason": "; ".join(f"{p.what}; {p.remedy}" for p in error.problems)}
-    parameters = {parameter.name: parameter for parameter in arm_parameters(arm)}
+    parameters = {parameter.name: parameter for parameter in arm_parameters(arm, rows.sensors)}
     first = [base.combination[0][0] for base in model.base]
     return {
         "base_parameters": [
             {
                 "name": base.name,
                 "unit": parameters[name].unit,
-                "of": "link" if parameters[name].role in LINK_PARAMETERS else "drive",
+                "of": _owner(parameters[name].role),
                 "terms": len(base.combination),
             }
             for base, name in zip(model.base, first, strict=True)
@@ -47,6 +49,10 @@ def describe_base(arm: ArmSpec, prove: bool, sensor_set: str | None = "") -> Des
     }
 
 
+def _owner(role: str) -> str:
+    return "link" if role in LINK_PARAMETERS else role if role in _OWNERS else "drive"
+
+
 def base_tables(described: Description) -> Iterator[Any]:
     """Lay out what `describe_base` says: sums in full, the rest by name."""
     base = described["base_parameters"]
@@ -54,8 +60,9 @@ def base_tables(described: Description) -> Iterator[Any]:
     if base is None:
         yield Text(f"base parameters: none are derived; {described['reason']}")
         return
-    links = sum(entry["of"] == "link" for entry in base)
-    head = f"Base parameters: {len(base)} ({links} of links, {len(base) - links} of drives), sums first"
+    counts = [f"{sum(one['of'] == owner for one in base)} of {owner}s" for owner in _OWNERS]
+    counts = counts if any(one["of"] == _OWNERS[-1] for one in base) else counts[:-1]
+    head = f"Base parameters: {len(base)} ({', '.join(counts)}), sums first"
     sums = [(entry["name"], entry["unit"]) for entry in base if entry["terms"] > 1]
     yield Text(head, style="bold")
     if sums:

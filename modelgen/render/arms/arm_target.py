@@ -47,7 +47,7 @@ def arm_target_files(spec: ArmSpec, sensor_set: str, target: str) -> dict[str, s
 def _printed(language: Language, model: ArmBaseModel) -> dict[str, Any]:
     spec, lines = model.rows.spec, arm_lines(model)
     name = "_".join(part for part in (spec.name, model.rows.sensor_set) if part)
-    units = {parameter.name: parameter.unit for parameter in arm_parameters(spec)}
+    units = {parameter.name: parameter.unit for parameter in arm_parameters(spec, model.rows.sensors)}
     signals = [language.name(signal_key(symbol)) for symbol in lines.signals]
     return {
         "name": f"{name}_" if name in _CALLED else language.name(name),

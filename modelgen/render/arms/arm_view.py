@@ -13,7 +13,7 @@ from modelgen.render.arms.sensor_readings import drive_speeds
 from modelgen.render.arms.straight_line import Operation, StraightLine
 from modelgen.render.printer import literal, weighted_sum
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSensor
-from modelgen.spec.arms.parameters import COUPLED, ArmParameter, arm_parameters
+from modelgen.spec.arms.parameters import COUPLED, ArmParameter, arm_parameters, mounting_values
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel
 
 ARM_CONTRACT_VERSION = 2
@@ -102,7 +102,8 @@ def _source(operation: Operation) -> str:
 def _constants(lines: ArmLines) -> tuple[tuple[str, str], ...]:
     model = lines.model
     rows, spec = model.rows, model.rows.spec
-    parameters = arm_parameters(spec)
+    parameters = arm_parameters(spec, rows.sensors)
+    mounted = mounting_values(spec, rows.sensors)
     values: dict[str, object] = {
         "CONTRACT_VERSION": ARM_CONTRACT_VERSION,
         "ARM": spec.name,
@@ -120,7 +121,7 @@ def _constants(lines: ArmLines) -> tuple[tuple[str, str], ...]:
         "ABSENT": dict(model.absent),
         "UNITS": {one.name: one.unit for one in parameters},
         "ROLES": {one.name: {"role": _role(one), "bodies": (_body(one),)} for one in parameters},
-        "PARAMETER_SETS": {name: dict(table) for name, table in spec.parameter_sets.items()},
+        "PARAMETER_SETS": {name: {**table, **mounted} for name, table in spec.parameter_sets.items()},
         "SIGNALS": tuple(signal_key(symbol) for symbol in lines.signals),
         "ROW_KIND": rows.kind,
         "ROWS": rows.names,
@@ -159,6 +160,6 @@ def _body(parameter: ArmParameter) -> str:
     """Return what a parameter acts on: the coordinate of a drive, or a link, which others move as well."""
     if parameter.payload is not None:
         return f"payload {parameter.payload}"
-    if parameter.role in LINK_PARAMETERS:
+    if parameter.role in (*LINK_PARAMETERS, "mounting"):
         return f"link {parameter.joint}"
     return parameter.joint + COUPLED if parameter.of_motor else parameter.joint

@@ -8,14 +8,14 @@ E[dW^T dY] to W^T Y. What least squares would have found without them is (W^T W 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.noise_ways import noise_ways
-from modelgen.runtime.diagnostics.row_noise import noise_band
+from modelgen.runtime.diagnostics.row_noise import noise_band, row_noise
 from modelgen.runtime.diagnostics.thresholds import (
     LEAST_BIAS,
     LEAST_DEVIATIONS,
@@ -51,30 +51,57 @@ class NoiseEffect:
         Applied from both sides to the covariance of the fit: that of an estimator which noise does not bias,
         as instruments are, from the same rows. Where a share of what columns hold is noise, the scores have
         that share less of a variance, and the solution is divided by what is left.
+    inverse : array, shape (c, c)
+        (W^T W - N)^-1, N the power of the noise in the columns.
+    most : float
+        The largest share of N in W^T W along a direction.
     """
 
     bias: FloatArray
     spread: FloatArray
+    inverse: FloatArray
+    most: float
 
 
-def noise_effect(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit) -> NoiseEffect:
-    """Return what noise of the sensors does to a least-squares fit."""
+def less_noise(
+    model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit
+) -> tuple[Fit, NoiseEffect]:
+    """Return a fit less what noise of the sensors does to it, and that.
+
+    Its estimate and (W^T W - N)^-1, which its covariance follows from (Fuller 1987, ch. 2), stand in place of
+    those of least squares; residuals stay, to first order they are the same. What is biased infinitely stays
+    where it is. No row has more noise than it leaves: jumps of friction look like noise in forces' spectra.
+    """
+    effect = noise_effect(model, records, choice, fit, seen=True)
+    x = fit.solution.x - np.where(np.isfinite(effect.bias), effect.bias, 0.0)
+    return replace(fit, solution=replace(fit.solution, x=x, inverse=effect.inverse)), effect
+
+
+def noise_effect(
+    model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit, seen: bool = False
+) -> NoiseEffect:
+    """Return what noise of the sensors does to a fit; `seen`: no more of it than each row leaves."""
     c = len(fit.columns)
     # instruments keep what drives report from biasing the columns of their gains
     free = {one.key for one in model.actuators} if fit.projected is not None else set()
     added, crossed = np.zeros((c, c)), np.zeros(c)
     place = np.full(len(model.base_parameters), -1)
     place[[model.base_parameters.index(name) for name in fit.columns]] = np.arange(c)
-    for block, weight in zip(fit.blocks, fit.weights, strict=True):
-        record = records[block.record]
-        ways = noise_ways(model, record, choice, choice.decimation[block.record])[block.row]
+    x = fit.all_parameters(model.base_parameters) if seen else np.zeros(0)
+    for index, (block, weight) in enumerate(zip(fit.blocks, fit.weights, strict=True)):
+        record, factor = records[block.record], choice.decimation[block.record]
+        ways = noise_ways(model, record, choice, factor)[block.row]
+        most = 1.0
+        if seen:
+            expected = row_noise(model, record, choice, factor, block.row, x)
+            most = min(1.0, (fit.rms(index) / expected) ** 2) if expected else 0.0
         own = np.flatnonzero(place[ways.columns] >= 0)
         at = place[ways.columns[own]]
         band = noise_band(record, choice)
         for channel in ways.slopes:
             if channel in free:
                 continue
-            noise = weight**2 * block.count * record.facts.spectrum(channel).noise
+            noise = most * weight**2 * block.count * record.facts.spectrum(channel).noise
             shared = ways.products(channel, *band)
             added[np.ix_(at, at)] += noise * shared[np.ix_(own, own)]
             crossed[at] += noise * shared[own, -1]
@@ -99,9 +126,11 @@ def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> NoiseEff
     seen = back.T @ (x / scale) - along.T @ (scale * crossed)
     found = scale * (along @ (seen / signal))
     spread = scale[:, None] * ((along / np.sqrt(signal)) @ back.T) / scale
+    inverse = (along / signal) @ along.T * np.outer(scale, scale)
     # a parameter over its scale is a unit vector in these directions
     part = np.sum(along[:, share > 1.0 - LEAST_SIGNAL] ** 2, axis=1)
-    return NoiseEffect(np.where(part > LOST_PART, np.inf, x - found), spread)
+    bias = np.where(part > LOST_PART, np.inf, x - found)
+    return NoiseEffect(bias, spread, inverse, float(share.max(initial=0.0)))
 
 
 def lost_in_noise(fit: Fit, bias: FloatArray) -> dict[str, str]:

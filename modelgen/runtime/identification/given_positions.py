@@ -26,6 +26,7 @@ from modelgen.runtime.identification.thresholds import (
     POINT_TOLERANCE,
     ROUNDING,
     SETTLING_STEPS,
+    WITHIN_NOISE,
 )
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import refit
@@ -87,10 +88,10 @@ def _rows_without(model: Model, kernel: DeflectedKernel) -> Model:
 def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> FloatArray | None:
     """Return the point at which steps come to rest, None where they do not.
 
-    Nor where a spring pushes, or is more of a damper: the series for what damping does ends early. Steps that
-    go to and fro, across a reversal that comes and goes with the point, are halved.
+    Nor where a spring pushes, or is more of a damper: the series for what damping does ends early. Steps
+    within the noise that become no smaller, as reversals come and go with the point, are halved.
     """
-    share, last = 1.0, np.zeros(len(point))
+    share, last = 1.0, np.inf
     for _ in range(MOST_STEPS):
         try:
             fit = _fit(job, kernel, point)
@@ -99,12 +100,13 @@ def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> FloatArray 
         change = _moved(job.model, kernel, fit, point) - point
         left = abs(float(fit.triangle[-1, -1]))
         rounding = ROUNDING * _size(fit, point + change, job.model)
-        if _size(fit, change + last, job.model) < 0.5 * _size(fit, change, job.model):
+        size = _size(fit, change, job.model)
+        if 0.5 * last < size < WITHIN_NOISE * left:
             share *= 0.5
-        point, last = point + share * change, change
+        point, last = point + share * change, size
         if not _holds(kernel, point):
             return None
-        if share * _size(fit, change, job.model) <= max(POINT_TOLERANCE * left, rounding):
+        if share * size <= max(POINT_TOLERANCE * left, rounding):
             motion_hz = job.choice.dynamics_hz or job.choice.cutoff_hz
             return point if kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG else None
     return None

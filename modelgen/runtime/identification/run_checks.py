@@ -52,7 +52,7 @@ from modelgen.runtime.identification.refusals import dependent_columns
 from modelgen.runtime.identification.solution import Solution
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import CALM
+from modelgen.runtime.identification.thresholds import CALM, LEFT_BIAS
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -68,13 +68,17 @@ from modelgen.runtime.rows.paper_rows import observe_paper
 
 @dataclass(frozen=True, eq=False)
 class Extras:
-    """What was found in addition to the fit, see `Checks`; `bias` is that by noise, of least squares only."""
+    """What was found in addition to the fit, see `Checks`; `bias` is that by noise, of least squares only.
+
+    `bias_left` is what of it may still be in the estimate.
+    """
 
     periods: PeriodSpread | None = None
     held_out: HeldOut | None = None
     scan: FilterScan | None = None
     bounds: BoundCost | None = None
     bias: FloatArray | None = None
+    bias_left: FloatArray | None = None
     changing: ChangingInertia | None = None
 
 
@@ -94,8 +98,11 @@ def compared(
     periods = None
     if task.period_s:
         periods = period_spread(fit, records, choice.decimation, task.period_s)
-    bias = _bias(task, solution.as_measured) if checks.drift_check else None
-    return Extras(periods, _held_out(task, solution), scan, solution.cost, bias, _changing(task, solution))
+    bias = bias_left = _bias(task, solution.as_measured) if checks.drift_check else None
+    if solution.bias is not None:
+        bias, bias_left = solution.bias, LEFT_BIAS * solution.bias
+    held, changing = _held_out(task, solution), _changing(task, solution)
+    return Extras(periods, held, scan, solution.cost, bias, bias_left, changing)
 
 
 def _changing(task: Task, solution: Solution) -> ChangingInertia | None:
@@ -172,8 +179,8 @@ def more_than_noise(fit: Fit, extras: Extras) -> FloatArray:
         total += spread_beyond_noise(extras.periods, hac_covariance(fit))
     if extras.held_out is not None:
         total += extras.held_out.drift(fit.columns)
-    if extras.bias is not None:
-        bias = significant_bias(fit, extras.bias, hac_covariance(fit))
+    if extras.bias_left is not None:
+        bias = significant_bias(fit, extras.bias_left, hac_covariance(fit))
         total += np.outer(bias, bias)
     if extras.changing is not None:
         total += np.outer(extras.changing.move, extras.changing.move)
@@ -198,7 +205,7 @@ def examine(
     residuals = residual_tests(model, records, choice, fit, task.period_s) if method.matched else ()
     slowest_hz = slowest_mode_hz(model, estimate.physical)
     one_way = one_way_friction(model, fit)
-    bounds, periods = extras.bounds, extras.periods
+    bounds, periods, left = extras.bounds, extras.periods, extras.bias_left
     told = (
         *solution.advice,
         *swapped_channels(solution.job, fit),
@@ -217,7 +224,7 @@ def examine(
         ),
         *uncertain_parameters(model, fit, identified, percent, slowest_hz, choice.dynamics_hz),
         *(() if method.consistent else noisy_derivatives(model, signals)),
-        *(bias_advice(model, fit, extras.bias, noise, identified) if extras.bias is not None else ()),
+        *(bias_advice(model, fit, left, noise, identified) if left is not None else ()),
         *(bound_advice(bounds) if bounds else ()),
         *(period_advice(periods, noise, fit.columns) if periods else ()),
         *(hold_out_advice(extras.held_out) if extras.held_out else ()),

@@ -18,6 +18,7 @@ from modelgen.runtime.diagnostics.cutoff_agreement import (
     disagreement_notes,
     significant_drift,
 )
+from modelgen.runtime.diagnostics.noise_bias import less_noise
 from modelgen.runtime.diagnostics.settings_drift import (
     Attempts,
     Solved,
@@ -34,9 +35,11 @@ from modelgen.runtime.identification.methods import IV, WLS, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.robust_and_bounded import Treatment, treat, unweighted
 from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.thresholds import FIRST_ORDER
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import solve_matched
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.parameters.bounds import BoundCost, bound_reasons
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
@@ -66,6 +69,8 @@ class Solution:
         What was done, for doing it again.
     drift : array, shape (c, c)
         Mean square of what effects would move that the residual shows and that were not estimated.
+    bias : array, shape (c,), optional
+        What noise of the sensors gives least squares, where it was taken off the fits.
     """
 
     observation: Observation
@@ -79,6 +84,7 @@ class Solution:
     cost: BoundCost | None
     job: Job
     drift: FloatArray
+    bias: FloatArray | None = None
 
     @property
     def delays(self) -> dict[str, float]:
@@ -96,7 +102,10 @@ class Solution:
         # the records have no delay left that a fit could start from
         start = replace(self.plain, delays=())
         job = replace(self.job, records=self.moved, late=(), choice=other, start=start, surveys=surveys)
-        return self.treatment(task.method.run(job)[1])
+        fit = task.method.run(job)[1]
+        if self.bias is not None:
+            fit, _ = less_noise(job.model, job.records, other, fit)
+        return self.treatment(fit)
 
     def found_at(self, task: Task, other: FilterChoice) -> Solved:
         """Return the solution of that fit; of least squares without a second set of rows in memory."""
@@ -130,6 +139,11 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         refused, advice = refusals(model, job.records, job.choice, plain, task.checks.keep)
         if all(name in refused for name in plain.columns):
             raise all_refused(refused)
+    bias = None
+    if _bias_counts(task):
+        freed, effect = less_noise(model, job.records, job.choice, plain)
+        if effect.most < FIRST_ORDER:
+            plain, bias = freed, effect.bias
     fit, treatment, cost = treat(plain, model, method.robust, method.bounds)
     kept = [plain.columns.index(name) for name in fit.columns]
     return task, Solution(
@@ -144,7 +158,18 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         cost,
         treatment.job(job),
         told.drift[np.ix_(kept, kept)],
+        bias,
     )
+
+
+def _bias_counts(task: Task) -> bool:
+    """Tell whether least squares are of rows that hold positions which springs give, and plain.
+
+    Readings are differentiated up to six times there, and no simulation makes instruments.
+    """
+    method = task.method
+    plain = isinstance(method, WLS) and method.robust is None and method.bounds is None
+    return plain and isinstance(task.model.kernel, DeflectedKernel)
 
 
 def _run(task: Task) -> Begun:
@@ -187,7 +212,7 @@ def settings_drift(
     method, choice, fit = task.method, task.choice, solution.fit
     lowest_fs = min(record.fs for record in task.records)
     directions = bool(task.model.direction_keys)
-    if method.consistent:
+    if method.consistent or solution.bias is not None:
         tried = Attempts(again, choice, fit.columns)
         seen = coordinates_of(fit, task.model, solution.treatment.at_zero)
         found = all_disagreements(fit, choice, lowest_fs, tried, directions, seen)

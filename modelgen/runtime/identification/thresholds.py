@@ -59,6 +59,10 @@ MOST_WHITENED, COPIES_OF_WHITE_ROWS = 5e6, 80.0
 # are where noise biases a parameter by more than this share.
 CUTOFF_STEPS, STEPS_IN_VAIN = 13, 2
 LITTLE_BIAS = 0.1
+# Biases by noise come out as predicted to 5 %, so that this share may be left where they are taken off.
+LEFT_BIAS = 0.1
+# Where noise is more of a direction of the columns, its second order counts, and no bias is taken off.
+FIRST_ORDER = 0.1
 # A parameter known to this share counts as fully known: what is better than that does not decide.
 FULLY_KNOWN = 1e-5
 # Estimates that differ by more of the deviations of the one at the lower cut-off do so for a reason.
@@ -108,6 +112,7 @@ SETTLING_STEPS = 5
 HELD_STEPS = 2
 MOST_STEPS = 20
 POINT_TOLERANCE = 1e-4
+WITHIN_NOISE = 0.1
 ROUNDING = 1e-11
 LONGEST_LAG = 0.5
 

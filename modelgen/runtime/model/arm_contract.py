@@ -26,7 +26,7 @@ SIGNAL = re.compile(r"(?:(?:q|d1_q|d2_q)_(?P<joint>.+)|tau_(?P<force>.+)|base_[f
 ORDERED = re.compile(r"(?:d[1-3]_)?(?P<channel>.+)\Z")
 KINDS = ("revolute", "prismatic", "fixed")
 SIDES = ("motor", "link", "deflection", "between")
-MEASURES = ("position", "velocity", "torque", "gyro", "accelerometer")
+MEASURES = ("position", "velocity", "acceleration", "torque", "gyro", "accelerometer")
 
 
 def _is_joint(value: Any) -> bool:

@@ -151,6 +151,8 @@ def _feature(key: str, function: str, of: str, times: str | None) -> dict[str, A
     return {"key": key, "function": function, "of": of, "times": times}
 
 
+#: Of one side of a joint, or of both: read by rows of their own where springs give positions.
+_MOVED = ("velocity", "acceleration")
 #: What a row's name ends with, and what it balances: of the motor, in front of a link or a spring.
 _KINDS = {
     " spring": "torque of motor {0}, with its spring",
@@ -171,9 +173,14 @@ def _rows(module: Any, channels: ArmChannels) -> tuple[dict[str, Any], ...]:
         for sensor in getattr(module, "SENSORS", ())
         for channel in sensor["channels"]
     }
+    axes |= {
+        f"{sensor['key']} motion": sensor
+        for sensor in getattr(module, "SENSORS", ())
+        if sensor["measures"] in _MOVED
+    }
     found = []
     for name, times, reversed_by in zip(module.ROWS, often, reversals, strict=True):
-        told = _felt(name, axes[name]) if name in axes else _balanced(module, name, times)
+        told = _felt(module, name, axes[name]) if name in axes else _balanced(module, name, times)
         turned = tuple(speeds[one] for one in reversed_by)
         found.append({"name": name, "differentiated": times, "reversals": turned, "lever": 1.0, **told})
     return tuple(found)
@@ -196,12 +203,15 @@ def _balanced(module: Any, name: str, times: int) -> dict[str, Any]:
     }
 
 
-def _felt(name: str, sensor: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the same of the row of an axis of a gyro or an accelerometer."""
-    gyro = sensor["measures"] == "gyro"
+def _felt(module: Any, name: str, sensor: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the same of the row of an axis of a gyro or an accelerometer, or of a joint's motion."""
+    measures = sensor["measures"]
+    kinds = {joint["name"]: joint["kind"] for joint in module.JOINTS}
+    turns = measures == "gyro" or (measures in _MOVED and kinds[sensor["joint"]] == "revolute")
+    order = 1 if measures in ("gyro", "velocity") else 2
     return {
         "origin": f"motion of the link of joint {sensor['joint']}, as {sensor['measures']} {name} reads it",
         "bodies": (sensor["joint"],),
-        "order": 1 if gyro else 2,
-        "unit": "rad/s" if gyro else "m/s^2",
+        "order": order,
+        "unit": ("rad" if turns else "m") + ("/s" if order == 1 else "/s^2"),
     }

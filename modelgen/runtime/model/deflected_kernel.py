@@ -25,6 +25,7 @@ from modelgen.runtime.model.arm_kernel import ArmKernel, Read, Sum
 from modelgen.runtime.model.given_directions import Turning, given_directions
 
 # Damping of a spring delays the deflection by D / K: so many terms of 1 / (1 + s D / K) = 1 - s D / K + ...
+# of its highest derivative, and of others as many as that has made.
 DAMPED = 2
 # Central differences of entries, which hold cosines of positions and squares of speeds.
 STEPS = (1e-4, 1.0, 1.0)
@@ -293,8 +294,7 @@ def _lagging(values: Sequence[FloatArray], stiff: float, lag: float) -> list[Flo
     found = []
     for order, value in enumerate(values):
         total = value
-        for more in range(1, DAMPED + 1) if lag else ():
-            if order + more < len(values):
-                total = total + (-lag) ** more * values[order + more]
+        for more in range(1, len(values) - order) if lag else ():
+            total = total + (-lag) ** more * values[order + more]
         found.append(total / stiff)
     return found

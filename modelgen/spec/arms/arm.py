@@ -14,7 +14,7 @@ from typing import Literal
 JointKind = Literal["revolute", "prismatic", "fixed"]
 Friction = Literal["symmetric", "asymmetric"]
 Side = Literal["motor", "link", "deflection", "between"]
-ArmMeasures = Literal["position", "velocity", "torque", "gyro", "accelerometer"]
+ArmMeasures = Literal["position", "velocity", "acceleration", "torque", "gyro", "accelerometer"]
 #: What sensors with three axes, mounted on a link, measure.
 INERTIAL = ("gyro", "accelerometer")
 
@@ -144,6 +144,8 @@ class ArmSensor:
         What of that.
     mounting
         Steps from the link's frame to that of a gyro or an accelerometer.
+    estimated
+        Whether how it is mounted is to be found; `mounting` is where simulations have it.
     """
 
     key: str
@@ -151,6 +153,7 @@ class ArmSensor:
     side: Side
     measures: ArmMeasures
     mounting: tuple[Step, ...] = ()
+    estimated: bool = False
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Literal
 
-from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec, Joint
+import numpy as np
+
+from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSensor, ArmSpec, Joint
+from modelgen.spec.arms.poses import pose_of
 
 ArmRole = Literal[
     "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m",
-    "rotor_inertia", "viscous", "coulomb", "offset", "stiffness", "damping", "stiffness3", "gain",
+    "rotor_inertia", "viscous", "coulomb", "offset", "stiffness", "damping", "stiffness3", "gain", "mounting",
 ]  # fmt: skip
 DriveRole = Literal[
     "rotor_inertia", "viscous", "coulomb", "offset", "stiffness", "damping", "stiffness3", "gain"
@@ -60,10 +64,10 @@ def link_names(joint: str) -> tuple[str, ...]:
     return tuple(f"{quantity}_{joint}" for quantity in LINK_PARAMETERS)
 
 
-def arm_parameters(arm: ArmSpec) -> tuple[ArmParameter, ...]:
+def arm_parameters(arm: ArmSpec, sensors: Sequence[ArmSensor] = ()) -> tuple[ArmParameter, ...]:
     """Return all parameters, known ones too: joint by joint, the link's, its drive's, a coupled motor's.
 
-    Behind them are those of payloads.
+    Behind them are those of payloads, and of the mountings of sensors.
     """
     coupled = coupled_motors(arm)
     own = (parameter for joint in arm.joints for parameter in _of(joint, joint.name in coupled))
@@ -72,7 +76,38 @@ def arm_parameters(arm: ArmSpec) -> tuple[ArmParameter, ...]:
         for payload in arm.payloads
         for one in _of_link(payload.joint, payload.link)
     )
-    return (*own, *carried)
+    return (*own, *carried, *(one for sensor in sensors for one in mounting_parameters(sensor)))
+
+
+def mounting_parameters(sensor: ArmSensor) -> Iterator[ArmParameter]:
+    """Yield the parameters of a mounting that is to be found, axis by axis of the sensor.
+
+    A gyro's axis reads the sum of R_KEY_x_j w_j: its direction cosines in the frame of the link (times its
+    sensitivity). An accelerometer's reads the sum of R_KEY_x_j a_j + l_KEY_x_jk U_jk, where U is the gradient
+    of the acceleration, and l_KEY_x_jk = R_KEY_x_j p_k for a sensor that stands at p.
+    """
+    for channel in sensor.channels if sensor.estimated else ():
+        for along in "xyz":
+            yield ArmParameter(f"R_{channel}_{along}", "mounting", sensor.joint, "1")
+        for pair in product("xyz", repeat=2) if sensor.measures == "accelerometer" else ():
+            yield ArmParameter(f"l_{channel}_{''.join(pair)}", "mounting", sensor.joint, "m")
+
+
+def mounting_values(arm: ArmSpec, sensors: Sequence[ArmSensor]) -> dict[str, float]:
+    """Return those parameters of sensors that are mounted as the file says."""
+    found: dict[str, float] = {}
+    for sensor in sensors:
+        pose = pose_of(sensor.mounting, arm.lengths)
+        cosines, lever = pose[:3, :3].T, pose[:3, 3]
+        numbers = [
+            float(value)
+            for row in cosines
+            for part in (row, *([np.outer(row, lever).ravel()] if sensor.measures == "accelerometer" else ()))
+            for value in part
+        ]
+        names = [one.name for one in mounting_parameters(sensor)]
+        found |= dict(zip(names, numbers, strict=bool(names)))
+    return found
 
 
 def coupled_motors(arm: ArmSpec) -> frozenset[str]:

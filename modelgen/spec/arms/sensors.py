@@ -10,13 +10,15 @@ from modelgen.errors import Problem
 from modelgen.spec.arms.angles import read_angle
 from modelgen.spec.arms.arm import INERTIAL, ArmMeasures, ArmSensor, ArmSpec, Joint, Side
 from modelgen.spec.arms.lengths import read_length
-from modelgen.spec.arms.parameters import arm_parameters
+from modelgen.spec.arms.parameters import arm_parameters, mounting_parameters
 from modelgen.spec.arms.placements import origin_placement
 from modelgen.spec.references import derived_problem
 from modelgen.spec.words import identifier_problem, path, shown, suggest
 
 #: The sensor set of an arm with elastic joints whose file says nothing of sensors.
 USUAL_SET = "encoders"
+#: What sensors of one side, or of both, measure.
+_MOTION = ("position", "velocity", "acceleration")
 _EXAMPLE = 'qm_1 = { joint = "1", side = "motor", measures = "position" }'
 
 
@@ -54,7 +56,8 @@ def _sensor(key: str, table: Document) -> ArmSensor:
         [read_angle(0 if value is None else value) for value in table.get("rpy") or ()],
     )
     joint = table.get("deflection") or table.get("joint") or ""
-    return ArmSensor(key, joint, "between" if measures == "torque" else side, measures, mounting)
+    side = "between" if measures == "torque" else side
+    return ArmSensor(key, joint, side, measures, mounting, table.get("mounting") == "estimated")
 
 
 def check_sensors(document: Document, spec: ArmSpec, joints: Mapping[str, Joint] | None) -> Iterator[Problem]:
@@ -93,12 +96,12 @@ def _check_key(
     problem = identifier_problem(sensor.key) or derived_problem(sensor.key)
     if problem:
         yield Problem(where, *problem)
-    for channel in sensor.channels:
-        if channel in taken:
-            yield Problem(where, f'"{channel}" is {taken[channel]}', "rename the sensor")
-        other = channels.setdefault(channel, sensor.key)
+    for name in (*sensor.channels, *(one.name for one in mounting_parameters(sensor))):
+        if name in taken:
+            yield Problem(where, f'"{name}" is {taken[name]}', "rename the sensor")
+        other = channels.setdefault(name, sensor.key)
         if other != sensor.key:
-            yield Problem(where, f'gives "{channel}", as {other} does', "rename one of them")
+            yield Problem(where, f'gives "{name}", as {other} does', "rename one of them")
 
 
 def _check_sensor(
@@ -112,20 +115,19 @@ def _check_sensor(
         yield Problem(where, "has neither joint nor deflection", 'add joint = "1"')
     else:
         yield from _check_joint(f"{where}.{key}", sensor, joints)
-    if key == "deflection" and measures not in ("position", "velocity", None):
-        yield Problem(
-            f"{where}.measures", f"is {shown(measures)}, of a deflection", 'write "position" or "velocity"'
-        )
+    if key == "deflection" and measures not in (*_MOTION, None):
+        remedy = 'write "position", "velocity" or "acceleration"'
+        yield Problem(f"{where}.measures", f"is {shown(measures)}, of a deflection", remedy)
     elif measures == "torque" and "side" in table:
         yield Problem(f"{where}.side", "is of a torque, which acts between both sides", "leave it out")
     elif measures in INERTIAL and side == "motor":
         yield Problem(f"{where}.side", f"has a motor with {_an(measures)}", 'write side = "link"')
     elif key == "deflection" and "side" in table:
         yield Problem(f"{where}.side", "is of a deflection, which has two sides", "leave it out")
-    elif measures in ("position", "velocity", *INERTIAL) and key == "joint" and "side" not in table:
+    elif measures in (*_MOTION, *INERTIAL) and key == "joint" and "side" not in table:
         either = '"link"' if measures in INERTIAL else '"motor" or "link"'
         yield Problem(f"{where}.side", "is missing", f"write side = {either}")
-    for mounted in ("xyz", "rpy"):
+    for mounted in ("xyz", "rpy", "mounting"):
         if mounted in table and measures not in (*INERTIAL, None):
             yield Problem(
                 f"{where}.{mounted}", "is the mounting of a gyro or an accelerometer", "leave it out"

@@ -205,6 +205,7 @@ class SensorTable(Table):
     rpy: Annotated[list[_Angle], _three("rpy = [90, 0, 0]")] | None = Field(
         None, description="rpy = [90, 0, 0]"
     )
+    mounting: Literal["given", "estimated"] | None = Field(None, description='mounting = "estimated"')
 
 
 class PayloadTable(Table):

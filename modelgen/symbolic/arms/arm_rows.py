@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from modelgen.errors import ModelError, listed
 from modelgen.spec.arms.arm import ArmSensor, ArmSpec
 from modelgen.symbolic.arms.balances import RowKind, balances
-from modelgen.symbolic.arms.deflected_rows import Estimated, sensed_rows
 from modelgen.symbolic.arms.expressions.graph import Graph, Ref
 from modelgen.symbolic.arms.kinematics import BASE_ROWS
-from modelgen.symbolic.arms.readable_rows import Channel, Channels, ReadRows, as_they_are
 from modelgen.symbolic.arms.row_parts import row_parts
-from modelgen.symbolic.arms.sensing import measured_torques
+from modelgen.symbolic.arms.sensed.deflected_rows import Estimated, sensed_rows
+from modelgen.symbolic.arms.sensed.readable_rows import Channel, Channels, ReadRows, as_they_are
+from modelgen.symbolic.arms.sensed.sensing import measured_torques
 
 #: The regressor grows with the product of both: a minute for the derivation of the largest.
 LARGEST_ARM, MOST_JOINTS = 50, 300
@@ -34,7 +34,7 @@ class ArmRows:
         (`balances.Balance`) and of `BASE_ROWS` if asked for.
     columns
         Parameters in the order in which they are kept: base to tip, of a link as `KEPT_FIRST` has them,
-        behind them its drive, spring and gain.
+        behind them its drive, spring and gain; then payloads, and mountings of sensors.
     owners
         The joint whose link or drive each column is of.
     entries
@@ -137,7 +137,7 @@ def arm_rows(
         raise ModelError.at(spec.source, f"has no sensor set {sensor_set!r}", remedy)
     graph = Graph()
     sensors = spec.sensor_sets[sensor_set] if sensor_set else ()
-    parts = row_parts(graph, spec, base_rows)
+    parts = row_parts(graph, spec, base_rows, sensors)
     rows = list(balances(graph, spec, kind, parts, measured_torques(sensors)))
     found: ReadRows = as_they_are(rows)
     estimated: tuple[Estimated, ...] = ()

@@ -127,7 +127,7 @@ def dependencies(
     found = regrouping(changes, places)
     if not proof.confirms(found):
         keys = {column: key for key, column in places.items()}
-        restored = [] if drawn else proof.restored(keys, [c for c in proof.recipes if c not in found])
+        restored = proof.restored(keys, [c for c in proof.recipes if c not in found])
         found = regrouping([*changes, *restored], places)
         if not proof.confirms(found):
             missing = [rows.columns[c] for c in proof.recipes if c not in found]

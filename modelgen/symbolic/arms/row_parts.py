@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec
+from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSensor, ArmSpec
+from modelgen.spec.arms.parameters import mounting_parameters
 from modelgen.symbolic.arms.drives import (
     drive_columns,
     drives,
@@ -51,8 +52,8 @@ class RowParts:
     speeds: Mapping[str, Ref]
 
 
-def row_parts(graph: Graph, spec: ArmSpec, base_rows: bool) -> RowParts:
-    """Return the columns of an arm and their entries."""
+def row_parts(graph: Graph, spec: ArmSpec, base_rows: bool, sensors: Sequence[ArmSensor] = ()) -> RowParts:
+    """Return the columns of an arm and their entries; behind them those of sensors' mountings, without."""
     columns: list[str] = []
     owners: list[str] = []
     moving = [joint.name for joint in spec.moving]
@@ -82,6 +83,9 @@ def row_parts(graph: Graph, spec: ArmSpec, base_rows: bool) -> RowParts:
         load = graph.symbol(Symbol("load", payload.name))
         _add_body(graph, motions[payload.joint], payload.link, columns, links, load)
         owners += [payload.joint] * (len(columns) - len(owners))
+    for sensor in sensors:
+        columns += [one.name for one in mounting_parameters(sensor)]
+        owners += [sensor.joint] * (len(columns) - len(owners))
     speeds = {name: speed_node(graph, drive) for name, drive in of_joint.items()}
     return RowParts(tuple(columns), tuple(owners), links, driven, springs, speeds)
 

@@ -87,7 +87,8 @@ def test_show_says_what_sensor_sets_give_and_what_they_lack() -> None:
     described = json.loads(run("show", "elastic_two_link", "--sensors", "all", "--json").output)
     by_name = {entry["name"]: entry for entry in described["sensor_sets"]}
     assert not by_name["motor and link encoders"]["lost"]
-    assert [row["differentiated"] for row in by_name["motor encoders, link speeds"]["rows"]] == [1, 1, 0, 0]
+    rows = [row["name"] for row in by_name["motor encoders, link speeds"]["rows"]]
+    assert rows == ["1", "2", "dq_1 motion", "dq_2 motion"]
     assert [row["name"] for row in by_name["motor encoders"]["rows"]] == ["1", "2"]
     assert by_name["motor encoders"]["estimated"] == ["q_1", "q_2"] and not by_name["motor encoders"]["lost"]
     assert by_name["link encoders"]["estimated"] == ["deflection_1", "deflection_2"]

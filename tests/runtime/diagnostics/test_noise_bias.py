@@ -119,6 +119,10 @@ def test_one_direction_of_noise_pulls_what_has_a_part_in_it_and_nothing_else(see
     fit = SimpleNamespace(solution=Solved(x, np.linalg.inv(gram)))
     effect = _without_noise(fit, added, np.zeros(4))  # type: ignore[arg-type]
     found = effect.bias
+    assert effect.most == pytest.approx(share, abs=1e-6)
+    if share < 0.89:
+        wanted = np.linalg.inv(gram - added)
+        np.testing.assert_allclose(effect.inverse, wanted, atol=1e-6 * np.abs(wanted).max())
     unit = direction / np.sqrt(direction @ weight)
     part = unit**2 / np.diag(fit.solution.inverse)
     if share > 0.91:

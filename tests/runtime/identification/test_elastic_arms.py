@@ -26,6 +26,7 @@ from modelgen.runtime.simulation.arms.arm_plant import arm_plant
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion
 from modelgen.runtime.simulation.arms.mounted_sensors import sensor_channels
 from modelgen.spec.arms.arm import Angle, ArmSensor, ArmSpec, Length, Shift, Turn
+from modelgen.spec.arms.parameters import mounting_values
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
 from tests.symbolic.arms.elastic_arms import (
@@ -44,11 +45,16 @@ from tests.symbolic.arms.test_elastic_rows import SETS, both
 MOUNTING = (Shift(0, Length(Fraction(1, 4))), Turn(2, Angle(Fraction(3, 5), Fraction(4, 5), 0.9273)))
 
 
-def felt(spec: ArmSpec, *links: str, gyro: bool = False) -> ArmSpec:
-    """Return the arm with encoders at its motors and accelerometers on links, and gyros if asked for."""
+def felt(spec: ArmSpec, *links: str, gyro: bool = False, unknown: bool = False) -> ArmSpec:
+    """Return the arm with encoders at its motors and accelerometers on links, and gyros if asked for.
+
+    `unknown` are mountings that are to be found.
+    """
     motors = [ArmSensor(f"qm_{joint.name}", joint.name, "motor", "position") for joint in spec.moving]
     made = [ArmSensor(f"a_{name}", name, "link", "accelerometer", MOUNTING) for name in links]
     made += [ArmSensor(f"g_{name}", name, "link", "gyro", MOUNTING) for name in links if gyro]
+    tilted = (*MOUNTING, *(Turn(axis, MOUNTING[1].angle) for axis in (0, 1)))
+    made = [replace(one, mounting=tilted, estimated=True) for one in made] if unknown else made
     return replace(spec, sensor_sets={**spec.sensor_sets, "s": (*motors, *made)})
 
 
@@ -72,7 +78,17 @@ CASES = {
     # what links feel says how they move, each axis in a row of its own
     "gyro and accelerometer of the last link": (felt(geared(two_link()), "2", gyro=True), "s", 19),
     "accelerometers, spatial": (felt(spatial(), "1", "2", "3"), "s", 30),
-    # rows that are differentiated do not hold where a motor reverses
+    "mounting unknown": (felt(two_link(), "2", gyro=True, unknown=True), "s", 31),
+    "accelerations of links": (
+        with_sensors(two_link(), *both(), *both("link", "acceleration")),
+        "s",
+        16,
+    ),
+    "accelerations across springs": (
+        with_sensors(two_link(), *both(), *both("deflection", "acceleration")),
+        "s",
+        16,
+    ),
     "speeds of links": (with_sensors(two_link(), *both(), *both("link", "velocity")), "s", 16),
 }
 SLOW = (
@@ -83,9 +99,11 @@ SLOW = (
     "accelerometers, spatial",
     "gyro and accelerometer of the last link",
 )
-SECONDS = {"links alone, six joints": 6.0, "accelerometers, spatial": 3.0}
-# a wide filter, for its reach around every reversal
-FILTERS = {"speeds of links": Filters(cutoff_hz=60.0)}
+SECONDS = {
+    **dict.fromkeys(("mounting unknown", "accelerations of links", "accelerations across springs"), 4.0),
+    "links alone, six joints": 6.0,
+    "accelerometers, spatial": 3.0,
+}
 
 
 @lru_cache(maxsize=16)
@@ -95,6 +113,7 @@ def made(case: str, seconds: float = 12.0) -> tuple[Model, Record, dict[str, flo
     rng = np.random.default_rng(1)
     model = model_from_text(arm_module(arm_base_model(arm_rows(spec, sensor_set=sensor_set))), "elastic")
     values = values_of(spec, rng)
+    values |= mounting_values(spec, spec.sensor_sets[sensor_set])
     motion, forces = exact_record(spec, values, np.arange(0.0, seconds, 1.0 / FS), rng)
     signals = readings(spec, motion, forces, sensor_set) | felt_along(spec, values, motion, sensor_set)
     base = model.base_from_physical({name: values[name] for name in model.parameters})
@@ -126,7 +145,7 @@ def noisy(model: Model, record: Record, seed: int) -> Record:
 @pytest.mark.parametrize("case", [pytest.param(c, marks=pytest.mark.slow) if c in SLOW else c for c in CASES])
 def test_sensor_sets_without_noise_give_the_truth(case: str) -> None:
     model, record, truth = made(case, SECONDS.get(case, 12.0))
-    found = identify(model, record, "wls", FILTERS.get(case), QUICK).params
+    found = identify(model, record, "wls", checks=QUICK).params
     assert list(found) == list(truth)
     worst = max(abs(found[name] / value - 1.0) for name, value in truth.items())
     assert worst < 1e-3

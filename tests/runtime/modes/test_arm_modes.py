@@ -131,8 +131,11 @@ def test_arms_without_springs_have_none_and_other_sensors_say_what_they_need() -
     rigid = model_of(catalogued("two_link"))
     record = simulate_arm(rigid, rigid.parameter_sets["nominal"], duration_s=2.0, fs=500.0).record
     assert identify(rigid, record, "wls").modes() == Modes()
-    motors = model_of(catalogued("elastic_two_link"), sensor_set="rates")
-    assert "not gyros" in modes_of_arm(motors, {}, np.zeros((0, 0)), [record]).notes[0]
+    spec = catalogued("elastic_two_link")
+    gyros = [one for one in spec.sensor_sets["rates"] if one.measures == "gyro"]
+    seen = replace(spec, sensor_sets={"s": (*spec.sensor_sets["encoders"], *gyros)})
+    both = model_of(seen, sensor_set="s")
+    assert "not gyros" in modes_of_arm(both, {}, np.zeros((0, 0)), [record]).notes[0]
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,13 @@ WRONG = [
      'sensors.all.qm_1.deflection: "2" has no stiffness, so nothing deflects; '
      "write stiffness = true into the table of joint 2, or leave the sensor out"),
     ((QM, 'qm_1 = { deflection = "1", measures = "torque" }'),
-     'sensors.all.qm_1.measures: is "torque", of a deflection; write "position" or "velocity"'),
+     'sensors.all.qm_1.measures: is "torque", of a deflection; '
+     'write "position", "velocity" or "acceleration"'),
+    ((QM, 'qm_1 = { joint = "1", side = "motor", measures = "position", mounting = "estimated" }'),
+     "sensors.all.qm_1.mounting: is the mounting of a gyro or an accelerometer; leave it out"),
+    ((QM, 'qm_1 = { joint = "1", side = "link", measures = "gyro", mounting = "found" }'),
+     'sensors.all.qm_1.mounting: must be "given" or "estimated", not "found"; '
+     'write for example mounting = "estimated"'),
     ((QM, 'qm_1 = { joint = "1", side = "motor", measures = "position", xyz = [0, 0, 1] }'),
      "sensors.all.qm_1.xyz: is the mounting of a gyro or an accelerometer; leave it out"),
     ((QM, QM.replace("qm_1", "tau_1")),
@@ -124,3 +130,9 @@ def test_all_mistakes_are_reported_at_once_and_an_empty_table_is_one() -> None:
     found = problems(text)
     assert len(found) == 4, found
     assert any("sensors.none: is empty" in line for line in found)
+
+
+def test_parts_of_a_mounting_are_names_that_nothing_else_has() -> None:
+    sensor = 'a = { joint = "1", side = "link", measures = "accelerometer", mounting = "estimated" }'
+    text = changed(QM, sensor).replace('"k_slide"', '"R_a_x_y"')
+    assert 'sensors.all.a: "R_a_x_y" is a parameter; rename the sensor' in problems(text)

@@ -125,7 +125,7 @@ def readings(
     for sensor in spec.sensor_sets[sensor_set]:
         if sensor.measures in INERTIAL:
             continue
-        first = 0 if sensor.measures in ("position", "torque") else 1
+        first = {"velocity": 1, "acceleration": 2}.get(sensor.measures, 0)
         for order in range(4 - first):
             key = f"d{order}_{sensor.key}" if order else sensor.key
             if sensor.measures == "torque":

@@ -125,14 +125,20 @@ def gyros(spec: ArmSpec, mounting: tuple[object, ...] = ()) -> ArmSpec:
     return replace(spec, sensor_sets={"s": (*motors, *made)})
 
 
-def test_gyros_on_links_give_the_springs() -> None:
+def test_gyros_on_links_that_springs_place_have_rows_of_their_own() -> None:
     rows = arm_rows(gyros(two_link()), sensor_set="s")
-    # their torques, less those of the motors, place the links for the rows of the whole arm
-    assert rows.names == ("1 spring", "2 spring", "1", "2", "1 deflected", "2 deflected")
-    assert rows.differentiated == (1, 1, 0, 0, 0, 0)
-    assert rows.reversals[:2] == (("1",), ("2",))
+    # nothing is differentiated: friction would jump at every reversal
+    assert rows.names == ("1", "2", "g_1 z", "g_2 z", "1 deflected", "2 deflected")
+    assert not any(rows.differentiated)
     assert [tuple(one) for one in rows.estimated] == [("q_1", "1 deflected"), ("q_2", "2 deflected")]
     assert {"Ia1", "fv1", "fs1", "off1", "K1"} <= {*arm_base_model(rows).identifiable}
+
+
+def test_gyros_in_front_of_and_behind_a_joint_that_is_seen_give_its_speed() -> None:
+    spec = gyros(two_link())
+    links = tuple(ArmSensor(f"q_{n}", n, "link", "position") for n in "12")
+    rows = arm_rows(replace(spec, sensor_sets={"s": (*spec.sensor_sets["s"], *links)}), sensor_set="s")
+    assert not rows.estimated
     reading = {
         symbol: found for symbol, found in rows.channels.items() if symbol.name == "2" and symbol.order == 1
     }
@@ -141,7 +147,22 @@ def test_gyros_on_links_give_the_springs() -> None:
         ("g_2_z", 1),
         ("g_1_z", -1),
     }
-    assert not rows.lacking and not rows.lost
+
+
+def test_a_mounting_that_is_to_be_found_is_columns_of_its_sensor() -> None:
+    spec = with_sensors(two_link(), *both())
+    felt = ArmSensor("a", "2", "link", "accelerometer", estimated=True)
+    spec = replace(spec, sensor_sets={"s": (*spec.sensor_sets["s"], felt)})
+    rows = arm_rows(spec, sensor_set="s")
+    assert rows.names == ("1", "2", "a x", "a y", "a z", "1 deflected", "2 deflected")
+    base = arm_base_model(rows).base
+    # in the plane an axis feels two accelerations, and two changes of them with the place on the link
+    assert [one.name for one in base if "a_x" in one.name] == [
+        "R_a_x_x",
+        "R_a_x_y",
+        "l_a_x_xx + l_a_x_yy",
+        "l_a_x_xy - l_a_x_yx",
+    ]
 
 
 def test_encoders_on_links_alone_place_the_motors() -> None:

@@ -28,7 +28,16 @@ from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm
 
 #: Standard deviations of readings where none are given, by unit: encoders of 20 bits, torques of a drive as
 #: its joint feels them, in front of a gear so much smaller.
-USUAL_NOISE = {"rad": 5e-6, "m": 5e-6, "rad/s": 1e-3, "m/s": 1e-3, "m/s^2": 1e-2, "N m": 0.1, "N": 1.0}
+USUAL_NOISE = {
+    "rad": 5e-6,
+    "m": 5e-6,
+    "rad/s": 1e-3,
+    "m/s": 1e-3,
+    "rad/s^2": 1e-1,
+    "m/s^2": 1e-2,
+    "N m": 0.1,
+    "N": 1.0,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +131,7 @@ def _units(plant: ArmPlant, sensors: Sequence[MountedSensor]) -> dict[str, str]:
         unit = {
             "position": own,
             "velocity": f"{own}/s",
+            "acceleration": f"{own}/s^2",
             "torque": "N m" if own == "rad" else "N",
             "gyro": "rad/s",
             "accelerometer": "m/s^2",

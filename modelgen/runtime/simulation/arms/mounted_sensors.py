@@ -85,7 +85,7 @@ def sensor_channels(
         else:
             ratios = plant.model.module.TRANSMISSION
             read = reading_of(sensor.joint, sensor.side, ratios, own.joints, own.driven, len(own.names))
-            found[sensor.key] = read @ (v if sensor.measures == "velocity" else q)
+            found[sensor.key] = read @ {"position": q, "velocity": v, "acceleration": a}[sensor.measures]
     return found
 
 

@@ -3,25 +3,25 @@
 Where the link is hidden, q = q_m - (Gamma - drive) / K, or q_m - torque / K where the torque is measured.
 Where the motor is, q_m = q + links / K, or q + torque / K. That row is then used up (`Estimated`), and the
 others hold with the position that it gives: linear in the remaining parameters for given springs, so that all
-are found together by separable least squares. What gyros and accelerometers on such links read is one row an
-axis, reading = motion of the link: it holds no parameter but those that give the position.
+are found together by separable least squares. What other sensors feel of such links is in rows, too
+(`felt_rows`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 from modelgen.errors import ModelError
-from modelgen.spec.arms.arm import INERTIAL, ArmSensor, ArmSpec, Joint
+from modelgen.spec.arms.arm import ArmSensor, ArmSpec, Joint
 from modelgen.symbolic.arms.balances import Balance
 from modelgen.symbolic.arms.drives import motor_coordinate
-from modelgen.symbolic.arms.expressions.graph import Graph, Symbol
-from modelgen.symbolic.arms.kinematics import felt, link_motions
-from modelgen.symbolic.arms.readable_rows import ReadRows, readable_rows
+from modelgen.symbolic.arms.expressions.graph import Graph
 from modelgen.symbolic.arms.row_parts import RowParts
-from modelgen.symbolic.arms.sensing import Sensing
+from modelgen.symbolic.arms.sensed.felt_rows import felt_rows
+from modelgen.symbolic.arms.sensed.readable_rows import ReadRows, readable_rows
+from modelgen.symbolic.arms.sensed.sensing import Sensing
 
 #: Behind the name of a joint: the row that its link's, or its motor's, position is made of.
 DEFLECTED, DRIVEN = " deflected", " driven"
@@ -72,14 +72,19 @@ def sensed_rows(
     """
     sensing = Sensing(spec, sensors)
     hidden = _hidden(spec, sensing, sensors)
+    unseen = {one.joint.name if one.behind else motor_coordinate(one.joint) for one in hidden}
+    felt = felt_rows(graph, spec, parts, sensors, unseen)
     if not hidden:
+        rows = [*rows, *(row for row, _ in felt)]
         return readable_rows(graph, spec, parts, rows, sensing, where), sensors, ()
     used = {one.row: one for one in hidden}
     every = (*sensors, *(one.sensor for one in hidden))
-    further = _felt(graph, spec, sensing, sensors, {one.joint.name for one in hidden if one.behind})
-    seen = readable_rows(graph, spec, parts, [*rows, *further], Sensing(spec, every), where)
+    said = {sensor.key for _, sensor in felt}
+    others = tuple(sensor for sensor in every if sensor.key not in said)
+    seen = readable_rows(graph, spec, parts, [*rows, *(row for row, _ in felt)], Sensing(spec, others), where)
     try:
-        linear = readable_rows(graph, spec, parts, rows, sensing, where)
+        # what feels positions that springs give is in rows of its own, and in no other
+        linear = readable_rows(graph, spec, parts, rows, Sensing(spec, others[: -len(hidden)]), where)
     except ModelError:
         linear = ReadRows((), (), ())
     names = {row.name for row in linear.rows}
@@ -124,26 +129,6 @@ def _hidden(spec: ArmSpec, sensing: Sensing, sensors: Sequence[ArmSensor]) -> tu
             sensor = ArmSensor(key, joint.name, "deflection", "position")
         found.append(_Hidden(joint, row, given, sensor))
     return tuple(found)
-
-
-def _felt(
-    graph: Graph, spec: ArmSpec, sensing: Sensing, sensors: Sequence[ArmSensor], hidden: Collection[str]
-) -> Iterator[Balance]:
-    """Yield reading less motion = 0 of axes of sensors on links that move with hidden joints.
-
-    Gyros whose differences are speeds of joints say those, and nothing else.
-    """
-    read = {key for joint in spec.moving for key, *_ in sensing.channels(joint.name, 1) or ()}
-    motions = link_motions(graph, spec)
-    for sensor in sensors:
-        if sensor.measures not in INERTIAL or not read.isdisjoint(sensor.channels):
-            continue
-        for channel, motion in zip(sensor.channels, felt(graph, motions[sensor.joint], sensor), strict=True):
-            nodes = (graph.nodes[index].symbol for index in graph.needed([motion]))
-            if any(symbol is not None and symbol.name in hidden for symbol in nodes):
-                reading = graph.symbol(Symbol("reading", channel))
-                name = f"{sensor.key} {channel[-1]}"
-                yield Balance(name, {}, graph.subtract(reading, motion))
 
 
 def _free_key(key: str, sensors: Sequence[ArmSensor]) -> str:

@@ -13,7 +13,7 @@ from modelgen.symbolic.arms.drives import motor_coordinate
 from modelgen.symbolic.arms.expressions.derivative import time_derivatives
 from modelgen.symbolic.arms.expressions.graph import Graph, Ref, Symbol
 from modelgen.symbolic.arms.row_parts import RowParts
-from modelgen.symbolic.arms.sensing import Sensing
+from modelgen.symbolic.arms.sensed.sensing import Sensing
 
 #: Kind, name and order of a symbol that sensors give.
 Channel = Symbol

@@ -16,6 +16,8 @@ Sum = Mapping[str, Fraction]
 #: Angular speeds of a link along x, y, z of its frame, each a sum of channels.
 Turning = tuple[Sum, Sum, Sum]
 STILL: Turning = ({}, {}, {})
+#: How often that which a sensor of one side, or of both, measures is a position differentiated.
+ORDERS = {"position": 0, "velocity": 1, "acceleration": 2}
 
 
 class Reading(NamedTuple):
@@ -30,14 +32,14 @@ class Sensing:
     """Which coordinates, how often differentiated, the sensors of a set give, and by which channels."""
 
     def __init__(self, spec: ArmSpec, sensors: tuple[ArmSensor, ...]) -> None:
-        self.readings = [reading for reading in (_reading(spec, s) for s in sensors) if reading is not None]
+        self.readings = [reading_of(spec, sensor) for sensor in sensors if sensor.measures in ORDERS]
         self.readings += _gyro_readings(spec, sensors)
         self.torques = measured_torques(sensors)
         self._solved: dict[int, dict[str, list[tuple[Fraction, int]]]] = {}
 
     def channels(self, coordinate: str, order: int) -> tuple[tuple[str, int, Fraction], ...] | None:
         """Return (channel, how often it is differentiated, how often it counts); None if none give it."""
-        level = min(order, 1)
+        level = min(order, 2)
         if level not in self._solved:
             self._solved[level] = self._solve(level)
         solution = self._solved[level].get(coordinate)
@@ -100,10 +102,8 @@ def _subtract(
             del made[number]
 
 
-def _reading(spec: ArmSpec, sensor: ArmSensor) -> Reading | None:
-    """Return what an encoder or a tachometer reads."""
-    if sensor.measures not in ("position", "velocity"):
-        return None
+def reading_of(spec: ArmSpec, sensor: ArmSensor) -> Reading:
+    """Return what a sensor of a position, a speed or an acceleration reads."""
     joint = next(joint for joint in spec.moving if joint.name == sensor.joint)
     motor, one = motor_coordinate(joint), Fraction(1)
     coordinates: dict[str, Fraction] = {joint.name: one}
@@ -112,7 +112,7 @@ def _reading(spec: ArmSpec, sensor: ArmSensor) -> Reading | None:
     elif sensor.side == "motor":
         ratios = zip(spec.moving, spec.transmission[spec.moving.index(joint)], strict=True)
         coordinates = {motor_coordinate(other): Fraction(ratio) for other, ratio in ratios if ratio}
-    return Reading(0 if sensor.measures == "position" else 1, coordinates, {sensor.key: one})
+    return Reading(ORDERS[sensor.measures], coordinates, {sensor.key: one})
 
 
 def _gyro_readings(spec: ArmSpec, sensors: tuple[ArmSensor, ...]) -> Iterator[Reading]:
@@ -135,7 +135,7 @@ def _turning(spec: ArmSpec, sensors: tuple[ArmSensor, ...]) -> dict[str, Turning
     """Return the angular speeds of links that gyros on them, or on links that turn alike, give."""
     found: dict[str, Turning] = {}
     for sensor in reversed(sensors):
-        if sensor.measures == "gyro":
+        if sensor.measures == "gyro" and not sensor.estimated:
             x, y, z = ({key: Fraction(1)} for key in sensor.channels)
             found[sensor.joint] = _rotated((x, y, z), placement(mounting_of(sensor)).rotation)
     alike = [joint for joint in spec.joints if joint.kind != "revolute"]
