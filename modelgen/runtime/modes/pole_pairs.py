@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import FloatArray, IntArray
-from modelgen.runtime.modes.thresholds import RIGID_SHARE, ROUNDS_OF_ITERATION
+from modelgen.runtime.modes.thresholds import ALONE, RIGID_SHARE, ROUNDS_OF_ITERATION
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -112,21 +112,44 @@ def pair_slopes(
     # a parameter touches few entries of three matrices: each is looked up in their gradients
     entries = [_entries([change[kind] for change in changes]) for kind in range(3)]
     slopes = np.zeros((len(pairs), 2, len(changes)))
+    poles, vectors = np.linalg.eig(A)
+    try:
+        rows = np.linalg.inv(vectors)
+    except np.linalg.LinAlgError:  # no pair has vectors of its own
+        rows = np.zeros_like(vectors)
     for k, pair in enumerate(pairs):
-        left, right = _invariant(A, pair.sum / unit, pair.product / unit**2)
+        total, product = pair.sum / unit, pair.product / unit**2
+        left, right = _swinging(poles, vectors, rows, total, product) or _invariant(A, total, product)
         S = left @ A @ right
         adjugate = np.array([[S[1, 1], -S[0, 1]], [-S[1, 0], S[0, 0]]])
         for row, share in enumerate((-unit * np.eye(2), unit**2 * adjugate)):
             # trace(share left[:, n:] dA right): dA = -(M A[n:] + [K / unit^2, D / unit])
-            P = right @ share @ left[:, n:]
-            gradients = (
-                -shapes @ (A[n:] @ P) @ shapes.T,
-                -shapes @ P[n:] @ shapes.T / unit,
-                -shapes @ P[:n] @ shapes.T / unit**2,
-            )
-            for (parameter, i, j, value), gradient in zip(entries, gradients, strict=True):
-                slopes[k, row] += np.bincount(parameter, value * gradient[j, i], len(changes))
+            moved = (A[n:] @ right, right[n:] / unit, right[:n] / unit**2)
+            ends = (share @ left[:, n:] @ shapes.T).T
+            for (parameter, i, j, value), one in zip(entries, moved, strict=True):
+                gradient = -np.sum((shapes @ one)[j] * ends[i], axis=1)
+                slopes[k, row] += np.bincount(parameter, value * gradient, len(changes))
     return slopes
+
+
+def _swinging(
+    poles: ComplexArray, vectors: ComplexArray, rows: ComplexArray, total: float, product: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return what `_invariant` does of a pair that swings, from all poles, their vectors and its inverse.
+
+    None where the vectors of the pair are nearly one: it is nearly critical, or like another.
+    """
+    swing = product - 0.25 * total**2
+    if not swing > 0.0:
+        return None
+    place = int(np.argmin(np.abs(poles - complex(-0.5 * total, swing**0.5))))
+    right = np.column_stack((vectors[:, place].real, vectors[:, place].imag))
+    lines = np.stack((rows[place].real, rows[place].imag))
+    both = lines @ right
+    told = float(np.linalg.norm(lines) * np.linalg.norm(right))
+    if not (told <= ALONE and np.linalg.cond(both) <= ALONE):
+        return None
+    return np.asarray(np.linalg.solve(both, lines)), right
 
 
 def _invariant(A: FloatArray, total: float, product: float) -> tuple[FloatArray, FloatArray]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 # A squared frequency below this share of the largest is that of a chain that turns freely.
 RIGID_SHARE = 1e-9
+# Vectors of a pair of poles worse conditioned than this are iterated for: rounding grows by as much.
+ALONE = 1e3
 # Rounds of inverse iteration: each shrinks what is left of other subspaces by some 1e-10.
 ROUNDS_OF_ITERATION = 3
 
