@@ -4,9 +4,10 @@
 
 Every body has a position sensor and an actuator, an inertia and a viscous friction; every link a stiffness
 and a damping. Measured is what a user calls, `modelgen.identify`, with its default options: filters chosen,
-all intervals, all checks. Each length of chain has a process of its own, which has identified a short chain
-before (it loads the code): printed are its own processor time and how far its resident memory rises above
-what it was with the model and the record. By hand: the chain of `throughput.py` on all columns of W, the
+all intervals of parameters, all checks. Modes are worked out when they are asked for, and not measured here.
+Each length of chain has a process of its own, which has identified a short chain before (it loads the code):
+printed are its own processor time and how far its resident memory rises above what it was with the model and
+the record. By hand: the chain of `throughput.py` on all columns of W, the
 zeros of its rows included, and lstsq; no check. The records are made here from sines that solve the equations
 of motion exactly, plus noise in the forces. One BLAS thread; both sides of a ratio alternate in one process
 and their medians are compared.
