@@ -98,9 +98,14 @@ SLOW = (
     "links alone, spatial",
     "accelerometers, spatial",
     "gyro and accelerometer of the last link",
+    "mounting unknown",
+    "accelerations of links",
+    "accelerations across springs",
+    "speeds of links",
 )
 SECONDS = {
     **dict.fromkeys(("mounting unknown", "accelerations of links", "accelerations across springs"), 4.0),
+    "speeds of links": 6.0,
     "links alone, six joints": 6.0,
     "accelerometers, spatial": 3.0,
 }
