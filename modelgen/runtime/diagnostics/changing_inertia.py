@@ -7,12 +7,13 @@ the records (cosines), or of the body's angle (cosine and sine), shows whether t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.diagnostics.thresholds import (
@@ -28,6 +29,10 @@ from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.tails import chi_square_tail
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.row_block import STRETCH
+
+# factors of the samples of a block, its index and their places on the grid -> shape (n, k)
+Factors = Callable[[int, IntArray], FloatArray]
 
 OVER_RECORDS = "over the records"
 
@@ -65,9 +70,7 @@ def changing_inertia(
     Where it changes fast against the filter, products behind the filter are not those in front of it, and the
     test sees less.
     """
-    if model.is_arm or model.by_power or not all(block.in_memory for block in fit.blocks):
-        return None
-    if not exceeding_noise(model, records, choice, fit, LARGEST_NOISE):
+    if model.is_arm or model.by_power or not exceeding_noise(model, records, choice, fit, LARGEST_NOISE):
         return None
     found = [
         one
@@ -94,53 +97,103 @@ def changing_inertia_advice(found: ChangingInertia | None) -> tuple[Advice, ...]
 
 def _factors(
     fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice, name: str
-) -> Iterator[tuple[str, list[FloatArray]]]:
-    """Yield what an inertia may change with, in words, and factors of its column, (n, k) a block each."""
+) -> Iterator[tuple[str, Factors]]:
+    """Yield what an inertia may change with, in words, and factors of its column."""
     starts = np.cumsum([0, *(record.n * record.dt for record in records)])
-    times = []
-    for block in fit.blocks:
+
+    def sample(index: int, place: IntArray) -> IntArray:
+        block = fit.blocks[index]
         record, factor = records[block.record], choice.decimation[block.record]
         # the filter's reach is left out at both ends alike
         first = max(record.n - 1 - (block.grid - 1) * factor, 0) // 2
-        times.append(np.minimum(first + factor * block.place, record.n - 1))
-    k = np.arange(1, SLOW_CHANGES + 1)
-    places = [
-        (starts[block.record] + at * records[block.record].dt) / starts[-1]
-        for block, at in zip(fit.blocks, times, strict=True)
-    ]
-    yield OVER_RECORDS, [np.cos(np.pi * np.outer(place, k)) for place in places]
+        return np.minimum(first + factor * place, record.n - 1)
+
+    def over_records(index: int, place: IntArray) -> FloatArray:
+        record = fit.blocks[index].record
+        share = (starts[record] + sample(index, place) * records[record].dt) / starts[-1]
+        return np.asarray(np.cos(np.pi * np.outer(share, np.arange(1, SLOW_CHANGES + 1))))
+
+    yield OVER_RECORDS, over_records
     body = model.roles[name].bodies[0]
     keys = [one.key for one in model.sensors if one.body == body and one.measures == "position"]
     if not keys or model.units[name] != "kg m^2":
         return
-    angles = [records[block.record].signals[keys[0]][at] for block, at in zip(fit.blocks, times, strict=True)]
-    yield f"with the angle of {body}", [np.column_stack([np.cos(q), np.sin(q)]) for q in angles]
+
+    def with_angle(index: int, place: IntArray) -> FloatArray:
+        q = records[fit.blocks[index].record].signals[keys[0]][sample(index, place)]
+        return np.column_stack([np.cos(q), np.sin(q)])
+
+    yield f"with the angle of {body}", with_angle
 
 
-def _tested(fit: Fit, column: int, along: str, factors: Sequence[FloatArray]) -> ChangingInertia | None:
-    """Return the change of an inertia by factors, shape (n, k) a block each, if it is certain and large."""
-    R, at = fit.regressors.weighted(fit.weights), np.array([column])
-    added = [one.chosen(at) * part for one, part in zip(R, factors, strict=True)]
-    across = [one.across(more) for one, more in zip(R, added, strict=True)]
-    shares = fit.solution.inverse @ np.sum(across, axis=0)
-    own = np.concatenate([more - one.times(shares) for one, more in zip(R, added, strict=True)])
-    e = fit.weighted_residual
-    power, along_residual = own.T @ own, own.T @ e
+@dataclass(frozen=True, eq=False)
+class _Changing:
+    """The weighted column of an inertia times factors, shape (n, k), stretch by stretch."""
+
+    fit: Fit
+    column: int
+    factors: Factors
+
+    def shares(self) -> tuple[FloatArray, FloatArray]:
+        """Return the shares of the fit's columns in it, shape (c, k), and factors' mean square, (k, k)."""
+        fit, crossed, squares = self.fit, np.zeros(()), np.zeros(())
+        for index, block in enumerate(fit.blocks):
+            for start in range(0, block.grid, STRETCH):
+                part, R, _ = fit.between(index, start, start + STRETCH)
+                factors = self.factors(index, part.place)
+                added = R.chosen(np.array([self.column])) * factors
+                crossed = crossed + fit.weights[index] ** 2 * R.across(added)
+                squares = squares + factors.T @ factors
+        return fit.solution.inverse @ crossed, squares / fit.count
+
+    def own(
+        self, shares: FloatArray, index: int, start: int, stop: int
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Return the places of a stretch of a block, what is not of the fit's columns, and the residual."""
+        part, R, e = self.fit.between(index, start, stop)
+        added = R.chosen(np.array([self.column])) * self.factors(index, part.place)
+        w = self.fit.weights[index]
+        return part.place, w * (added - R.times(shares)), w * e
+
+    def projected(self, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the power of what is its own, shape (k, k), and its product with the residual, (k,)."""
+        power, along = np.zeros(()), np.zeros(())
+        for index, block in enumerate(self.fit.blocks):
+            for start in range(0, block.grid, STRETCH):
+                _, own, e = self.own(shares, index, start, start + STRETCH)
+                power, along = power + own.T @ own, along + own.T @ e
+        return np.asarray(power), np.asarray(along)
+
+    def influence(
+        self, shares: FloatArray, power: FloatArray, sizes: FloatArray, indices: Sequence[int]
+    ) -> Iterator[FloatArray]:
+        """Yield what the instants of a record, whose blocks these are, contribute to the factors' sizes."""
+        grid = self.fit.blocks[indices[0]].grid
+        for start in range(0, grid, STRETCH):
+            stop = min(start + STRETCH, grid)
+            psi = np.zeros((stop - start, len(sizes)))
+            for index in indices:
+                place, own, e = self.own(shares, index, start, stop)
+                psi[place - start] += own * (e - own @ sizes)[:, None]
+            yield np.asarray(np.linalg.solve(power, psi.T).T)
+
+
+def _tested(fit: Fit, column: int, along: str, factors: Factors) -> ChangingInertia | None:
+    """Return the change of an inertia by factors if it is certain and large."""
+    changing = _Changing(fit, column, factors)
+    shares, squares = changing.shares()
+    power, along_residual = changing.projected(shares)
     if np.linalg.cond(power) > 1.0 / np.finfo(float).eps:
         return None
-    sizes = np.linalg.solve(power, along_residual)
-    explained = float(sizes @ along_residual) / float(e @ e)
-    value = fit.solution.x[column]
-    share = float(np.sqrt(np.mean((np.concatenate(factors) @ sizes) ** 2))) / abs(value)
+    sizes = np.asarray(np.linalg.solve(power, along_residual), dtype=float)
+    explained = float(sizes @ along_residual) / fit.residual_norm**2
+    share = float(np.sqrt(sizes @ squares @ sizes)) / abs(fit.solution.x[column])
     if explained < CHANGES_EXPLAINED or share < LEAST_CHANGE_OF_INERTIA:
         return None
-    psi = np.linalg.solve(power, (own * (e - own @ sizes)[:, None]).T).T
-    series: dict[int, FloatArray] = {}
-    last = 0
-    for block in fit.blocks:
-        first, last = last, last + len(block.place)
-        series.setdefault(block.record, np.zeros((block.grid, len(sizes))))[block.place] += psi[first:last]
-    spread = long_run_covariance(list(series.values()))
+    series = [
+        partial(changing.influence, shares, power, sizes, indices) for indices in fit.by_record.values()
+    ]
+    spread = long_run_covariance(series)
     statistic = float(sizes @ np.linalg.lstsq(spread, sizes, rcond=None)[0])
     if chi_square_tail(statistic, len(sizes)) > CHANGES_LEVEL:
         return None
