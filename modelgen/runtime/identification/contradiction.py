@@ -1,4 +1,4 @@
-"""Where two estimates of the same columns differ by more than noise explains."""
+"""Where two estimates of the same columns, or one and what signs are possible, differ beyond noise."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.thresholds import DISAGREEMENT
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.bounds import negative_columns
 
 
 def contradiction(fit: Fit, other: Fit) -> FloatArray:
@@ -19,3 +21,13 @@ def contradiction(fit: Fit, other: Fit) -> FloatArray:
     move = fit.solution.x - other.solution.x
     variance = np.diag(hac_covariance(fit)) + np.diag(hac_covariance(other))
     return np.where(np.abs(move) > DISAGREEMENT * np.sqrt(np.maximum(variance, 0.0)), move, 0.0)
+
+
+def below_zero(model: Model, fit: Fit, drift: FloatArray) -> float:
+    """Return by how many standard deviations the worst column is negative that cannot be; drift is (c, c)."""
+    negative = negative_columns(model, fit)
+    if not negative:
+        return 0.0
+    spread = np.sqrt(np.diag(hac_covariance(fit)) + np.diag(drift))
+    stds = dict(zip(fit.columns, spread.tolist(), strict=True))
+    return max((-value / stds[name] for name, value in negative.items() if stds[name] > 0.0), default=0.0)

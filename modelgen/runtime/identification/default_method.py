@@ -12,14 +12,14 @@ from modelgen.progress import step
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
-from modelgen.runtime.identification.contradiction import contradiction
-from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts
+from modelgen.runtime.identification.contradiction import below_zero, contradiction
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import (
     explained_by_stretches,
     timing_by_stretches,
 )
-from modelgen.runtime.identification.explanation.explained import Begun, Explained, run_method
+from modelgen.runtime.identification.explanation.explained import Begun, begun_with, run_method
+from modelgen.runtime.identification.explanation.from_starts import with_starts
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.memory_limit import beyond_limit
@@ -28,7 +28,9 @@ from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
+    BEYOND_CHANCE,
     BIAS_SHARE,
+    CLEARLY_LESS,
     FAR_OVER_NOISE,
     LEFT_BY_ARMS,
     LEFT_SHARE,
@@ -36,9 +38,9 @@ from modelgen.runtime.identification.thresholds import (
     SEARCHED,
     STANDS_IN,
 )
-from modelgen.runtime.iv.freed_effects import corrected, fit_with_effects
-from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS
-from modelgen.runtime.iv.told_effects import estimated, held_instead
+from modelgen.runtime.iv.freed_effects import corrected
+from modelgen.runtime.iv.thresholds import AS_GOOD
+from modelgen.runtime.iv.told_effects import held_instead
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
@@ -46,7 +48,10 @@ from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
 
 def default_method(task: Task, method: Auto) -> Begun:
-    """Return a task with the method run that the default becomes.
+    """Return a task with the method run that the default becomes; intervals hold signs that are impossible.
+
+    What is negative by many of its standard deviations, and cannot be, shows that all of these are too small:
+    they are multiplied by what would make that one likely.
 
     Raises
     ------
@@ -55,6 +60,16 @@ def default_method(task: Task, method: Auto) -> Begun:
     IdentifiabilityError
         When the records answer none of the parameters.
     """
+    found = _method_of(task, method)
+    below = _below(found)
+    if below < BEYOND_CHANCE:
+        return found
+    told = found.found
+    wider = told.drift + (0.5 * below) ** 2 * (hac_covariance(told.fit) + told.drift)
+    return replace(found, found=replace(told, drift=wider))
+
+
+def _method_of(task: Task, method: Auto) -> Begun:
     if method.rows == "power":
         begun = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
         return _with_note(begun, "method wls: rows of power have no instruments; delays are not estimated")
@@ -83,6 +98,10 @@ def default_method(task: Task, method: Auto) -> Begun:
     if not _exceeding(first):
         return _with_note(first, "method iv: noise of the sensors does not bias instruments")
     return _least_squares_instead(task, method, first)
+
+
+def _below(one: Begun) -> float:
+    return below_zero(one.task.model, one.found.fit, one.found.drift)
 
 
 def _tried(task: Task, method: Auto) -> Begun | None:
@@ -145,6 +164,10 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     bias = noise_bias(task.model, task.records, task.choice, fit)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
     worse = max(fit.left_shares) > max(LEFT_SHARE, *iv.fit.left_shares)
+    # what leaves clearly more without a mass that is estimated is no alternative to it
+    left, least = (float(np.exp(one.misfit / one.count)) for one in (fit, iv.fit))
+    masses = [effect for effect in iv.effects if effect.moved is not None]
+    worse |= bool(masses) and CLEARLY_LESS * left > least
     if worse or fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
         return _with_note(first, "method iv; the residual is more than noise of the sensors")
     move = contradiction(fit, iv.fit)
@@ -172,18 +195,23 @@ def _instrumental(task: Task, method: IV) -> Begun:
         plain = _explained(task, method)
     except IdentifiabilityError as error:
         plain = error
-    if isinstance(plain, Begun) and not (task.checks.drift_check and _unexplained(plain)):
+    doubtful = isinstance(plain, Begun) and (_unexplained(plain) or _below(plain) > BEYOND_CHANCE)
+    if isinstance(plain, Begun) and not (task.checks.drift_check and doubtful):
         return plain
     try:
-        found = _with_starts(task, method)
+        found = with_starts(task, method)
     except (IdentifiabilityError, DataError):
         found = None
     if isinstance(plain, IdentifiabilityError):
         if found is None:
             raise plain
         return found
-    better = found is not None and found.found.fit.misfit < plain.found.fit.misfit - AS_GOOD
-    return found if found is not None and better else plain
+    if found is None:
+        return plain
+    # what is impossible explains rows by terms that cancel each other, of which little is left
+    possible = [_below(one) < BEYOND_CHANCE for one in (plain, found)]
+    better = found.found.fit.misfit < plain.found.fit.misfit - AS_GOOD
+    return found if possible[1] > possible[0] or (better and possible[1] == possible[0]) else plain
 
 
 def _unexplained(one: Begun) -> bool:
@@ -198,50 +226,10 @@ def _explained(task: Task, method: IV) -> Begun:
     step("looking for what the model lacks")
     if any(record.n > SEARCHED for record in task.records):
         begun = explained_by_stretches(task, method)
-        return _with(begun.task, begun.found)
+        return begun_with(begun.task, begun.found)
     begun = run_method(task, method)
     fit = begun.found.fit
-    return _with(begun.task, explained(task.job, found_by(task.job, begun.found.observation, fit), fit))
-
-
-def _with(task: Task, found: Explained) -> Begun:
-    job = replace(task.job, effects=found.effects, sizes=found.sizes)
-    return Begun(replace(task, job=job), found)
-
-
-def _with_starts(task: Task, method: IV) -> Begun | None:
-    """Return instruments with zeros of positions, or what is read at other instants, estimated at once.
-
-    Where zeros differ by more than deflections, or a sensor is late by a sample, a link seems to carry a
-    force that nothing explains, and nothing comes out without them. What leaves least is taken.
-    """
-    if all_from_composites(task.model):
-        return None
-    step("looking for zeros, delays and clocks of sensors")
-    job, setting = task.job, task.job.setting()
-    found = []
-    for start in coarse_starts(job):
-        try:
-            freed = fit_with_effects(
-                setting, job.calm, start.fit, start.effects, start.sizes, job.sharpened, EFFECT_ROUNDS
-            )
-        except (IdentifiabilityError, DataError):
-            continue
-        found.append((start, freed))
-    if not found:
-        return None
-    # of those that leave as little, the one that needs least for it
-    most = min(freed.fit.misfit for _, freed in found) + 0.5 * AS_GOOD
-    alike = [entry for entry in found if entry[1].fit.misfit < most]
-    start, freed = min(alike, key=lambda entry: len(entry[0].effects))
-    none, effects = np.zeros((len(freed.fit.columns),) * 2), start.effects
-    told = Explained(freed.observation, freed.fit, effects, freed.sizes, none, ())
-    if task.checks.drift_check:
-        told = explained(job, freed, start.fit, effects)
-    else:
-        advice = tuple(estimated(one, size, ()) for one, size in zip(effects, freed.sizes, strict=True))
-        told = replace(told, advice=advice)
-    return _with(replace(task, method=method), told)
+    return begun_with(begun.task, explained(task.job, found_by(task.job, begun.found.observation, fit), fit))
 
 
 def _with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:

@@ -35,10 +35,10 @@ def run_wls(job: Job) -> tuple[Observation, Fit]:
 
 def run_iv(job: Job) -> tuple[Observation, Fit]:
     """Instrumental variables on matched-filtered rows, without the samples near a reversal."""
-    from modelgen.runtime.iv.freed_effects import fit_with_effects
     from modelgen.runtime.iv.instrumental_variables import fit_iv, iv_round
     from modelgen.runtime.iv.physical.composite_iv import fit_composites_iv
     from modelgen.runtime.iv.physical.gauss_newton_step import Rules
+    from modelgen.runtime.iv.shaped_effects import fit_in_shape
 
     composites = all_from_composites(job.model)
     # steps in physical parameters add the friction that rows drop where they differentiate it
@@ -73,7 +73,7 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
 
     if job.effects:
         near = job.start or run(job.records, None)[1]
-        found = fit_with_effects(setting, observed, near, job.effects, job.sizes, job.sharpened)
+        _, found = fit_in_shape(setting, observed, near, job.effects, job.sizes, job.sharpened)
         return found.observation, found.fit
     # turns leave gaps in the rows of arms, and stretches between them are too short to make them white
     return job.with_delays(run, None if job.model.is_arm else job.sharpened)

@@ -41,7 +41,15 @@ MOST_STEPS = 12
 # a held force has images beyond half the sampling frequency that fold back into the positions (0.4 (pi f /
 # fs)^2 of what the average does), what acts on the chain is worked out in first order and has one form of
 # many. What explains less than the last share of the residual that it leaves may be of that order.
-INEXACT = {"lag": 0.002, "average": 0.02, "force": 0.02, "form": 0.05, "mass": 0.05, "direction": 0.05}
+INEXACT = {
+    "lag": 0.002,
+    "average": 0.02,
+    "force": 0.02,
+    "form": 0.05,
+    "mass": 0.05,
+    "resonance": 0.02,
+    "direction": 0.05,
+}
 LITTLE_LEFT = 0.05
 # What is found after one of these kinds may be what its form leaves: all that it moves is left open.
 ROUGH = {"form", "mass"}

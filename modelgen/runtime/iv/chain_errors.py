@@ -9,7 +9,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import DIRECTION, Changes, Effect, curvature
-from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of
+from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of, pushed_body
 from modelgen.runtime.iv.thresholds import ROUNDED, UNCLEAR
 from modelgen.runtime.model.mechanical_parts import Friction
 from modelgen.runtime.model.model import Model
@@ -102,12 +102,7 @@ def _stribeck(body: str) -> Callable[[Simulated], Changes]:
 
 def _on_body(body: str, force: Callable[[Simulated], FloatArray]) -> Callable[[Simulated], Changes]:
     """Return what a force on a body, in N m or N, shape (n,), changes in the channels."""
-
-    def changes(simulated: Simulated) -> Changes:
-        push = np.array([float(name == body) for name in simulated.plant.bodies])
-        return Pushed(simulated, push, force(simulated))
-
-    return changes
+    return lambda simulated: pushed_body(simulated, body, force(simulated))
 
 
 def _friction(body: str, form: Callable[[FloatArray], FloatArray]) -> Callable[[Simulated], Changes]:

@@ -58,6 +58,7 @@ class Simulated:
     positions of bodies with an encoder were elsewhere in it, and the noise of that, rms, `speed`
     the speeds of bodies as simulated. `slow` is a speed that counts as low, by body, the same in all records.
     `felt` is for `modelgen.runtime.iv.pushed_chain`: which rows feel the pushes that it has looked at.
+    `measured` is the record itself, which leads the motion up to `led_hz`.
     """
 
     plant: Plant
@@ -68,6 +69,8 @@ class Simulated:
     speed: Mapping[str, FloatArray] = field(default_factory=dict)
     slow: Mapping[str, float] = field(default_factory=dict)
     felt: dict[tuple[float, ...], tuple[int, ...]] = field(default_factory=dict, repr=False)
+    measured: Record | None = None
+    led_hz: float = 0.0
 
     @cached_property
     def held(self) -> HeldChain:
@@ -151,14 +154,14 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
     body without one follows the slow part of the nearest.
     """
     motion, away, speeds = dict(simulated.motion), {}, {}
+    led_hz = min(LED * _dynamics_hz(choice), HIGHEST_LED * record.fs)
     for body in simulated.plant.bodies:
         speeds[body] = motion[f"v_{body}"]
         sensor, gear = nearest_sensor(simulated.plant, body, record)
         if sensor.order > 1:
             continue
         own = sensor.body == body
-        wide = LED * _dynamics_hz(choice) if own else _smoothing_hz(record, choice)
-        wide = min(wide, HIGHEST_LED * record.fs)
+        wide = led_hz if own else _smoothing_hz(record, choice)
         further = (record.signals[sensor.key] - simulated.record.signals[sensor.key]) * gear
         further = zero_phase(further, LED_ORDER, wide, record.fs)
         speed = speeds[body]
@@ -168,7 +171,7 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
         motion[f"v_{body}"] = speed + np.where(moving, change, 0.0)
         if own and sensor.order == 0:
             away[body] = further, float(np.sqrt(record.facts.spectrum(sensor.key).noise * wide))
-    return replace(simulated, motion=motion, away=away, speed=speeds)
+    return replace(simulated, motion=motion, away=away, speed=speeds, measured=record, led_hz=led_hz)
 
 
 def _beside(

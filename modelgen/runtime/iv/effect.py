@@ -28,7 +28,8 @@ class Effect:
         "delay of q_c", unique.
     kind : str
         "delay", "direction", "lag", "average", "clock", "gain", "zero", "constant", "force", "form" (one of
-        many, of friction or of a link) or "mass": how its size is said, and how exactly it is known.
+        many, of friction or of a link), "mass" or "resonance": how its size is said, and how exactly it is
+        known.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
     remedy : str
@@ -45,6 +46,15 @@ class Effect:
     at : callable, optional
         (Simulated, size) -> what is added per unit of further size where the effect is set right up to that
         size; by default what `changes` gives.
+    quiet : callable, optional
+        As `changes`, without noise of the sensors, where that has it: its instrument.
+    acting : callable, optional
+        (Simulated, size) -> the simulation with the effect, where first order is not enough for that.
+    shape : callable
+        Number of records -> what a change of what is not linear in the size adds (a frequency, a damping),
+        estimated with it.
+    moved : callable, optional
+        (size, sizes of `shape`) -> the effect with its shape changed by so much.
     """
 
     name: str
@@ -58,6 +68,10 @@ class Effect:
     record: int | None = None
     forms: tuple[Effect, ...] = ()
     at: Callable[[Simulated, float], Changes] | None = None
+    quiet: Callable[[Simulated], Changes] | None = None
+    acting: Callable[[Simulated, float], Simulated] | None = None
+    shape: Callable[[int], tuple[Effect, ...]] = lambda records: ()
+    moved: Callable[[float, Sequence[float]], Effect] | None = None
 
     def added(self, simulated: Simulated, size: float) -> Changes:
         """Return what is added to each channel per unit of further size, shape (n,) each."""

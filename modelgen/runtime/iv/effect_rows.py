@@ -22,15 +22,21 @@ from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
 from modelgen.runtime.rows.row_terms import channels_of_keys, channels_of_rows, mismatch_terms
 
 
-def simulated_records(fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
-    """Return what a simulation with a fit's parameters reads, record by record.
+def simulated_records(
+    fit: Fit, setting: Setting, effects: Sequence[Effect] = (), sizes: Sequence[float] = ()
+) -> tuple[Simulated, ...]:
+    """Return what a simulation with a fit's parameters reads, record by record, with effects that act on it.
 
     Raises
     ------
     IdentifiabilityError
         When the simulation fails.
     """
-    return simulated_with(simulation_parameters(setting.model, fit), fit, setting)
+    found = simulated_with(simulation_parameters(setting.model, fit), fit, setting)
+    for effect, size in zip(effects, sizes, strict=True):
+        if effect.acting is not None and effect.possible(size):
+            found = tuple(effect.acting(one, size) for one in found)
+    return found
 
 
 def simulated_with(values: Mapping[str, float], fit: Fit, setting: Setting) -> tuple[Simulated, ...]:

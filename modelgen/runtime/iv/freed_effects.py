@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.divergence import diverged, refuse_few, refuse_runaway
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
@@ -101,13 +102,14 @@ def fit_with_effects(
         plain = fit_at(observation, now)
         if plain.columns != start.columns:
             raise diverged("its columns change", now, setting.model)
-        simulated = simulated_records(plain, here)
+        simulated = simulated_records(plain, here, effects, sizes.tolist())
         Z = instruments(plain, here, {index: one.record for index, one in enumerate(simulated)})
         grown = effect_rows(plain, here, simulated, effects, sizes.tolist())
+        quiet = _quiet_rows(plain, here, simulated, effects, grown)
         late = _late_rows(plain, here, delays)
         # what is set right in the records leaves only the step to its size in the rows
         left = np.where(edited, 0.0, sizes)
-        larger = _with_columns(plain, Z, (*late, *grown), left, len(late))
+        larger = _with_columns(plain, Z, ((*late, *grown), (*late, *quiet)), left, len(late))
         x, steps = larger.solution.x[:c], larger.solution.x[c:]
         if not np.all(np.isfinite(steps)):
             raise diverged("its estimate is not finite", plain, setting.model)
@@ -167,13 +169,25 @@ def _late_rows(fit: Fit, setting: Setting, delays: Mapping[str, float]) -> Grown
     )
 
 
-def _with_columns(plain: Fit, Z: Sequence[FloatArray], grown: Grown, sizes: FloatArray, late: int) -> Fit:
-    """Return the fit with a column for each delay's step and each effect's size."""
+def _quiet_rows(
+    fit: Fit, setting: Setting, simulated: Sequence[Simulated], effects: Sequence[Effect], grown: Grown
+) -> Grown:
+    """Return the instruments of effects: what they do to the rows without noise of the sensors."""
+    ways = {place: effect.quiet for place, effect in enumerate(effects)}
+    quiet = {place: replace(effects[place], changes=way) for place, way in ways.items() if way is not None}
+    found = dict(zip(quiet, effect_rows(fit, setting, simulated, tuple(quiet.values())), strict=True))
+    return tuple(found.get(place, rows) for place, rows in enumerate(grown))
+
+
+def _with_columns(
+    plain: Fit, Z: Sequence[FloatArray], grown: tuple[Grown, Grown], sizes: FloatArray, late: int
+) -> Fit:
+    """Return the fit with a column for each delay's step and each effect's size, and their instruments."""
     # a late force is set right by its step; an effect stays in the rows
-    extra = [*(steps_of(rates) for rates in grown[:late]), *grown[late:]]
-    added = _added(plain, grown[late:], sizes)
+    extra, further = ([*(steps_of(rates) for rates in one[:late]), *one[late:]] for one in grown)
+    added = _added(plain, grown[0][late:], sizes)
     residuals = tuple(residual - more for residual, more in zip(plain.residuals, added, strict=True))
-    return with_columns(weighed(replace(plain, residuals=residuals)), Z, extra)
+    return with_columns(weighed(replace(plain, residuals=residuals)), Z, extra, further)
 
 
 def _alone(

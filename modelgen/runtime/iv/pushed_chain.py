@@ -94,3 +94,9 @@ class Pushed(Mapping[str, FloatArray]):
         left = ((1j * omega) ** order * read[:, of]) @ shares
         size = (omega**order * most[:, of]) @ np.abs(shares)
         return tuple(np.flatnonzero(np.any(np.abs(left) > FELT_SHARE * size, axis=0)).tolist())
+
+
+def pushed_body(simulated: Simulated, body: str, force: FloatArray) -> Pushed:
+    """Return what a force on one body, in N m or N, shape (n,), changes in the channels."""
+    push = np.array([float(name == body) for name in simulated.plant.bodies])
+    return Pushed(simulated, push, force)

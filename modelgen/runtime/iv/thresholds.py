@@ -143,3 +143,21 @@ FELT_SHARE, SEEN_AT = 1e-6, 16
 
 # A row that leaves more than this share of its force is told where instruments fail.
 LEFT_OF_FORCE = 0.5
+
+# A further mass is looked for from this share of the dynamics' frequency to this multiple of the cut-off,
+# each frequency so many times the one before, first with this damping ratio, which is wide enough to be met;
+# steps are taken from so many of these.
+RESONANCES_FROM, RESONANCES_TO, RESONANCE_GRID, FIRST_DAMPING = 0.25, 1.2, 1.15, 0.1
+RESONANCES_TRIED = 2
+# Steps of frequency and damping, at most; the longest ones, of their logarithms; a ratio stays above this
+# one; done when the logarithm of the likelihood grows by less than this.
+RESONANCE_STEPS, LEAST_DAMPING, SAME_SHAPE = 12, 1e-3, 1.0
+LONGEST_STEPS = ((-0.2, -1.0), (0.2, 1.0))
+# It is estimated where least squares leave less than this share of the rows with it; steps are taken where
+# they leave less than that share at the first.
+CLEARLY_LEFT, SEEN_AT_ALL = 0.9, 0.98
+# Sensors lead an acceleration where their noise has less than this share of its power.
+CLEAR_ACCELERATION = 0.01
+# Fits with the shape of an effect estimated, at most; done when its first numbers (the others are linear)
+# change by less than this share of their standard deviations.
+SHAPE_ROUNDS, SHAPE_NUMBERS, SHAPE_SETTLED = 6, 2, 0.3

@@ -18,7 +18,10 @@ from modelgen.runtime.numerics.regressor import Regressors
 
 
 def with_columns(
-    fit: Fit, Z: Regressors | Sequence[FloatArray], extra: Sequence[Sequence[FloatArray]]
+    fit: Fit,
+    Z: Regressors | Sequence[FloatArray],
+    extra: Sequence[Sequence[FloatArray]],
+    further: Sequence[Sequence[FloatArray]] = (),
 ) -> Fit:
     """Return the fit of the same weighted rows with further columns.
 
@@ -28,7 +31,9 @@ def with_columns(
     Z : Regressors, or sequence of array
         Instruments of its own columns, as `two_stage` takes them.
     extra : sequence of sequence of array
-        The further columns, which are their own instruments: of each one array a block, shape (n,).
+        The further columns: of each one array a block, shape (n,).
+    further : sequence of sequence of array
+        Their instruments; by default they are their own.
     """
     c, names = len(fit.columns), tuple(f"further {index}" for index in range(len(extra)))
     if not isinstance(Z, Regressors):
@@ -41,7 +46,8 @@ def with_columns(
         replace(block.kept(), W=samples, touched=places)
         for block, samples, places in zip(fit.blocks, W.samples, W.places, strict=True)
     )
-    return two_stage(replace(fit, columns=fit.columns + names, blocks=blocks), Z.joined(extra))
+    joined = Z.joined(further or extra)
+    return two_stage(replace(fit, columns=fit.columns + names, blocks=blocks), joined)
 
 
 def without_columns(larger: Fit, fit: Fit) -> Fit:

@@ -32,6 +32,8 @@ class HeldChain:
         What each coordinate takes of accelerations of the bodies.
     readings : mapping of str to pair of array (states,) and bool
         What a channel reads of each coordinate, and whether it is the slope of that.
+    speeds : array, shape (bodies, states)
+        What each coordinate adds to the speeds of the bodies.
     """
 
     plant: Plant
@@ -39,6 +41,7 @@ class HeldChain:
     rates: ComplexArray
     entering: ComplexArray
     readings: Mapping[str, tuple[ComplexArray, bool]]
+    speeds: ComplexArray
     _last: dict[tuple[float, ...], dict[str, ComplexArray]] = field(default_factory=dict, repr=False)
 
     @cached_property
@@ -67,17 +70,22 @@ class HeldChain:
 
     def _reading(self, channel: str, push: FloatArray) -> ComplexArray:
         shares, slope = self.readings[channel]
-        weight, swings, single = (
-            shares * self._excited(push),
-            self.rates.imag > 0.0,
-            self.rates.imag == 0.0,
-        )
+        found = self._answered(shares, push)
+        return np.asarray(1j * self.omega * found if slope else found)
+
+    def _answered(self, shares: ComplexArray, push: FloatArray) -> ComplexArray:
+        """Return the sum of the coordinates with these shares (states,) at all frequencies."""
+        swings, single = self.rates.imag > 0.0, self.rates.imag == 0.0
+        weight = shares * self._excited(push)
         # w / (s - p) and its conjugate together: (2 Re(w) s - 2 Re(w conj(p))) / (s^2 - 2 Re(p) s + |p|^2)
         level = np.r_[-2.0 * (weight * self.rates.conj()).real[swings], weight.real[single]]
         rise = np.r_[2.0 * weight.real[swings], np.zeros(np.count_nonzero(single))]
         s = 1j * self.omega
-        found = self._answers @ level + s * (self._answers @ rise)
-        return np.asarray(s * found if slope else found)
+        return np.asarray(self._answers @ level + s * (self._answers @ rise))
+
+    def acceleration(self, push: FloatArray) -> ComplexArray:
+        """Return the acceleration of what a unit of force is on, along it, shape (frequencies,)."""
+        return np.asarray(1j * self.omega * self._answered(push @ self.speeds, push))
 
     def readings_at(self, places: slice, push: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Return what all channels read at some frequencies, and the same with all coordinates of one sign.
@@ -114,4 +122,4 @@ def held_chain(plant: Plant, omega: FloatArray) -> HeldChain:
         for place, sensor in enumerate(plant.model.sensors)
     }
     readings[plant.force] = (-gains @ vectors, False)
-    return HeldChain(plant, omega, rates, entering, readings)
+    return HeldChain(plant, omega, rates, entering, readings, vectors[n:])

@@ -15,8 +15,8 @@ from modelgen.runtime.identification.methods import IV, WLS
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import SEARCHED, STRETCHES
 from modelgen.runtime.iv.effect import Effect
-from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.model_errors import zero_effect
+from modelgen.runtime.iv.shaped_effects import fit_in_shape
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
 
@@ -46,7 +46,7 @@ def explained_by_stretches(task: Task, method: IV) -> Begun:
         return replace(begun, found=replace(plain, drift=told.drift, advice=told.advice))
     effects = _of_records(told.effects, record_of, len(job.records))
     try:
-        freed = fit_with_effects(job.setting(), job.calm, plain.fit, effects, (), job.sharpened)
+        effects, freed = fit_in_shape(job.setting(), job.calm, plain.fit, effects, (), job.sharpened)
     except (IdentifiabilityError, DataError):
         move = told.fit.solution.x - plain.fit.solution.x
         moved = told.drift + np.outer(move, move)

@@ -54,3 +54,9 @@ def run_method(task: Task, method: Method) -> Begun:
     observation, fit = method.run(task.job)
     none = np.zeros((len(fit.columns),) * 2)
     return Begun(replace(task, method=method), Explained(observation, fit, (), (), none, ()))
+
+
+def begun_with(task: Task, found: Explained) -> Begun:
+    """Return a task with what was found, whose effects are estimated with other filters as well."""
+    job = replace(task.job, effects=found.effects, sizes=found.sizes)
+    return Begun(replace(task, job=job), found)

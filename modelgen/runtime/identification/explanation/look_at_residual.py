@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.thresholds import OVER_NOISE
 from modelgen.runtime.iv.effect import DIRECTION, Effect, unlike
 from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed
+from modelgen.runtime.iv.mass_search import further_masses
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score, scores, without_noise
 from modelgen.runtime.iv.thresholds import LITTLE_OWN
@@ -18,12 +21,16 @@ from modelgen.runtime.iv.thresholds import LITTLE_OWN
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What a residual says: scores, effects that are nearly columns, and rows that grow with those tested."""
+    """What a residual says: scores, effects that are nearly columns, and rows that grow with those tested.
+
+    `masses` are further masses with which least squares leave clearly less, where it is more than noise.
+    """
 
     found: tuple[Score, ...] = ()
     hidden: tuple[Effect, ...] = ()
     tested: tuple[Effect, ...] = ()
     rows: tuple[tuple[FloatArray, ...], ...] = ()
+    masses: tuple[Effect, ...] = ()
 
 
 def look(
@@ -32,13 +39,15 @@ def look(
     known: Sequence[Effect],
     slope: FloatArray | None,
     kinds: Sequence[str] = (),
+    masses_too: bool = False,
 ) -> Seen:
     """Return what the residual says of effects that are not estimated, of `kinds` if any.
 
     `slope` says how X grows with the parameters that were fitted in its place, shape (c, p).
+    Further masses are searched for where they are asked for, and a row leaves far more than noise.
     """
     try:
-        simulated = simulated_records(now.fit, now.setting)
+        simulated = simulated_records(now.fit, now.setting, known, now.sizes)
     except IdentifiabilityError:
         return Seen()
     # where every sample feels a reversal, a delay of a force is estimated only where the residual shows it
@@ -52,6 +61,9 @@ def look(
                                  for channel, _, _ in now.fit.delays)  # fmt: skip
     rows = effect_rows(now.fit, now.setting, simulated, tested)
     found = scores(now.fit, tested, rows, others, slope)
+    masses: tuple[Effect, ...] = ()
+    if masses_too and not job.model.cubic_springs and _unexplained(job, now):
+        masses = tuple(further_masses(now.fit, now.setting, simulated, known, others))
     doubtful = [tested.index(one.effect) for one in found if one.matters]
     if doubtful:
         seen = [tested[index] for index in doubtful]
@@ -59,4 +71,11 @@ def look(
         found = without_noise(found, now.fit, seen, noise, others, slope)
     told = {one.effect.name for one in found if one.own > LITTLE_OWN}
     hidden = tuple(effect for effect in tested if effect.name not in told)
-    return Seen(found, hidden, tuple(tested), rows)
+    return Seen(found, hidden, tuple(tested), rows, masses)
+
+
+def _unexplained(job: Job, now: Freed) -> bool:
+    """Tell whether a row leaves far more than noise."""
+    if now.fit.carried is not None:
+        return False
+    return bool(exceeding_noise(job.model, job.records, job.choice, now.fit, OVER_NOISE))

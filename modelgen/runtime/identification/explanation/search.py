@@ -23,8 +23,9 @@ from modelgen.runtime.identification.thresholds import (
     TRIED_TOO,
 )
 from modelgen.runtime.iv.effect import DIRECTION, Effect
-from modelgen.runtime.iv.freed_effects import Freed, fit_with_effects
+from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.score_tests import Score
+from modelgen.runtime.iv.shaped_effects import fit_in_shape
 from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS, LEVEL
 from modelgen.runtime.iv.told_effects import left
 from modelgen.runtime.numerics.tails import normal_beyond
@@ -76,20 +77,29 @@ class Search:
 
     def look(self) -> Seen:
         """Return what the residual shows of effects that are not estimated."""
-        return look(self.job, self.now, self.effects, self.slope)
+        first = len(self.effects) == self.given
+        return look(self.job, self.now, self.effects, self.slope, masses_too=first)
 
     def step(self, seen: Seen) -> Search:
         """Return the search with the effect estimated that leaves least, or at its end."""
         shown = [one for one in seen.found if one.matters and one.effect.possible(one.size)]
-        if not shown:
-            return replace(self, ended=True)
-        if _of_the_same(shown[0], self.effects):
-            return self._holding(shown[0])
         room = len(self.effects) < self.given + MOST_EFFECTS and len(self.before) < MOST_STEPS
-        tried = [one for one in self._tried(shown) if _names(one[1]) not in self.before] if room else []
+        tried = [one for one in self._with_mass(seen.masses)] if room else []
+        if not tried and not shown:
+            return replace(self, ended=True)
+        if not tried and _of_the_same(shown[0], self.effects):
+            return self._holding(shown[0])
+        tried += [one for one in self._tried(shown) if _names(one[1]) not in self.before] if room else []
         if not tried:
             return self._holding(shown[0], left_of(shown[0], shown))
         return self._with(tried)
+
+    def _with_mass(self, masses: Sequence[Effect]) -> Iterator[tuple[Effect, tuple[Effect, ...], Freed]]:
+        """Yield the fits with a further mass that leave clearly less."""
+        for effect in masses:
+            found = self._freed(effect)
+            if found is not None and found[1].fit.misfit < self.now.fit.misfit - 0.5 * AS_GOOD:
+                yield found[0][-1], *found
 
     def _holding(self, score: Score, *advice: Advice) -> Search:
         """Return the search at its end, with what a score moves in the intervals."""
@@ -101,6 +111,8 @@ class Search:
 
         Far from the truth the shares that effects explain are shares along a tangent only.
         """
+        if not shown:
+            return
         likely = [one for one in shown if one.explained >= TRIED_TOO * shown[0].explained][:MOST_TRIED]
         known = {effect.name for effect in self.effects}
         for effect in dict.fromkeys(one for score in likely for one in (score.effect, *score.effect.forms)):
@@ -117,9 +129,10 @@ class Search:
         effects, sizes = (*self.effects, effect), (*self.now.sizes, 0.0)
         certain = normal_beyond(0.5 * LEVEL)
         while True:
-            found = self._solved(effects, sizes)
-            if found is None:
+            solved = self._solved(effects, sizes)
+            if solved is None:
                 return None
+            effects, found = solved
             real = [self._is_real(*one) for one in zip(effects, found.sizes, strict=True)]
             # zeros that a start brought along are nuisances: they stay, whatever their size is
             for place in range(self.given, len(effects) - 1):
@@ -131,10 +144,13 @@ class Search:
             effects = tuple(one for one, kept in zip(effects, real, strict=True) if kept)
             sizes = tuple(one for one, kept in zip(found.sizes, real, strict=True) if kept)
 
-    def _solved(self, effects: tuple[Effect, ...], sizes: tuple[float, ...]) -> Freed | None:
+    def _solved(
+        self, effects: tuple[Effect, ...], sizes: tuple[float, ...]
+    ) -> tuple[tuple[Effect, ...], Freed] | None:
+        """Return the effects, in the shape that is found, and the fit; None where there is none."""
         job = self.job
         try:
-            return fit_with_effects(
+            return fit_in_shape(
                 job.setting(), job.calm, self.now.fit, effects, sizes, job.sharpened, EFFECT_ROUNDS
             )
         except (IdentifiabilityError, DataError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -22,6 +21,7 @@ from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score
 from tests.runtime.two_mass_records import SMALL, two_mass_records
 
+Solved = tuple[tuple[Effect, ...], Freed]
 EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), 2)}
 FRICTION, LATE, GAIN, OTHER = (
     EFFECTS[name] for name in ("Coulomb friction on c", "delay of q_c", "gain of q_c", "constant force on c")
@@ -37,12 +37,12 @@ def job() -> Job:
 def solved(monkeypatch: pytest.MonkeyPatch, certain: dict[str, float]) -> None:
     """Let every fit find sizes that are so many of their standard deviations."""
 
-    def fit(setting: Any, rows: Any, start: Any, effects: Sequence[Effect], *rest: Any) -> Freed:
+    def fit(setting: Any, rows: Any, start: Any, effects: tuple[Effect, ...], *rest: Any) -> Solved:
         stds = tuple(1e-6 for _ in effects)
         sizes = tuple(certain[effect.name] * 1e-6 for effect in effects)
-        return Freed(cast(Any, None), cast(Any, SimpleNamespace()), setting, sizes, stds)
+        return effects, Freed(cast(Any, None), cast(Any, SimpleNamespace()), setting, sizes, stds)
 
-    monkeypatch.setattr(module, "fit_with_effects", fit)
+    monkeypatch.setattr(module, "fit_in_shape", fit)
 
 
 def searching(*effects: Effect, given: int = 0) -> Search:
@@ -73,11 +73,12 @@ def test_an_effect_whose_sign_physics_forbids_is_not_taken(monkeypatch: pytest.M
 def test_effects_that_take_each_other_s_place_do_not_do_so_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     left = SimpleNamespace(misfit=0.0, solution=SimpleNamespace(x=np.zeros(6)))
 
-    def fit(setting: Any, rows: Any, start: Any, effects: Sequence[Effect], *rest: Any) -> Freed:
+    def fit(setting: Any, rows: Any, start: Any, effects: tuple[Effect, ...], *rest: Any) -> Solved:
         sizes = (*(1e-7 for _ in effects[1:]), 1e-4)  # only the last one is certain
-        return Freed(cast(Any, None), cast(Any, left), setting, sizes, tuple(1e-6 for _ in effects))
+        stds = tuple(1e-6 for _ in effects)
+        return effects, Freed(cast(Any, None), cast(Any, left), setting, sizes, stds)
 
-    monkeypatch.setattr(module, "fit_with_effects", fit)
+    monkeypatch.setattr(module, "fit_in_shape", fit)
     search = searching()
     search = replace(search, now=replace(search.now, fit=cast(Any, left)))
     turns, steps = (FRICTION, OTHER), 0

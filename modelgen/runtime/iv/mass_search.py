@@ -1,0 +1,141 @@
+"""Which further mass leaves least of the rows: from a grid of frequencies on, by Gauss and Newton's steps.
+
+By least squares: a simulation without the mass is far off about its resonance, and so are instruments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.iv.companion_simulation import Simulated
+from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.effect_rows import effect_rows
+from modelgen.runtime.iv.further_mass import further_mass
+from modelgen.runtime.iv.instrumental_variables import Setting
+from modelgen.runtime.iv.thresholds import (
+    CLEARLY_LEFT,
+    FIRST_DAMPING,
+    RESONANCE_GRID,
+    RESONANCE_STEPS,
+    RESONANCES_FROM,
+    RESONANCES_TO,
+    RESONANCES_TRIED,
+    SAME_SHAPE,
+    SEEN_AT_ALL,
+    WEIGHTING_ROUNDS,
+)
+from modelgen.runtime.least_squares.fit import Fit
+
+
+def further_masses(
+    fit: Fit,
+    setting: Setting,
+    simulated: Sequence[Simulated],
+    known: Sequence[Effect],
+    others: Sequence[Sequence[FloatArray]],
+) -> Iterator[Effect]:
+    """Yield for each body the further mass with which clearly less is left, if there is one.
+
+    Parameters
+    ----------
+    fit : Fit
+    setting : Setting
+    simulated : sequence of Simulated
+        With the fit's parameters.
+    known : sequence of Effect
+        Those that are estimated already.
+    others : sequence of sequence of array
+        How Y - W X grows with these and with delays, one array a block each.
+    """
+    rows = _Rows(fit, setting, simulated, others)
+    names = {effect.name for effect in known}
+    whole = rows.left(()).misfit
+    seen, limit = (whole + fit.count * float(np.log(share)) for share in (SEEN_AT_ALL, CLEARLY_LEFT))
+    for body in simulated[0].plant.bodies:
+        grid = [further_mass(body, hz, FIRST_DAMPING) for hz in _frequencies(setting)]
+        if grid[0].name in names:
+            continue
+        at_grid = sorted(((one, rows.left((one,)).misfit) for one in grid), key=lambda pair: pair[1])
+        begun = [one for one, misfit in at_grid[:RESONANCES_TRIED] if misfit < seen]
+        tried = [_sharpened(one, rows) for one in begun]
+        best = min(tried, key=lambda pair: pair[1].misfit, default=None)
+        if best is not None and best[1].misfit < limit:
+            yield best[0]
+
+
+def _frequencies(setting: Setting) -> list[float]:
+    """Return the frequencies in Hz at which a further mass is looked for."""
+    choice, fs = setting.choice, min(record.fs for record in setting.records)
+    low = RESONANCES_FROM * (choice.dynamics_hz or choice.cutoff_hz)
+    high = min(RESONANCES_TO * choice.cutoff_hz, 0.5 * fs)
+    count = max(2, round(float(np.log(high / low) / np.log(RESONANCE_GRID))))
+    return [float(hz) for hz in np.geomspace(low, high, count)]
+
+
+def _sharpened(best: Effect, rows: _Rows) -> tuple[Effect, _Left]:
+    """Return a further mass with the frequency and the damping that leave least, and what is left."""
+    least = rows.begun(best)
+    for _ in range(RESONANCE_STEPS):
+        free = rows.left((best, *best.shape(rows.records)))
+        if best.moved is None or not free.sizes[0] > 0.0:
+            break
+        # a shorter step where a long one leads too far
+        tried = [best.moved(free.sizes[0], [by * step for step in free.sizes[1:]]) for by in (1.0, 0.3)]
+        now, left = min(((one, rows.begun(one)) for one in tried), key=lambda pair: pair[1].misfit)
+        if left.misfit > least.misfit - SAME_SHAPE:
+            break
+        best, least = now, left
+    return best, least
+
+
+@dataclass(frozen=True, eq=False)
+class _Left:
+    """Minus the logarithm of the likelihood that is left, infinite without a mass, and sizes of effects."""
+
+    misfit: float
+    sizes: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows of a fit whose effects are estimated by least squares; parameters as `further_masses` takes."""
+
+    fit: Fit
+    setting: Setting
+    simulated: Sequence[Simulated]
+    others: Sequence[Sequence[FloatArray]]
+
+    @property
+    def records(self) -> int:
+        return len(self.setting.records)
+
+    def begun(self, mass: Effect) -> _Left:
+        """Return what is left with a mass that moves as it likes when the records begin."""
+        return self.left((mass, *mass.shape(self.records)[2:]))
+
+    def left(self, effects: Sequence[Effect]) -> _Left:
+        """Return what is left with effects as further columns, each block weighted by what it leaves."""
+        blocks, c = self.fit.dense().blocks, len(self.fit.columns)
+        grown = (*self.others, *effect_rows(self.fit, self.setting, self.simulated, effects))
+        rows = [
+            np.column_stack([block.W, *(parts[index] for parts in grown)])
+            for index, block in enumerate(blocks)
+        ]
+        tiny = float(np.finfo(float).tiny)
+        scale = np.sqrt(sum(np.sum(part**2, axis=0) for part in rows)) + tiny
+        weights, x, shares = self.fit.weights, np.zeros(len(scale)), np.ones(len(rows))
+        for _ in range(WEIGHTING_ROUNDS):
+            A = np.concatenate([weight * part for weight, part in zip(weights, rows, strict=True)]) / scale
+            y = np.concatenate([weight * block.Y for weight, block in zip(weights, blocks, strict=True)])
+            x = np.linalg.lstsq(A, y, rcond=None)[0] / scale
+            left = [block.Y - part @ x for block, part in zip(blocks, rows, strict=True)]
+            norms = np.array([np.linalg.norm(one) for one in left]) + tiny
+            weights = tuple((np.sqrt([block.count for block in blocks]) / norms).tolist())
+            shares = norms / np.array([block.size(x[:c]) or 1.0 for block in blocks])
+        sizes = tuple(x[len(x) - len(effects) :].tolist())
+        misfit = float(np.array([block.count for block in blocks]) @ np.log(shares))
+        return _Left(misfit if all(size > 0.0 for size in sizes[:1]) else np.inf, sizes)

@@ -1,0 +1,114 @@
+"""A further mass as an effect: what it does to a chain is what the longer chain does, and it is found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modelgen.cli.candidates import spec_model
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.iv.companion_simulation import simulated_beside
+from modelgen.runtime.iv.further_mass import further_mass
+from modelgen.runtime.simulation.held_chain import held_chain
+from modelgen.runtime.simulation.plant import make_plant
+from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import parse_spec
+from tests.runtime.two_mass_records import SMALL, TRUTH, two_mass_records
+
+TWO = """
+[chain]
+name = "two"
+motion = "rotation"
+[[bodies]]
+name = "m"
+inertia = "J_m"
+viscous = "F_vm"
+coulomb = "F_sm"
+actuator = "T"
+[[bodies]]
+name = "c"
+inertia = "J_c"
+[[links]]
+bodies = ["m", "c"]
+stiffness = "K"
+damping = "D"
+"""
+FURTHER = """
+[[bodies]]
+name = "x"
+inertia = "J_x"
+[[links]]
+bodies = ["c", "x"]
+stiffness = "K_x"
+damping = "D_x"
+"""
+SENSORS = """
+[sensors.s]
+q_m = { body = "m", measures = "position" }
+q_c = { body = "c", measures = "position" }
+"""
+SHORT = spec_model(parse_spec(TWO + SENSORS, "two.toml"), "s")
+LONG = spec_model(parse_spec(TWO + FURTHER + SENSORS, "three.toml"), "s")
+KNOWN = {"J_m": 2e-3, "F_vm": 0.02, "F_sm": 0.4, "J_c": 6e-3, "K": 1500.0, "D": 0.6}
+MASS = {"J_x": 5e-4, "K_x": 400.0, "D_x": 0.03}
+OMEGA = float(np.sqrt(MASS["K_x"] / MASS["J_x"]))
+HZ, DAMPING = OMEGA / (2.0 * np.pi), 0.5 * MASS["D_x"] * OMEGA / MASS["K_x"]
+
+
+def test_a_chain_with_the_mass_moves_as_the_longer_chain() -> None:
+    """Accelerations with the mass, what it does to itself included, are those that the chain's poles give."""
+    omega = np.linspace(1200.0, 3000.0, 40)
+    short, long = (
+        held_chain(make_plant(model, values), omega)
+        for model, values in ((SHORT, KNOWN), (LONG, KNOWN | MASS))
+    )
+    moved = short.acceleration(np.array([0.0, 1.0]))
+    u = 1j * omega / OMEGA
+    pull = MASS["J_x"] * (1.0 + 2.0 * DAMPING * u) / (1.0 + 2.0 * DAMPING * u + u**2)
+    expected = long.acceleration(np.array([0.0, 1.0, 0.0]))
+    # the weak feedback that holds a chain is set by its own inertia
+    np.testing.assert_allclose(moved / (1.0 + pull * moved), expected, rtol=0.01)
+    assert np.max(np.abs(moved / expected - 1.0)) > 0.1
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_frequency_and_damping_change_the_effect_as_their_columns_say(place: int) -> None:
+    record = two_mass_records(noise=0.0)[0].part(0, 2000, "short")
+    simulated = simulated_beside(SMALL, TRUTH, record, choose_filter(SMALL, (record,)))
+    mass, size, step = further_mass("c", 150.0, 0.1), 2e-7, 1e-4
+    assert mass.moved is not None
+    steps = [size * step if index == place else 0.0 for index in range(2)]
+    near = [mass.moved(size, [sign * by for by in steps]) for sign in (1.0, -1.0)]
+    more, less = (one.changes(simulated)["q_c"] for one in near)
+    expected = mass.shape(1)[place].changes(simulated)["q_c"]
+    scale = float(np.max(np.abs(expected)))
+    np.testing.assert_allclose((more - less) / (2.0 * step), expected, atol=1e-5 * scale)
+
+
+def test_how_a_mass_moves_at_first_belongs_to_its_record() -> None:
+    record = two_mass_records(noise=0.0)[0].part(0, 2000, "short")
+    simulated = simulated_beside(SMALL, TRUTH, record, choose_filter(SMALL, (record,)))
+    of_first, of_second = further_mass("c", 150.0, 0.1).shape(2)[2], further_mass("c", 150.0, 0.1).shape(2)[4]
+    assert of_first.changes(simulated) and not of_second.changes(simulated)
+    assert of_second.changes(replace(simulated, index=1))
+
+
+@pytest.mark.slow
+def test_a_further_mass_in_the_band_is_found_and_named() -> None:
+    """Lumped with the load, it would move J_c by 8 %; its resonance lies below the chain's own."""
+    noise = {"q_m": 3e-6, "q_c": 3e-6, "T": 8e-3}
+    options = {"fs": 5000.0, "duration_s": 1.5, "oversample": 8, "noise": noise}
+    records = [simulate(LONG, KNOWN | MASS, kind, **options).record for kind in ("chirp", "trapezoid")]
+    estimate = identify(SHORT, records)
+    intervals = estimate.conf_int(physical=True)
+    low, high = intervals["J_c"]
+    assert low < KNOWN["J_c"] < high
+    assert high - low < 0.02 * KNOWN["J_c"]
+    # as exactly as the simulation is
+    for name in ("J_m", "K"):
+        assert estimate.physical[name] == pytest.approx(KNOWN[name], rel=1e-3)
+    said = " ".join(advice.what for advice in estimate.checks.advice)
+    assert f"a further mass on a spring hangs on c, with a resonance of its own near {HZ:.3g} Hz" in said
