@@ -1,0 +1,33 @@
+"""What cannot be negative, and is by many deviations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.contradiction import below_zero
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.wls import fit_matched
+from tests.runtime.two_mass_records import SMALL, two_mass_records
+
+
+def test_a_negative_stiffness_counts_in_deviations_that_hold_what_is_known_to_move_it() -> None:
+    records = tuple(two_mass_records())
+    job = Job(SMALL, records, choose_filter(SMALL, records))
+    fit = fit_matched(job.calm(records))
+    c, place = len(fit.columns), fit.columns.index("K")
+    none = np.zeros((c, c))
+    assert below_zero(SMALL, fit, none) == 0.0
+    spread = float(np.sqrt(hac_covariance(fit)[place, place]))
+    x = fit.solution.x.copy()
+    x[place] = -9.0 * spread
+    wrong = replace(fit, solution=replace(fit.solution, x=x))
+    # the covariance is of the residuals that the fit was left with
+    assert below_zero(SMALL, wrong, none) == pytest.approx(9.0)
+    drift = none.copy()
+    drift[place, place] = 8.0 * spread**2
+    assert below_zero(SMALL, wrong, drift) == pytest.approx(3.0)
