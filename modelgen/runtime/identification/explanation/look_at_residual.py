@@ -16,7 +16,7 @@ from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.mass_search import further_masses
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score, scores, without_noise
-from modelgen.runtime.iv.thresholds import LITTLE_OWN
+from modelgen.runtime.iv.thresholds import EXACTNESS, LITTLE_OWN
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ def look(
 
 
 def _unexplained(job: Job, now: Freed) -> bool:
-    """Tell whether a row leaves far more than noise."""
+    """Tell whether a row leaves far more than noise, and than rows are exact to."""
     if now.fit.carried is not None:
         return False
-    return bool(exceeding_noise(job.model, job.records, job.choice, now.fit, OVER_NOISE))
+    return bool(exceeding_noise(job.model, job.records, job.choice, now.fit, OVER_NOISE, EXACTNESS))

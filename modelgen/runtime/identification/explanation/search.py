@@ -95,10 +95,13 @@ class Search:
         return self._with(tried)
 
     def _with_mass(self, masses: Sequence[Effect]) -> Iterator[tuple[Effect, tuple[Effect, ...], Freed]]:
-        """Yield the fits with a further mass that leave clearly less."""
+        """Yield the fits with a further mass that is certain and leaves clearly less."""
+        least = normal_beyond(0.5 * LEVEL)
         for effect in masses:
             found = self._freed(effect)
-            if found is not None and found[1].fit.misfit < self.now.fit.misfit - 0.5 * AS_GOOD:
+            if found is None or found[1].fit.misfit > self.now.fit.misfit - 0.5 * AS_GOOD:
+                continue
+            if found[1].sizes[-1] > least * found[1].stds[-1]:
                 yield found[0][-1], *found
 
     def _holding(self, score: Score, *advice: Advice) -> Search:
