@@ -99,15 +99,18 @@ def negative_values(model: Model, parameters: Sequence[Parameter]) -> tuple[Advi
             continue
         if entry.value < -SIGNIFICANT_MOVE * entry.std:
             found.append(
-                Advice(
-                    "negative",
-                    entry.name,
-                    f"= {entry.value:.4g} is {abs(entry.value) / max(entry.std, 1e-300):.1f} standard "
-                    f"deviations below zero, and no {role.role} is",
-                    "check signs of channels (--map KEY=-COLUMN), delays, and whether two are swapped",
-                )
+                negative_value(model, entry.name, entry.value, abs(entry.value) / max(entry.std, 1e-300))
             )
     return tuple(found)
+
+
+def negative_value(model: Model, name: str, value: float, deviations: float) -> Advice:
+    """Return what is said of a parameter so many standard deviations below zero that cannot be negative."""
+    what = f"= {value:.4g} is {deviations:.1f} standard deviations below zero"
+    if name in model.roles:
+        what += f", and no {model.roles[name].role} is"
+    remedy = "check signs of channels (--map KEY=-COLUMN), delays, and whether two are swapped"
+    return Advice("negative", name, what, remedy)
 
 
 def uncertain_parameters(

@@ -80,9 +80,9 @@ class Tried:
     def digits(self, size: FloatArray, lower: Sequence[Tried]) -> float:
         """Return how many digits of all parameters the method is predicted to know.
 
-        `lower` are lower cut-offs, from the first on: what moves an estimate away from theirs by more than
-        they leave open is dynamics that the model lacks, or noise that is not what it seems. `size`, shape
-        (c,), is what errors are compared with.
+        `lower` are lower cut-offs: what moves an estimate away from theirs by more than they leave open is
+        dynamics that the model lacks, or noise that is not what it seems. `size`, shape (c,), is what errors
+        are compared with.
         """
         moved = np.zeros(len(self.x))
         for other in lower:
@@ -173,17 +173,21 @@ class Scan:
     def worth(self) -> dict[int, float]:
         """Return the digits of every step that gave an estimate, none of those that are of no use.
 
-        Below the first cut-off little is left of a motion: what moves from there is no measure.
+        Below the first cut-off little is left of a motion: what moves from there is no measure, but of an
+        estimate that noise pulls where hardly any is left of it there.
         """
         found = {step: one for step, one in sorted(self._found.items()) if one is not None}
         size = np.median([one.size for one in found.values()], axis=0)
         most = max(LOAD_ROW_LEFT, found[0].left)
-        return {
-            step: one.digits(size, [other for k, other in found.items() if 0 <= k < step])
-            if one.left <= most and one.calm >= LEAST_CALM
-            else -np.inf
-            for step, one in found.items()
-        }
+        usable = {step: one for step, one in found.items() if one.left <= most and one.calm >= LEAST_CALM}
+        worth = dict.fromkeys(found, -np.inf)
+        for step, one in usable.items():
+            below = {k: other for k, other in found.items() if k < step}
+            measures = [
+                other for k, other in below.items() if k >= 0 or (k in usable and one.noisy > other.noisy)
+            ]
+            worth[step] = one.digits(size, measures)
+        return worth
 
     def at(self, step: int) -> Tried | None:
         """Return what a step gives; None where it gives nothing, or other columns."""

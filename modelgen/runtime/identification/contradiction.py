@@ -23,11 +23,11 @@ def contradiction(fit: Fit, other: Fit) -> FloatArray:
     return np.where(np.abs(move) > DISAGREEMENT * np.sqrt(np.maximum(variance, 0.0)), move, 0.0)
 
 
-def below_zero(model: Model, fit: Fit, drift: FloatArray) -> float:
-    """Return by how many standard deviations the worst column is negative that cannot be; drift is (c, c)."""
+def below_zero(model: Model, fit: Fit, drift: FloatArray) -> dict[str, float]:
+    """Return by how many standard deviations columns are negative that cannot be; drift is (c, c)."""
     negative = negative_columns(model, fit)
     if not negative:
-        return 0.0
+        return {}
     spread = np.sqrt(np.diag(hac_covariance(fit)) + np.diag(drift))
     stds = dict(zip(fit.columns, spread.tolist(), strict=True))
-    return max((-value / stds[name] for name, value in negative.items() if stds[name] > 0.0), default=0.0)
+    return {name: -value / stds[name] for name, value in negative.items() if stds[name] > 0.0}

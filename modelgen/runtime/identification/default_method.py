@@ -10,6 +10,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.progress import step
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.diagnostics.parameter_checks import negative_value
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero, contradiction
@@ -61,12 +62,15 @@ def default_method(task: Task, method: Auto) -> Begun:
         When the records answer none of the parameters.
     """
     found = _method_of(task, method)
-    below = _below(found)
-    if below < BEYOND_CHANCE:
+    model, told = found.task.model, found.found
+    below = below_zero(model, told.fit, told.drift)
+    certain = {name: deviations for name, deviations in below.items() if deviations >= BEYOND_CHANCE}
+    if not certain:
         return found
-    told = found.found
-    wider = told.drift + (0.5 * below) ** 2 * (hac_covariance(told.fit) + told.drift)
-    return replace(found, found=replace(told, drift=wider))
+    wider = told.drift + (0.5 * max(certain.values())) ** 2 * (hac_covariance(told.fit) + told.drift)
+    values = dict(zip(told.fit.columns, told.fit.solution.x.tolist(), strict=True))
+    said = (negative_value(model, name, values[name], deviations) for name, deviations in certain.items())
+    return replace(found, found=replace(told, drift=wider, advice=(*told.advice, *said)))
 
 
 def _method_of(task: Task, method: Auto) -> Begun:
@@ -101,7 +105,7 @@ def _method_of(task: Task, method: Auto) -> Begun:
 
 
 def _below(one: Begun) -> float:
-    return below_zero(one.task.model, one.found.fit, one.found.drift)
+    return max(below_zero(one.task.model, one.found.fit, one.found.drift).values(), default=0.0)
 
 
 def _tried(task: Task, method: Auto) -> Begun | None:

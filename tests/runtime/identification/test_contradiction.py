@@ -21,13 +21,13 @@ def test_a_negative_stiffness_counts_in_deviations_that_hold_what_is_known_to_mo
     fit = fit_matched(job.calm(records))
     c, place = len(fit.columns), fit.columns.index("K")
     none = np.zeros((c, c))
-    assert below_zero(SMALL, fit, none) == 0.0
+    assert below_zero(SMALL, fit, none) == {}
     spread = float(np.sqrt(hac_covariance(fit)[place, place]))
     x = fit.solution.x.copy()
     x[place] = -9.0 * spread
     wrong = replace(fit, solution=replace(fit.solution, x=x))
     # the covariance is of the residuals that the fit was left with
-    assert below_zero(SMALL, wrong, none) == pytest.approx(9.0)
+    assert below_zero(SMALL, wrong, none) == {"K": pytest.approx(9.0)}
     drift = none.copy()
     drift[place, place] = 8.0 * spread**2
-    assert below_zero(SMALL, wrong, drift) == pytest.approx(3.0)
+    assert below_zero(SMALL, wrong, drift) == {"K": pytest.approx(3.0)}
