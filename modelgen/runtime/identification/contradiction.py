@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+from dataclasses import replace
+
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.identification.thresholds import DISAGREEMENT
+from modelgen.runtime.diagnostics.parameter_checks import negative_value
+from modelgen.runtime.identification.explanation.explained import Explained
+from modelgen.runtime.identification.thresholds import BEYOND_CHANCE, DISAGREEMENT
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
@@ -31,3 +36,23 @@ def below_zero(model: Model, fit: Fit, drift: FloatArray) -> dict[str, float]:
     spread = np.sqrt(np.diag(hac_covariance(fit)) + np.diag(drift))
     stds = dict(zip(fit.columns, spread.tolist(), strict=True))
     return {name: -value / stds[name] for name, value in negative.items() if stds[name] > 0.0}
+
+
+def with_impossible_signs(model: Model, found: Explained, refused: Container[str]) -> Explained:
+    """Return what was found, with signs told that cannot be, and intervals that hold them.
+
+    What is negative by many of its standard deviations, and cannot be, shows that all of these are too small:
+    they are multiplied by what would make that one likely. What is refused shows nothing.
+    """
+    below = below_zero(model, found.fit, found.drift)
+    certain = {
+        name: deviations
+        for name, deviations in below.items()
+        if deviations >= BEYOND_CHANCE and name not in refused
+    }
+    if not certain:
+        return found
+    wider = found.drift + (0.5 * max(certain.values())) ** 2 * (hac_covariance(found.fit) + found.drift)
+    values = dict(zip(found.fit.columns, found.fit.solution.x.tolist(), strict=True))
+    said = (negative_value(model, name, values[name], deviations) for name, deviations in certain.items())
+    return replace(found, drift=wider, advice=(*found.advice, *said))

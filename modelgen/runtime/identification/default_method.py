@@ -10,7 +10,6 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.progress import step
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
-from modelgen.runtime.diagnostics.parameter_checks import negative_value
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero, contradiction
@@ -49,10 +48,7 @@ from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
 
 def default_method(task: Task, method: Auto) -> Begun:
-    """Return a task with the method run that the default becomes; intervals hold signs that are impossible.
-
-    What is negative by many of its standard deviations, and cannot be, shows that all of these are too small:
-    they are multiplied by what would make that one likely.
+    """Return a task with the method run that the default becomes.
 
     Raises
     ------
@@ -61,19 +57,6 @@ def default_method(task: Task, method: Auto) -> Begun:
     IdentifiabilityError
         When the records answer none of the parameters.
     """
-    found = _method_of(task, method)
-    model, told = found.task.model, found.found
-    below = below_zero(model, told.fit, told.drift)
-    certain = {name: deviations for name, deviations in below.items() if deviations >= BEYOND_CHANCE}
-    if not certain:
-        return found
-    wider = told.drift + (0.5 * max(certain.values())) ** 2 * (hac_covariance(told.fit) + told.drift)
-    values = dict(zip(told.fit.columns, told.fit.solution.x.tolist(), strict=True))
-    said = (negative_value(model, name, values[name], deviations) for name, deviations in certain.items())
-    return replace(found, found=replace(told, drift=wider, advice=(*told.advice, *said)))
-
-
-def _method_of(task: Task, method: Auto) -> Begun:
     if method.rows == "power":
         begun = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
         return _with_note(begun, "method wls: rows of power have no instruments; delays are not estimated")

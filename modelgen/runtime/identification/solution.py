@@ -28,6 +28,7 @@ from modelgen.runtime.diagnostics.settings_drift import (
 )
 from modelgen.runtime.diagnostics.suspicious_samples import told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.identification.contradiction import with_impossible_signs
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.memory_limit import beyond_limit
@@ -133,12 +134,14 @@ def fitted(task: Task) -> tuple[Task, Solution]:
     """
     step("filtering and solving")
     with told_on_failure(task.doubts):
-        start = _run(task)
+        start, by_default = _run(task), isinstance(task.method, Auto)
         task, told = start.task, start.found
         model, job, method, plain = task.model, task.job, task.method, told.fit
         refused, advice = refusals(model, job.records, job.choice, plain, task.checks.keep)
         if all(name in refused for name in plain.columns):
             raise all_refused(refused)
+    if by_default:
+        told = with_impossible_signs(model, told, refused)
     bias = None
     if _bias_counts(task):
         freed, effect = less_noise(model, job.records, job.choice, plain)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
-from modelgen.runtime.identification.contradiction import below_zero
+from modelgen.runtime.identification.contradiction import below_zero, with_impossible_signs
+from modelgen.runtime.identification.explanation.explained import Explained
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import fit_matched
@@ -31,3 +32,9 @@ def test_a_negative_stiffness_counts_in_deviations_that_hold_what_is_known_to_mo
     drift = none.copy()
     drift[place, place] = 8.0 * spread**2
     assert below_zero(SMALL, wrong, drift) == {"K": pytest.approx(3.0)}
+    found = Explained(job.calm(records), wrong, (), (), none, ())
+    told = with_impossible_signs(SMALL, found, ())
+    assert [(one.kind, one.where) for one in told.advice] == [("negative", "K")]
+    np.testing.assert_allclose(told.drift, 4.5**2 * hac_covariance(wrong))
+    # what is refused shows nothing
+    assert with_impossible_signs(SMALL, found, {"K"}) is found
