@@ -36,7 +36,7 @@ from modelgen.runtime.identification.thresholds import (
     STEPS_IN_VAIN,
 )
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.further_columns import with_columns, without_columns
+from modelgen.runtime.least_squares.further_columns import with_columns_free
 from modelgen.runtime.least_squares.hac_covariance import (
     andrews_bandwidth,
     covariance_of_bandwidth,
@@ -45,7 +45,6 @@ from modelgen.runtime.least_squares.hac_covariance import (
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.row_block import RowBlock
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +224,7 @@ class Scan:
             np.maximum(np.abs(x - bias), np.abs(x) / 3.0),
             square if consistent else square + bias**2,
             bool(np.any(np.abs(noise.bias) > LITTLE_BIAS * np.abs(x))),
-            max((one for block, one in _left(fit) if not block.has_force), default=0.0),
+            _left_without_force(fit),
             calm,
         )
 
@@ -237,9 +236,10 @@ class Scan:
         return covariance_of_bandwidth(fit, self._correlated / factor if step > 0 else 1.0)
 
 
-def _left(fit: Fit) -> list[tuple[RowBlock, float]]:
-    """Return the blocks of a fit and what share of its largest term each leaves."""
-    return list(zip(fit.blocks, fit.left_shares, strict=True))
+def _left_without_force(fit: Fit) -> float:
+    """Return the largest share of its largest term that a row without a force leaves."""
+    shares = zip(fit.blocks, fit.left_shares, strict=True)
+    return max((share for block, share in shares if not block.has_force), default=0.0)
 
 
 def _calm_share(fit: Fit, records: Sequence[Record], choice: FilterChoice) -> float:
@@ -254,7 +254,7 @@ def _calm_share(fit: Fit, records: Sequence[Record], choice: FilterChoice) -> fl
 def _delays_free(job: Job, fit: Fit) -> Fit:
     """Return a fit that leaves open how late its forces are."""
     rates = [job.rates(fit, job.records, channel) for channel in job.late]
-    return without_columns(with_columns(fit, fit.regressors, rates), fit)
+    return with_columns_free(fit, rates)
 
 
 def _choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:

@@ -46,7 +46,7 @@ def fit_in_shape(
         for place, (effect, size, shape) in enumerate(zip(last, sizes, shapes, strict=True)):
             if effect.moved is not None:
                 own = slice(first, first + len(shape))
-                share = np.abs(found.sizes[own]) / np.maximum(found.stds[own], _TINY)
+                share = np.abs(found.sizes[own]) / np.maximum(found.stds[own], np.finfo(float).tiny)
                 settled &= bool(np.all(share[:SHAPE_NUMBERS] < SHAPE_SETTLED))
                 now = (*now[:place], effect.moved(size, found.sizes[own]), *now[place + 1 :])
             first += len(shape)
@@ -54,6 +54,3 @@ def fit_in_shape(
             break
         fit = found.fit
     return last, alone
-
-
-_TINY = float(np.finfo(float).tiny)

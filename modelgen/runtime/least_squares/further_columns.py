@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.least_squares.fit import Fit, residuals_of
+from modelgen.runtime.least_squares.fit import Fit, regressed_rows, residuals_of
 from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
+from modelgen.runtime.numerics.qr_triangle import triangle_of
 from modelgen.runtime.numerics.regressor import Regressors
 
 
@@ -53,11 +54,7 @@ def with_columns(
 def without_columns(larger: Fit, fit: Fit) -> Fit:
     """Return a fit of the same rows to its own columns, the further ones of a larger fit projected out."""
     c = len(fit.columns)
-    triangle = larger.triangle[:-1, :-1]
-    scale = np.linalg.norm(triangle[:, c:], axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    share = np.linalg.lstsq(triangle[:, c:] / scale, triangle[:, :c], rcond=None)[0] / scale[:, None]
-    projected = larger.regressors.mixed(np.vstack([np.eye(c), -share]))
+    projected = _projected_out(larger.regressors, larger.triangle, c)
     found = with_regressors(replace(fit, weights=larger.weights), projected)
     if larger.series is None:
         return found
@@ -70,3 +67,22 @@ def without_columns(larger: Fit, fit: Fit) -> Fit:
         lost=larger.lost,
         series=tuple(psi[:, :c] for psi in larger.series),
     )
+
+
+def with_columns_free(fit: Fit, extra: Sequence[Sequence[FloatArray]]) -> Fit:
+    """Return a least-squares fit that leaves further columns free: those that `with_columns` would take."""
+    joined = fit.regressors.joined(extra)
+    triangle = triangle_of(regressed_rows(fit.blocks, fit.weights, joined))
+    return with_regressors(fit, _projected_out(joined, triangle, len(fit.columns)))
+
+
+def _projected_out(joined: Regressors, triangle: FloatArray, c: int) -> Regressors:
+    """Return the first c columns less their projection on the further ones.
+
+    `triangle` is R of the weighted [columns, Y], shape (columns + 1, columns + 1).
+    """
+    inner = triangle[:-1, :-1]
+    scale = np.linalg.norm(inner[:, c:], axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    share = np.linalg.lstsq(inner[:, c:] / scale, inner[:, :c], rcond=None)[0] / scale[:, None]
+    return joined.mixed(np.vstack([np.eye(c), -share]))

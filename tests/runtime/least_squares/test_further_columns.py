@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modelgen.runtime.least_squares.further_columns import with_columns, without_columns
+from modelgen.runtime.least_squares.further_columns import with_columns, with_columns_free, without_columns
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.row_block import RowBlock
@@ -23,7 +23,8 @@ def test_the_fit_without_has_the_solution_of_the_fit_with(seed: int) -> None:
         blocks.append(RowBlock(0, row, "run", f"row {row}", "N", np.arange(n), n, Y, W, 0, True, 1.0, 0))
         extra.append(more)
     fit = fit_matched(Observation(tuple(f"x{k}" for k in range(c)), tuple(blocks)))
-    larger = with_columns(fit, fit.regressors, [[part[:, k] for part in extra] for k in range(further)])
+    added = [[part[:, k] for part in extra] for k in range(further)]
+    larger = with_columns(fit, fit.regressors, added)
     stacked = np.concatenate(
         [w * np.column_stack([b.W, more]) for w, b, more in zip(fit.weights, blocks, extra, strict=True)]
     )
@@ -35,3 +36,9 @@ def test_the_fit_without_has_the_solution_of_the_fit_with(seed: int) -> None:
     assert without.columns == fit.columns
     np.testing.assert_allclose(without.solution.x, larger.solution.x[:c], rtol=1e-7)
     np.testing.assert_allclose(without.solution.inverse, larger.solution.inverse[:c, :c], rtol=1e-6, atol=0.0)
+    free = with_columns_free(fit, added)
+    np.testing.assert_allclose(free.solution.x, without.solution.x, rtol=1e-7)
+    np.testing.assert_allclose(free.solution.inverse, without.solution.inverse, rtol=1e-6, atol=0.0)
+    np.testing.assert_allclose(
+        free.regressors[0].dense(), without.regressors[0].dense(), rtol=1e-6, atol=1e-9
+    )
