@@ -22,8 +22,9 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.thresholds import LEAST_TREND
 from modelgen.runtime.filters.zero_phase import DECIMATE_CUTOFF
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.hac_covariance import andrews_bandwidth, influence_parts
+from modelgen.runtime.least_squares.hac_covariance import influence_parts
 from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.numerics.bandwidth import scores_bandwidth
 from modelgen.runtime.parameters.unanswered_columns import columns_that_vanish
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.thresholds import WHOLE
@@ -167,7 +168,7 @@ def band_above_filter(records: Sequence[Record], choice: FilterChoice) -> tuple[
 
 def _long_memory(fit: Fit, total_s: float) -> list[Advice]:
     samples = sum({block.record: block.grid for block in fit.blocks}.values())
-    stretches = samples / andrews_bandwidth(influence_parts(fit))
+    stretches = samples / scores_bandwidth(influence_parts(fit))
     if stretches >= FEWEST_STRETCHES:
         return []
     what = (

@@ -37,13 +37,10 @@ from modelgen.runtime.identification.thresholds import (
 )
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.further_columns import with_columns_free
-from modelgen.runtime.least_squares.hac_covariance import (
-    andrews_bandwidth,
-    covariance_of_bandwidth,
-    influence_parts,
-)
+from modelgen.runtime.least_squares.hac_covariance import covariance_of_bandwidth, influence_parts
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.numerics.bandwidth import scores_bandwidth
 from modelgen.runtime.records.record import Record
 
 
@@ -232,7 +229,7 @@ class Scan:
         """Return the covariance of a fit; what is correlated for long at the first cut-off is so above."""
         factor = choice.decimation[0]
         if not self._correlated and calm >= LEAST_CALM:
-            self._correlated = factor * andrews_bandwidth(influence_parts(fit))
+            self._correlated = factor * scores_bandwidth(influence_parts(fit))
         return covariance_of_bandwidth(fit, self._correlated / factor if step > 0 else 1.0)
 
 

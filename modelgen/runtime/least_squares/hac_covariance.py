@@ -6,7 +6,7 @@ ones, then promises too much. The Newey-West estimator takes both as they are.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import is_
@@ -15,15 +15,16 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.thresholds import LARGEST_CORRELATION, WIDER
-
-# influence of the instants of one record, shape (n, c) each, from the first on
-Series = Callable[[], Iterator[FloatArray]]
-
-# Numbers of an influence that are held at a time.
-PART = 1 << 16
-# Up to so many numbers are kept between passes, else computed again.
-KEPT = 1 << 20
+from modelgen.runtime.numerics.bandwidth import (
+    PART,
+    Series,
+    in_parts,
+    kept,
+    moving_sum,
+    scores_bandwidth,
+    window_power,
+    window_width,
+)
 
 
 def printed_covariance(fit: Fit, residual_dof: str = "r-c") -> tuple[float, FloatArray]:
@@ -41,8 +42,8 @@ def hac_covariance(fit: Fit) -> FloatArray:
     """Return the heteroskedasticity- and autocorrelation-consistent covariance, shape (c, c).
 
     As Newey and West (1987), but with Parzen's kernel: differentiated noise has its power at high frequencies
-    that their triangle lets through. Three times the bandwidth of Andrews (1991), and what that wants of
-    small samples, `fixed_b_factor`. Rows of one instant are taken together; masked instants count as zeros at
+    that their triangle lets through. Its bandwidth is `scores_bandwidth`, and what that wants of small
+    samples `fixed_b_factor`. Rows of one instant are taken together; masked instants count as zeros at
     their place, records as independent. It is computed once a solution: copies of a fit with other notes or
     delays have the same.
     """
@@ -72,36 +73,15 @@ def long_run_covariance(series: Sequence[Series | FloatArray], least: float = 1.
     series : sequence of array or callable
         One a record: its influence, shape (n, c), or what yields it in parts from the first instant on.
     least : float
-        Instants, the least bandwidth: what is correlated for long does not show beside much noise of a wide
-        band.
+        Instants, the least bandwidth.
     """
-    series = [_kept(one) for one in series]
-    bandwidth = max(least, andrews_bandwidth(series))
+    series = [kept(one) for one in series]
+    bandwidth = max(least, scores_bandwidth(series))
     sums = [_ParzenSums(bandwidth) for _ in series]
     for one, parzen in zip(series, sums, strict=True):
-        for psi in _in_parts(one):
+        for psi in in_parts(one):
             parzen.add(psi)
     return joined_covariance([one.result() for one in sums], bandwidth, sum(one.n for one in sums))
-
-
-def _kept(series: Series | FloatArray) -> Series | FloatArray:
-    """Return a short series as an array, so that it is computed once."""
-    if not callable(series):
-        return series
-    found, held = [], 0
-    for psi in series():
-        found.append(psi)
-        held += psi.size
-        if held > KEPT:
-            return series
-    return np.concatenate(found)
-
-
-def _in_parts(series: Series | FloatArray) -> Iterator[FloatArray]:
-    if callable(series):
-        return series()
-    step = max(1, PART // series.shape[1])
-    return (series[start : start + step] for start in range(0, len(series), step))
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,33 +167,6 @@ def effective_instants(shares: float, fourth: float, n: int) -> float:
     return min(float(n), 3.0 * shares / fourth) if fourth > 0.0 else float(n)
 
 
-def window_width(bandwidth: float) -> int:
-    """Return over how many instants a moving sum goes, taken twice, for Parzen's kernel of that bandwidth."""
-    return max(1, round(0.5 * bandwidth))
-
-
-def window_power(width: int) -> float:
-    """Return the sum of squares of the triangle that two moving sums make: the kernel's weight at lag 0."""
-    return width * (2.0 * width**2 + 1.0) / 3.0
-
-
-def moving_sum(series: FloatArray, width: int) -> FloatArray:
-    """Return the sums over `width` neighbours, shape (n - width + 1, c), of a series of shape (n, c).
-
-    They are put together from sums over powers of two: few additions, and nothing large is subtracted.
-    """
-    count, behind, size = len(series) - width + 1, 0, 1
-    result, power = None, series
-    while True:
-        if width & size:
-            part = power[behind : behind + count]
-            result = part if result is None else result + part
-            behind += size
-        if 2 * size > width:
-            return np.asarray(result)
-        power, size = power[:-size] + power[size:], 2 * size
-
-
 def fixed_b_factor(bandwidth: float, n: float) -> float:
     """Return by how much a variance grows so that normal intervals of 95 % hold with this bandwidth.
 
@@ -260,39 +213,3 @@ def _parts(fit: Fit, indices: Sequence[int]) -> Iterator[FloatArray]:
                 lines[place, at] += more
         # sums over time run along lines
         yield (weigh.T @ lines).T
-
-
-def andrews_bandwidth(series: Sequence[Series | FloatArray]) -> float:
-    """Return three times the bandwidth of Andrews (1991) for Parzen's kernel, eqs. (6.2), (6.4), at least 1.
-
-    In instants; the series are those of `long_run_covariance`, shape (n, c) each. It comes from
-    first-order autoregressions of the columns, which weigh alike.
-    """
-    power = product = np.zeros(1)
-    longest = 0
-    for one in series:
-        last, n = None, 0
-        for psi in _in_parts(one):
-            power = power + np.einsum("nc,nc->c", psi, psi)
-            product = product + np.einsum("nc,nc->c", psi[1:], psi[:-1])
-            if last is not None:
-                product = product + psi[0] * last
-            last, n = psi[-1], n + len(psi)
-        longest = max(longest, n)
-    return bandwidth_from_moments(power, product, longest)
-
-
-def bandwidth_from_moments(power: FloatArray, product: FloatArray, n: int) -> float:
-    """Return the same from sums of squares and of products of neighbours, shape (c,) each.
-
-    `n` is the number of instants of the longest record.
-    """
-    alive = power > 0.0
-    if not np.any(alive):
-        return 1.0
-    rho = np.clip(product[alive] / power[alive], -LARGEST_CORRELATION, LARGEST_CORRELATION)
-    # innovations' variance relative to the series' own, so that every column weighs alike
-    innovation = 1.0 - rho**2
-    numerator = np.sum(4.0 * rho**2 * innovation**2 / (1.0 - rho) ** 8)
-    denominator = np.sum(innovation**2 / (1.0 - rho) ** 4)
-    return max(1.0, WIDER * float(2.6614 * (numerator / denominator * n) ** (1.0 / 5.0)))

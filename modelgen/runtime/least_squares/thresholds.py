@@ -16,13 +16,6 @@ SETTLED_DELAY, SETTLED, SETTLED_SHARE = 0.1, 10.0, 0.02
 # A delay beyond this, in samples, is no small misalignment any more.
 LARGEST_DELAY = 50.0
 
-# Correlations beyond this make the plug-in bandwidth explode; Andrews and Monahan (1992) cut there, too.
-LARGEST_CORRELATION = 0.97
-# Andrews' bandwidth makes the mean square error of the variance least; intervals that hold what they say ask
-# for a wider one (Sun, Phillips and Jin 2008): of simulated records whose noise is known, standard deviations
-# came out at 0.94 to 1.12 of the exact ones with twice that bandwidth, at 0.97 to 1.07 with three times it.
-WIDER = 3.0
-
 # Residuals beyond this many standard deviations weigh less: 95 % efficiency where noise is normal (Huber).
 TUNING = 1.345
 # Rounds of re-weighting, at most.

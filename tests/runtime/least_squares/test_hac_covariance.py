@@ -5,12 +5,10 @@ import pytest
 
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import (
-    andrews_bandwidth,
     hac_covariance,
     influence,
     printed_covariance,
 )
-from modelgen.runtime.least_squares.thresholds import WIDER
 from modelgen.runtime.least_squares.wls import fit_paper
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.row_block import RowBlock
@@ -61,16 +59,6 @@ def test_influence_sums_to_zero_and_leaves_gaps_where_samples_are_masked() -> No
     assert psi.shape == (10, 2)
     np.testing.assert_array_equal(psi[3:7], 0.0)
     np.testing.assert_allclose(psi.sum(axis=0), 0.0, atol=1e-12)
-
-
-def test_bandwidth_is_one_for_white_noise_and_grows_with_correlation() -> None:
-    rng = np.random.default_rng(2)
-    white, coloured = (autoregression(rng, 4000, rho)[:, None] for rho in (0.0, 0.8))
-    assert andrews_bandwidth([white]) < 4.0 * WIDER
-    # Andrews (1991), eq. (6.4) for an exact autoregression with rho = 0.8
-    exact = WIDER * 2.6614 * (4.0 * 0.8**2 / (1 - 0.8) ** 4 * 4000) ** (1.0 / 5.0)
-    assert andrews_bandwidth([coloured]) == pytest.approx(exact, rel=0.15)
-    assert andrews_bandwidth([np.zeros((10, 2))]) == 1.0
 
 
 @pytest.mark.slow

@@ -9,21 +9,16 @@ import pytest
 
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import (
-    andrews_bandwidth,
-    bandwidth_from_moments,
     effective_instants,
     fixed_b_factor,
     hac_covariance,
     influence,
     joined_covariance,
     long_run_covariance,
-    moving_sum,
     squared_sums,
-    window_power,
-    window_width,
 )
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
-from modelgen.runtime.least_squares.thresholds import LARGEST_CORRELATION, WIDER
+from modelgen.runtime.numerics.bandwidth import scores_bandwidth, window_width
 from modelgen.runtime.numerics.regressor import plain_regressors
 from modelgen.runtime.rows.row_block import RowBlock
 
@@ -41,39 +36,10 @@ def test_the_fixed_b_factor_is_the_square_of_a_ratio_of_quantiles(
     assert fixed_b_factor(bandwidth, n) == pytest.approx((quantile / 1.96) ** 2, rel=1e-9)
 
 
-def test_the_bandwidth_is_andrews_formula_written_out() -> None:
-    power, product, n = np.array([4.0, 1.0, 0.0]), np.array([2.0, -0.3, 0.0]), 1000
-    rho = [0.5, -0.3]
-    numerator = sum(4 * r**2 * (1 - r**2) ** 2 / (1 - r) ** 8 for r in rho)
-    denominator = sum((1 - r**2) ** 2 / (1 - r) ** 4 for r in rho)
-    expected = 2.6614 * (numerator / denominator * n) ** (1 / 5)
-    found = bandwidth_from_moments(power, product, n)
-    assert found in (pytest.approx(expected), pytest.approx(WIDER * expected))
-
-
-def test_a_correlation_near_one_is_bounded() -> None:
-    at_bound = bandwidth_from_moments(np.array([1.0]), np.array([LARGEST_CORRELATION]), 500)
-    assert bandwidth_from_moments(np.array([1.0]), np.array([0.999]), 500) == at_bound
-    assert bandwidth_from_moments(np.zeros(2), np.zeros(2), 500) == 1.0
-
-
-def parzen(share: float) -> float:
-    return 1 - 6 * share**2 + 6 * share**3 if share < 0.5 else 2 * max(0.0, 1 - share) ** 3
-
-
-def test_two_moving_sums_are_parzens_kernel() -> None:
-    width = 40
-    triangle = moving_sum(np.pad(np.ones((width, 1)), ((width - 1, width - 1), (0, 0))), width)[:, 0]
-    assert window_power(width) == pytest.approx(triangle @ triangle)
-    kernel = np.correlate(triangle, triangle, "full")[len(triangle) - 1 :] / window_power(width)
-    for lag in range(2 * width - 1):
-        assert kernel[lag] == pytest.approx(parzen(lag / (2.0 * width)), abs=2e-3)
-
-
 def test_the_long_run_covariance_is_a_double_sum_over_instants() -> None:
     # little is left of both behind a few instants: less than there are count
     fading = [RNG.normal(size=psi.shape) * np.exp(-np.arange(len(psi)) / 4.0)[:, None] for psi in SERIES]
-    bandwidth = andrews_bandwidth(fading)
+    bandwidth = scores_bandwidth(fading)
     triangle = np.convolve(np.ones(window_width(bandwidth)), np.ones(window_width(bandwidth)))
     kernel = np.correlate(triangle, triangle, "full")[len(triangle) - 1 :] / (triangle @ triangle)
     kernel = np.append(kernel, np.zeros(40))

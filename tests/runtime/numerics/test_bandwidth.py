@@ -1,0 +1,101 @@
+"""How long scores stay correlated, seen by an autoregression and by the growth of their covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
+from modelgen.runtime.numerics import bandwidth
+from modelgen.runtime.numerics.bandwidth import (
+    LARGEST_CORRELATION,
+    LONGEST_WINDOW,
+    WIDER,
+    bandwidth_from_moments,
+    moving_sum,
+    scores_bandwidth,
+    window_power,
+)
+
+
+def autoregression(rng: np.random.Generator, n: int, rho: float) -> np.ndarray:
+    series = np.zeros(n)
+    for k, step in enumerate(rng.standard_normal(n)):
+        series[k] = rho * series[k - 1] + step if k else step / np.sqrt(1.0 - rho**2)
+    return series
+
+
+def test_bandwidth_is_one_for_white_noise_and_grows_with_correlation() -> None:
+    rng = np.random.default_rng(2)
+    white, coloured = (autoregression(rng, 4000, rho)[:, None] for rho in (0.0, 0.8))
+    assert scores_bandwidth([white]) < 4.0 * WIDER
+    # Andrews (1991), eq. (6.4) for an exact autoregression with rho = 0.8
+    exact = WIDER * 2.6614 * (4.0 * 0.8**2 / (1 - 0.8) ** 4 * 4000) ** (1.0 / 5.0)
+    assert scores_bandwidth([coloured]) == pytest.approx(exact, rel=0.15)
+    assert scores_bandwidth([np.zeros((10, 2))]) == 1.0
+
+
+def test_the_bandwidth_is_andrews_formula_written_out() -> None:
+    power, product, n = np.array([4.0, 1.0, 0.0]), np.array([2.0, -0.3, 0.0]), 1000
+    rho = [0.5, -0.3]
+    numerator = sum(4 * r**2 * (1 - r**2) ** 2 / (1 - r) ** 8 for r in rho)
+    denominator = sum((1 - r**2) ** 2 / (1 - r) ** 4 for r in rho)
+    expected = 2.6614 * (numerator / denominator * n) ** (1 / 5)
+    found = bandwidth_from_moments(power, product, n)
+    assert found in (pytest.approx(expected), pytest.approx(WIDER * expected))
+
+
+def test_a_correlation_near_one_is_bounded() -> None:
+    at_bound = bandwidth_from_moments(np.array([1.0]), np.array([LARGEST_CORRELATION]), 500)
+    assert bandwidth_from_moments(np.array([1.0]), np.array([0.999]), 500) == at_bound
+    assert bandwidth_from_moments(np.zeros(2), np.zeros(2), 500) == 1.0
+
+
+def parzen(share: float) -> float:
+    return 1 - 6 * share**2 + 6 * share**3 if share < 0.5 else 2 * max(0.0, 1 - share) ** 3
+
+
+def test_two_moving_sums_are_parzens_kernel() -> None:
+    width = 40
+    triangle = moving_sum(np.pad(np.ones((width, 1)), ((width - 1, width - 1), (0, 0))), width)[:, 0]
+    assert window_power(width) == pytest.approx(triangle @ triangle)
+    kernel = np.correlate(triangle, triangle, "full")[len(triangle) - 1 :] / window_power(width)
+    for lag in range(2 * width - 1):
+        assert kernel[lag] == pytest.approx(parzen(lag / (2.0 * width)), abs=2e-3)
+
+
+def beside_noise(rng: np.random.Generator, n: int, size: float, length: int) -> np.ndarray:
+    """Return white noise of size 1 and a part that stays alike over `length` instants, shape (n, 3)."""
+    slow = moving_sum(rng.standard_normal((n + length - 1, 3)), length) / np.sqrt(length)
+    return np.asarray(rng.standard_normal((n, 3)) + size * slow)
+
+
+@pytest.mark.parametrize(("size", "least", "most"), [(0.0, 1.0, 1.02), (0.2, 1.8, 2.3), (0.1, 1.2, 1.5)])
+def test_a_small_part_that_lasts_is_seen_beside_much_noise(size: float, least: float, most: float) -> None:
+    rng = np.random.default_rng(7)
+    n, length = 4000, 80
+    deviations = [
+        np.sqrt(np.diag(long_run_covariance([beside_noise(rng, n, size, length)])) / n) for _ in range(60)
+    ]
+    exact = np.sqrt(1.0 + size**2 * length)
+    found = float(np.mean(deviations))
+    # an autoregression of first order, whose coefficient is near zero, finds 1.0 to 1.1 for all of them
+    assert least < found < most
+    assert found == pytest.approx(exact, rel=0.1)
+
+
+def test_a_series_in_parts_gives_the_same_and_so_do_sums_over_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    psi = beside_noise(np.random.default_rng(9), 5001, 0.3, 100)
+
+    def parts() -> Iterator[np.ndarray]:
+        yield from (psi[start : start + 333] for start in range(0, len(psi), 333))
+
+    whole = scores_bandwidth([psi])
+    assert whole > 100.0
+    assert scores_bandwidth([parts]) == pytest.approx(whole, rel=1e-12)
+    monkeypatch.setattr(bandwidth, "KEPT_SUMS", len(psi))
+    assert whole / 2.0 < scores_bandwidth([parts]) < 2.0 * whole
+    # what lasts for as long as the record cannot be told from none
+    assert scores_bandwidth([psi, np.zeros((0, 3))]) <= LONGEST_WINDOW * len(psi)
