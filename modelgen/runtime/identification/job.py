@@ -143,7 +143,7 @@ class Job:
             self.model, self.records if records is None else records, self.choice, self.drop, self.loop
         )
 
-    def rates(self, fit: Fit, records: tuple[Record, ...], channel: str) -> tuple[FloatArray, ...]:
+    def rates(self, fit: Fit, records: tuple[Record, ...], channel: str) -> Sequence[FloatArray]:
         """Return how the mismatch of a fit's rows changes with the delay of a force channel, in 1/s.
 
         One array a block, shape (n,).

@@ -17,6 +17,7 @@ from modelgen.runtime.iv.pushed_chain import Pushed
 from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.block_column import BlockColumn
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
 from modelgen.runtime.rows.row_terms import channels_of_keys, channels_of_rows, mismatch_terms
@@ -78,13 +79,13 @@ def effect_rows(
     simulated: Sequence[Simulated],
     effects: Sequence[Effect],
     sizes: Sequence[float] = (),
-) -> tuple[tuple[FloatArray, ...], ...]:
+) -> tuple[BlockColumn, ...]:
     """Return d(Y - W X) / d size of each effect: one array a block of the fit, shape (n,).
 
     `sizes` are those to which the first effects are set right in the channels.
     """
-    nothing = [np.zeros(block.count) for block in fit.blocks]
-    found = [list(nothing) for _ in effects]
+    counts = [block.count for block in fit.blocks]
+    found: list[dict[int, FloatArray]] = [{} for _ in effects]
     reads, every = channels_of_keys(setting.model), _mismatch_terms(fit, setting)
     for record, indices in fit.by_record.items():
         one = simulated[record]
@@ -106,7 +107,7 @@ def effect_rows(
                 block = fit.blocks[index]
                 if block.row in change:
                     rows[index] = change[block.row][block.place]
-    return tuple(tuple(rows) for rows in found)
+    return tuple(BlockColumn(rows, counts) for rows in found)
 
 
 def _seen_in(model: Model, changes: Changes) -> tuple[tuple[int, ...], Changes]:

@@ -33,7 +33,7 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
 
 Rows = Callable[[tuple[Record, ...]], Observation]
-Grown = tuple[tuple[FloatArray, ...], ...]
+Grown = tuple[Sequence[FloatArray], ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_run_covariance
 from modelgen.runtime.least_squares.spanned import Spanned
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.block_column import block_column
 from modelgen.runtime.numerics.regressor import Regressors
 from modelgen.runtime.numerics.tails import normal_beyond
 
@@ -206,13 +207,13 @@ class Span:
         """Compare effects, one array a block, with the regressors, and a residual apart from these, (r,)."""
         across = np.zeros((self._spanned.width, len(grown)))
         whole, along = np.zeros(len(grown)), np.zeros(len(grown))
-        for index, left in enumerate(self._spanned.parts(residual)):
-            for place, parts in enumerate(grown):
-                if parts[index].any():  # most effects are seen in few rows
-                    part = self._fit.weights[index] * parts[index]
-                    across[:, place] += self._spanned.across(index, part)
-                    whole[place] += part @ part
-                    along[place] += part @ left
+        lefts = self._spanned.parts(residual)
+        for place, column in enumerate(grown):
+            for index, rows in block_column(column).parts.items():  # most effects are seen in few rows
+                part = self._fit.weights[index] * rows
+                across[:, place] += self._spanned.across(index, part)
+                whole[place] += part @ part
+                along[place] += part @ lefts[index]
         inner = self._spanned.coordinates(across)
         power = whole - np.sum(inner**2, axis=0)
         for place in np.flatnonzero(power < CANCELLED * whole).tolist():

@@ -31,6 +31,7 @@ from modelgen.runtime.least_squares.thresholds import (
 )
 from modelgen.runtime.least_squares.time_shifts import hold, shift
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.block_column import BlockColumn, block_column
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.record_rows import unmasked_rows
@@ -39,7 +40,7 @@ from modelgen.runtime.rows.row_terms import channels_of_rows
 # records, first values -> rows and their fit
 Run = Callable[[tuple[Record, ...], Fit | None], tuple[Observation, Fit]]
 # fit, records, channel -> how Y - W X changes with the channel's delay, one array a block
-Rates = Callable[[Fit, tuple[Record, ...], str], tuple[FloatArray, ...]]
+Rates = Callable[[Fit, tuple[Record, ...], str], Sequence[FloatArray]]
 
 # fit -> delays in s to start from
 First = Callable[[Fit], Mapping[str, float]]
@@ -180,14 +181,14 @@ def _late_so_far(delays: Mapping[str, float], sample: float) -> list[Problem]:
     ]
 
 
-def steps_of(rates: Sequence[FloatArray]) -> list[FloatArray]:
+def steps_of(rates: Sequence[FloatArray]) -> BlockColumn:
     """Return the column of the step of a delay, one array a block, from what `delay_rates` gives."""
-    return [-part if part.any() else part for part in rates]
+    return block_column(rates).changed(np.negative)
 
 
 def delay_rates(
     fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice, drop: int, channel: str
-) -> tuple[FloatArray, ...]:
+) -> BlockColumn:
     """Return d(Y - W X) / d tau of one force channel, shape (n,) a block of the fit, per s.
 
     An advanced force changes by its derivative, which is filtered already where a row differentiates it.
@@ -195,12 +196,11 @@ def delay_rates(
     orders = {signal.key: signal.derivative for signal in model.signals if signal.actuator == channel}
     place = {key: index for index, key in enumerate(orders)}
     x = fit.all_parameters(model.base_parameters)
-    read, slopes = channels_of_rows(model), dict[int, FloatArray]()
-    nothing = np.zeros(max(block.count for block in fit.blocks))
-    rates = []
-    for block in fit.blocks:
-        if channel not in read[block.row]:  # most rows of a long chain hold other forces
-            rates.append(nothing[: block.count])
+    slopes, rates = dict[int, FloatArray](), dict[int, FloatArray]()
+    # most rows of a long chain hold other forces
+    holding = {row for row, read in enumerate(channels_of_rows(model)) if channel in read}
+    for index, block in enumerate(fit.blocks):
+        if block.row not in holding:
             continue
         terms = list(model.measurement_columns[block.row])
         for column, entry in model.regressor_columns[block.row].items():
@@ -213,5 +213,5 @@ def delay_rates(
             record, factor = records[block.record], choice.decimation[block.record]
             rows = unmasked_rows(model, record, choice, factor, drop)
             slopes[block.record] = rows.derivatives(channel, [order + 1 for order in orders.values()])
-        rates.append(slopes[block.record][block.place] @ shares)
-    return tuple(rates)
+        rates[index] = slopes[block.record][block.place] @ shares
+    return BlockColumn(rates, [len(block.place) for block in fit.blocks])

@@ -26,6 +26,9 @@ from modelgen.runtime.numerics.bandwidth import (
     window_width,
 )
 
+# Of how many instants an influence is held at a time at least: each part asks every block.
+INSTANTS = 1 << 10
+
 
 def printed_covariance(fit: Fit, residual_dof: str = "r-c") -> tuple[float, FloatArray]:
     """Return sigma and C = sigma^2 (W^T W)^-1 (Pham 2002, eq. (11)), shape (c, c).
@@ -199,7 +202,7 @@ def _parts(fit: Fit, indices: Sequence[int]) -> Iterator[FloatArray]:
     mix = None if fit.projected is None else fit.projected.mix
     weigh = fit.solution.inverse if mix is None else mix @ fit.solution.inverse
     grid = fit.blocks[indices[0]].grid
-    step = max(1, PART // weigh.shape[1])
+    step = max(INSTANTS, PART // weigh.shape[1])
     for start in range(0, grid, step):
         stop = min(start + step, grid)
         lines = np.zeros((len(weigh), stop - start))

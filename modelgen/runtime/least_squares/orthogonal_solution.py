@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.least_squares.thresholds import (
     FEW_ROWS,
     NULL_SHARE,
+    POWERS,
     RANK_TOLERANCE,
     REFINABLE,
     ROUNDING,
@@ -23,18 +25,27 @@ from modelgen.runtime.numerics.regressor import Regressor, regressor
 class LeastSquares:
     """X = argmin |Y - W X|: x, inverse = (W^T W)^-1; `undetermined` marks columns the rows cannot separate.
 
-    `condition_number` is that of W with columns of unit length, `condition_number_raw` that of W itself.
-    `null` are the directions, shape (k, c), that W does not see with columns of unit length, and `scale` the
-    lengths of its columns, shape (c,).
+    `null` are the directions, shape (k, c), that W does not see with columns of unit length, `scale` the
+    lengths of its columns, shape (c,), and `triangle` is R of W with these columns, shape (c, c).
     """
 
     x: FloatArray
     inverse: FloatArray
     undetermined: BoolArray
-    condition_number: float
-    condition_number_raw: float
     null: FloatArray
     scale: FloatArray
+    triangle: FloatArray
+
+    @cached_property
+    def condition_number(self) -> float:
+        """Condition number of W with columns of unit length."""
+        s = np.linalg.svd(self.triangle, compute_uv=False)
+        return float(s[0] / s[-1]) if s[-1] > 0.0 else np.inf
+
+    @cached_property
+    def condition_number_raw(self) -> float:
+        """Condition number of W as it is."""
+        return float(np.linalg.cond(self.triangle * self.scale))
 
     def unseen(self, sums: FloatArray) -> BoolArray:
         """Tell which weighted sums of X, shape (m, c), move along what the rows do not see, shape (m,)."""
@@ -75,17 +86,12 @@ def polished(
     scale = np.linalg.norm(triangle[:, :c], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)  # what is zero everywhere is undetermined
     scaled = triangle[:c, :c] / scale
-    U, s, Vt = np.linalg.svd(scaled)
-    kept = s > tolerance * s[0]
-    V = Vt[kept].T
-    x = V @ (U[:, kept].T @ triangle[:c, c] / s[kept]) / scale
-    inverse = (V / s[kept] ** 2) @ V.T / np.outer(scale, scale)
-    null = Vt[~kept]
+    inner = inverse_of(scaled, tolerance)
+    x = inner.inverse @ triangle[:c, c] / scale
+    inverse = inner.inverse @ inner.inverse.T / np.outer(scale, scale)
+    null = inner.null
     undetermined = np.any(np.abs(null) > NULL_SHARE, axis=0)
-    condition = float(s[0] / s[-1]) if s[-1] > 0.0 else np.inf
-    if not parts:
-        return LeastSquares(x, inverse, undetermined, condition, np.nan, null, scale)
-    if s[-1] * REFINABLE > s[0]:
+    if parts and inner.largest < inner.smallest * REFINABLE:
         # corrected seminormal equations (Björck, Linear Algebra Appl. 88, 1987, 31-48): undoes what rounding
         # in QR, and with it the order of the rows, has moved
         gradient, count = np.zeros(c), 0
@@ -94,15 +100,56 @@ def polished(
             gradient += of.across(Y - of.times(x))
             count += len(Y)
         x = x + inverse @ gradient
-        rounding = _rounding(s, float(np.linalg.norm(x * scale)), float(np.abs(triangle[c:, c]).sum()))
+        size, residual = float(np.linalg.norm(x * scale)), float(np.abs(triangle[c:, c]).sum())
+        rounding = _rounding(inner, size, residual)
         if count <= FEW_ROWS or rounding > ROUNDING:
             x = refined(parts, x, inverse)
-    raw = float(np.linalg.cond(triangle[:c, :c]))
-    return LeastSquares(x, inverse, undetermined, condition, raw, null, scale)
+    return LeastSquares(x, inverse, undetermined, null, scale, scaled)
 
 
-def _rounding(s: FloatArray, size: float, residual: float) -> float:
+@dataclass(frozen=True, eq=False)
+class TriangleInverse:
+    """The inverse of a triangle, shape (c, c), or where it is short of rank its pseudo-inverse.
+
+    `null` are the directions that count as not seen, shape (k, c), and `largest` and `smallest` the extreme
+    singular values.
+    """
+
+    inverse: FloatArray
+    null: FloatArray
+    largest: float
+    smallest: float
+
+
+def inverse_of(triangle: FloatArray, tolerance: float) -> TriangleInverse:
+    """Return the inverse of an upper triangle, shape (c, c), with columns of unit length.
+
+    Singular values below the share `tolerance` of the largest count as zero. They are worked out where they
+    may be small; elsewhere two of them, to a few per cent, from powers of the triangle and of its inverse.
+    """
+    if np.min(np.abs(np.diag(triangle)), initial=1.0) * REFINABLE > 1.0:
+        inverse = np.asarray(np.linalg.inv(triangle), dtype=float)
+        # by their norms nothing is near a limit
+        bound = float(np.linalg.norm(triangle) * np.linalg.norm(inverse))
+        if bound < REFINABLE and bound * tolerance < 1.0:
+            nothing = np.empty((0, len(triangle)))
+            return TriangleInverse(inverse, nothing, _stretch(triangle), 1.0 / _stretch(inverse))
+    U, s, Vt = np.linalg.svd(triangle)
+    kept = s > tolerance * s[0]
+    inverse = (Vt[kept].T / s[kept]) @ U[:, kept].T
+    return TriangleInverse(inverse, Vt[~kept], float(s[0]), float(s[-1]))
+
+
+def _stretch(matrix: FloatArray) -> float:
+    """Return the largest singular value of a square matrix, a few per cent too small at most."""
+    along = np.sum(np.abs(matrix), axis=0)
+    for _ in range(POWERS):
+        along = matrix.T @ (matrix @ (along / np.linalg.norm(along)))
+    return float(np.sqrt(np.linalg.norm(along)))
+
+
+def _rounding(inner: TriangleInverse, size: float, residual: float) -> float:
     """Return what share of the solution rounding may cost (Wedin 1973, eq. (5.4))."""
-    condition, unit = float(s[0] / s[-1]), float(np.finfo(float).eps)
+    condition, unit = inner.largest / inner.smallest, float(np.finfo(float).eps)
     floor = float(np.finfo(float).tiny)
-    return unit * condition * (1.0 + condition * residual / max(float(s[0]) * size, floor))
+    return unit * condition * (1.0 + condition * residual / max(inner.largest * size, floor))

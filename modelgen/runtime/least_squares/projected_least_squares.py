@@ -8,7 +8,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.fit import Fit, regressed_rows, residuals_of, weighted_parts
-from modelgen.runtime.least_squares.orthogonal_solution import polished
+from modelgen.runtime.least_squares.orthogonal_solution import inverse_of, polished
 from modelgen.runtime.least_squares.thresholds import SIMULATED_TOLERANCE
 from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
 from modelgen.runtime.numerics.regressor import Regressor, Regressors
@@ -36,11 +36,18 @@ def two_stage(fit: Fit, Z: Regressors | tuple[FloatArray, ...]) -> Fit:
         k, W = z.samples.shape[1], Regressor(block.W, block.touched, None, c)
         parts.append(np.column_stack([z.lines(lines[:, :k]), W.lines(lines[:, k:-1]), lines[:, -1]]))
     triangle = triangle_of(np.concatenate(parts))
-    scale = np.linalg.norm(triangle[:, :c], axis=0)
+    scale = np.linalg.norm(triangle[:c, :c], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     rank = float(np.finfo(float).eps) * sum(len(z) for z in Z.samples)
-    P = np.linalg.lstsq(triangle[:, :c] / scale, triangle[:, c:-1], rcond=rank)[0] / scale[:, None]
-    seen = triangle_of(np.column_stack([triangle[:, :c] @ P, triangle[:, -1]]))
+    inner = inverse_of(triangle[:c, :c] / scale, rank)
+    P = inner.inverse @ triangle[:c, c:-1] / scale[:, None]
+    # what lies along the instruments, and below it the norm of what of Y does not
+    along = triangle[:c, c:].copy()
+    if len(inner.null):
+        along[:, :-1] = triangle[:c, :c] @ P
+    beyond = np.zeros(c + 1)
+    beyond[-1] = np.linalg.norm(triangle[c:, -1])
+    seen = triangle_of(np.vstack([along, beyond]))
     return _regressed(fit, Z.mixed(P), seen)
 
 

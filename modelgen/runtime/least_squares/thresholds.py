@@ -36,6 +36,9 @@ ROUNDING = 1e-11
 FEW_ROWS = 5000
 REFINABLE = 1e6
 
+# Powers of a triangle that its largest singular value is worked out from.
+POWERS = 6
+
 # Order of the autoregression, and the fewest samples a coefficient is estimated from.
 WHITENING_ORDER = 20
 SAMPLES_A_COEFFICIENT = 10

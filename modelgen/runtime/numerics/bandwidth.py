@@ -19,7 +19,7 @@ Series = Callable[[], Iterator[FloatArray]]
 # Numbers of a series that are held at a time.
 PART = 1 << 16
 # Up to so many numbers are kept between passes, else computed again.
-KEPT = 1 << 20
+KEPT = 1 << 22
 # As sums over blocks of instants, fewer are enough.
 KEPT_SUMS = 1 << 18
 

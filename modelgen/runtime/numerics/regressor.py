@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.numerics.block_column import block_column
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,16 +112,20 @@ class Regressors(Sequence[Regressor]):
     def joined(self, extra: Sequence[Sequence[FloatArray]]) -> Regressors:
         """Return the same with further columns behind them: of each one array a block, shape (n,)."""
         more, m = len(extra), self.columns if self.mix is None else len(self.mix)
-        samples, places, plain = [], [], self.plain
-        for index, part in enumerate(self.samples):
-            columns, own = [column[index] for column in extra], self.places[index]
-            if not plain:  # a column of few blocks is zero in the others
-                seen = [place for place, column in enumerate(columns) if column.any()]
-                columns = [columns[place] for place in seen]
+        samples, places = list(self.samples), list(self.places)
+        if self.plain:
+            samples = [
+                np.column_stack([part, *columns]) for part, *columns in zip(samples, *extra, strict=True)
+            ]
+        else:  # a column of few blocks is zero in the others
+            seen: list[dict[int, FloatArray]] = [{} for _ in samples]
+            for place, column in enumerate(extra):
+                for index, part in block_column(column).parts.items():
+                    seen[index][m + place] = part
+            for index, own in enumerate(places):
                 before = np.arange(m) if own is None else own
-                own = np.r_[before, [m + place for place in seen]].astype(np.int64)
-            samples.append(np.column_stack([part, *columns]))
-            places.append(own)
+                places[index] = np.concatenate([before, np.array([*seen[index]], dtype=np.int64)])
+                samples[index] = np.column_stack([samples[index], *seen[index].values()])
         mix = self.mix
         if mix is not None:
             mix = np.block([[mix, np.zeros((m, more))], [np.zeros((more, self.columns)), np.eye(more)]])

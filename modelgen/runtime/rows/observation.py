@@ -22,7 +22,7 @@ from modelgen.runtime.rows.standstill_speeds import Survey
 from modelgen.runtime.rows.thresholds import JUMPS_FELT, LEAST_SHARE
 
 # From so many columns a row holds those only that it touches: of a long chain that is a handful.
-WIDE = 40
+WIDE = 16
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import inf, isfinite, pi
 
 import numpy as np
@@ -76,6 +77,7 @@ class Vibration:
         return float((self.mobility / (2.0 * pi * self.frequencies_hz) ** 2).sum())
 
 
+@lru_cache(maxsize=8)
 def vibration(plant: Plant) -> Vibration:
     """Return the undamped modes; the mass matrix is diagonal, so the problem is made symmetric by scaling."""
     n = len(plant.bodies)

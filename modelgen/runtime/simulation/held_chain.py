@@ -80,8 +80,9 @@ class HeldChain:
         # w / (s - p) and its conjugate together: (2 Re(w) s - 2 Re(w conj(p))) / (s^2 - 2 Re(p) s + |p|^2)
         level = np.r_[-2.0 * (weight * self.rates.conj()).real[swings], weight.real[single]]
         rise = np.r_[2.0 * weight.real[swings], np.zeros(np.count_nonzero(single))]
-        s = 1j * self.omega
-        return np.asarray(self._answers @ level + s * (self._answers @ rise))
+        # both at once: the answers are long
+        level, rise = (self._answers @ np.column_stack([level, rise])).T
+        return np.asarray(level + 1j * self.omega * rise)
 
     def acceleration(self, push: FloatArray) -> ComplexArray:
         """Return the acceleration of what a unit of force is on, along it, shape (frequencies,)."""

@@ -12,7 +12,12 @@ from hypothesis import strategies as st
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.orthogonal_solution import _rounding, least_squares
+from modelgen.runtime.least_squares.orthogonal_solution import (
+    TriangleInverse,
+    _rounding,
+    inverse_of,
+    least_squares,
+)
 from modelgen.runtime.least_squares.thresholds import FEW_ROWS, SMALLEST_RESIDUAL
 from modelgen.runtime.least_squares.wls import fit_matched, fit_paper, refit
 from modelgen.runtime.numerics.iterative_refinement import Parts
@@ -225,9 +230,22 @@ def test_columns_that_are_exactly_equal_have_no_condition_number() -> None:
     np.testing.assert_allclose(solution.x, [1.0, 1.0])  # the shortest of all solutions
 
 
+def test_inverses_of_triangles_are_those_of_singular_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    R = np.linalg.qr(np.random.default_rng(0).standard_normal((60, 40)), mode="r")
+    R = R / np.linalg.norm(R, axis=0)
+    quick = inverse_of(R, 1e-10)
+    monkeypatch.setattr("modelgen.runtime.least_squares.orthogonal_solution.REFINABLE", 1.0)
+    exact = inverse_of(R, 1e-10)
+    np.testing.assert_allclose(quick.inverse, exact.inverse, rtol=0.0, atol=1e-12)
+    assert quick.largest != exact.largest
+    assert 0.8 * exact.largest < quick.largest <= exact.largest
+    assert exact.smallest <= quick.smallest < 1.25 * exact.smallest
+    assert quick.null.shape == exact.null.shape == (0, 40)
+
+
 def test_rounding_follows_wedin() -> None:
     eps = float(np.finfo(float).eps)
-    s = np.array([4.0, 1.0, 0.5])
+    s = TriangleInverse(np.diag([0.25, 1.0, 2.0]), np.empty((0, 3)), 4.0, 0.5)
     for residual, size, expected in (
         (0.0, 2.0, 8.0),
         (3.0, 2.0, 8.0 * (1.0 + 8.0 * 3.0 / 8.0)),

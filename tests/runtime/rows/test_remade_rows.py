@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 
 import numpy as np
@@ -34,6 +34,7 @@ def observations(index: int) -> tuple[Observation, Observation]:
         patch.setattr("modelgen.runtime.rows.chunk.CHUNK_SAMPLES", CHUNK)
         patch.setattr("modelgen.runtime.rows.chunk.HALOS", 0)
         kept = observe(model, [record], choice)
+        kept = replace(kept, blocks=tuple(block.dense(len(kept.columns)) for block in kept.blocks))
         return kept, observe(model, [record], choice, memory_limit=1.0)
 
 

@@ -29,7 +29,7 @@ class Seen:
     found: tuple[Score, ...] = ()
     hidden: tuple[Effect, ...] = ()
     tested: tuple[Effect, ...] = ()
-    rows: tuple[tuple[FloatArray, ...], ...] = ()
+    rows: tuple[Sequence[FloatArray], ...] = ()
     masses: tuple[Effect, ...] = ()
 
 
