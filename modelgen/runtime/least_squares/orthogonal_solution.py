@@ -25,8 +25,8 @@ from modelgen.runtime.numerics.regressor import Regressor, regressor
 class LeastSquares:
     """X = argmin |Y - W X|: x, inverse = (W^T W)^-1; `undetermined` marks columns the rows cannot separate.
 
-    `null` are the directions, shape (k, c), that W does not see with columns of unit length, `scale` the
-    lengths of its columns, shape (c,), and `triangle` is R of W with these columns, shape (c, c).
+    `null` are the directions, shape (k, c), that W does not see with columns of unit length, and `scale` the
+    lengths of its columns, shape (c,). `triangle` is R of the rows that were solved, shape (c, c).
     """
 
     x: FloatArray
@@ -39,13 +39,13 @@ class LeastSquares:
     @cached_property
     def condition_number(self) -> float:
         """Condition number of W with columns of unit length."""
-        s = np.linalg.svd(self.triangle, compute_uv=False)
+        s = np.linalg.svd(self.triangle / _lengths(self.triangle), compute_uv=False)
         return float(s[0] / s[-1]) if s[-1] > 0.0 else np.inf
 
     @cached_property
     def condition_number_raw(self) -> float:
         """Condition number of W as it is."""
-        return float(np.linalg.cond(self.triangle * self.scale))
+        return float(np.linalg.cond(self.triangle))
 
     def unseen(self, sums: FloatArray) -> BoolArray:
         """Tell which weighted sums of X, shape (m, c), move along what the rows do not see, shape (m,)."""
@@ -83,10 +83,8 @@ def polished(
     matter. Singular values below the share `tolerance` of the largest count as zero.
     """
     c = triangle.shape[1] - 1
-    scale = np.linalg.norm(triangle[:, :c], axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)  # what is zero everywhere is undetermined
-    scaled = triangle[:c, :c] / scale
-    inner = inverse_of(scaled, tolerance)
+    scale = _lengths(triangle[:c, :c])
+    inner = inverse_of(triangle[:c, :c] / scale, tolerance)
     x = inner.inverse @ triangle[:c, c] / scale
     inverse = inner.inverse @ inner.inverse.T / np.outer(scale, scale)
     null = inner.null
@@ -104,7 +102,13 @@ def polished(
         rounding = _rounding(inner, size, residual)
         if count <= FEW_ROWS or rounding > ROUNDING:
             x = refined(parts, x, inverse)
-    return LeastSquares(x, inverse, undetermined, null, scale, scaled)
+    return LeastSquares(x, inverse, undetermined, null, scale, triangle[:c, :c])
+
+
+def _lengths(triangle: FloatArray) -> FloatArray:
+    """Return the lengths of columns, 1 where they are zero: what is zero everywhere is undetermined."""
+    lengths = np.linalg.norm(triangle, axis=0)
+    return np.where(lengths > 0.0, lengths, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
