@@ -111,7 +111,11 @@ def _factors(
     def over_records(index: int, place: IntArray) -> FloatArray:
         record = fit.blocks[index].record
         share = (starts[record] + sample(index, place) * records[record].dt) / starts[-1]
-        return np.asarray(np.cos(np.pi * np.outer(share, np.arange(1, SLOW_CHANGES + 1))))
+        # cosines of multiples of an angle, as Chebyshev's polynomials follow from each other
+        found = [np.ones_like(share), np.cos(np.pi * share)]
+        while len(found) <= SLOW_CHANGES:
+            found.append(2.0 * found[1] * found[-1] - found[-2])
+        return np.column_stack(found[1:])
 
     yield OVER_RECORDS, over_records
     body = model.roles[name].bodies[0]
@@ -134,17 +138,35 @@ class _Changing:
     column: int
     factors: Factors
 
-    def shares(self) -> tuple[FloatArray, FloatArray]:
-        """Return the shares of the fit's columns in it, shape (c, k), and factors' mean square, (k, k)."""
-        fit, crossed, squares = self.fit, np.zeros(()), np.zeros(())
+    def sums(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return what one walk over all rows gives.
+
+        Returns
+        -------
+        array, shape (c, k)
+            Shares of the fit's columns in it.
+        array, shape (k, k)
+            Power of what is its own.
+        array, shape (k,)
+            Product of that with the residual.
+        array, shape (k, k)
+            The factors' mean square.
+        """
+        fit = self.fit
+        crossed, power, along, squares = (np.zeros(()) for _ in range(4))
         for index, block in enumerate(fit.blocks):
+            square = fit.weights[index] ** 2
             for start in range(0, block.grid, STRETCH):
-                part, R, _ = fit.between(index, start, start + STRETCH)
+                part, R, e = fit.between(index, start, start + STRETCH)
                 factors = self.factors(index, part.place)
                 added = R.chosen(np.array([self.column])) * factors
-                crossed = crossed + fit.weights[index] ** 2 * R.across(added)
+                both = square * R.across(np.column_stack([added, e]))
+                crossed = crossed + both
+                power, along = power + square * (added.T @ added), along + square * (added.T @ e)
                 squares = squares + factors.T @ factors
-        return fit.solution.inverse @ crossed, squares / fit.count
+        crossed, residual = crossed[:, :-1], crossed[:, -1]
+        shares = fit.solution.inverse @ crossed
+        return shares, power - shares.T @ crossed, along - shares.T @ residual, squares / fit.count
 
     def own(
         self, shares: FloatArray, index: int, start: int, stop: int
@@ -154,15 +176,6 @@ class _Changing:
         added = R.chosen(np.array([self.column])) * self.factors(index, part.place)
         w = self.fit.weights[index]
         return part.place, w * (added - R.times(shares)), w * e
-
-    def projected(self, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the power of what is its own, shape (k, k), and its product with the residual, (k,)."""
-        power, along = np.zeros(()), np.zeros(())
-        for index, block in enumerate(self.fit.blocks):
-            for start in range(0, block.grid, STRETCH):
-                _, own, e = self.own(shares, index, start, start + STRETCH)
-                power, along = power + own.T @ own, along + own.T @ e
-        return np.asarray(power), np.asarray(along)
 
     def influence(
         self, shares: FloatArray, power: FloatArray, sizes: FloatArray, indices: Sequence[int]
@@ -181,8 +194,7 @@ class _Changing:
 def _tested(fit: Fit, column: int, along: str, factors: Factors) -> ChangingInertia | None:
     """Return the change of an inertia by factors if it is certain and large."""
     changing = _Changing(fit, column, factors)
-    shares, squares = changing.shares()
-    power, along_residual = changing.projected(shares)
+    shares, power, along_residual, squares = changing.sums()
     if np.linalg.cond(power) > 1.0 / np.finfo(float).eps:
         return None
     sizes = np.asarray(np.linalg.solve(power, along_residual), dtype=float)

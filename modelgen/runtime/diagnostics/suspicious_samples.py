@@ -6,7 +6,7 @@ may stand at a limit, and a sensor may be coarse, with its owner's knowledge.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -201,7 +201,7 @@ def _told_leaps(record: Record, leaps: Sequence[tuple[int, str]]) -> Iterator[Ad
 
 
 @contextmanager
-def told_on_failure(doubts: Sequence[Advice]) -> Iterator[None]:
+def told_on_failure(doubts: Callable[[], Sequence[Advice]]) -> Iterator[None]:
     """Add what is suspicious about the data to an error within that the data may be the reason of.
 
     That is not the case where an option is out of its range: such an error does not name a record.
@@ -212,7 +212,7 @@ def told_on_failure(doubts: Sequence[Advice]) -> Iterator[None]:
         places = [problem.where for problem in error.problems]
         found = [
             Problem(advice.where, advice.what, advice.remedy)
-            for advice in doubts
+            for advice in doubts()
             if isinstance(error, IdentifiabilityError)
             or any(advice.where.split(", channel ")[0] in where for where in places)
         ]

@@ -17,14 +17,17 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import negative_columns
 
 
-def contradiction(fit: Fit, other: Fit) -> FloatArray:
+def contradiction(fit: Fit, other: Fit, share: float = 1.0) -> FloatArray:
     """Return by how much two fits to the same columns differ where noise does not explain it, else 0, (c,).
+
+    The noise is that of all samples, of which the fits have a `share`: more than that is in their difference,
+    and what they differ by counts as certain.
 
     What one of them hardly determines (friction of two bodies that a simulation moves as one) is no
     contradiction.
     """
     move = fit.solution.x - other.solution.x
-    variance = np.diag(hac_covariance(fit)) + np.diag(hac_covariance(other))
+    variance = share * (np.diag(hac_covariance(fit)) + np.diag(hac_covariance(other)))
     return np.where(np.abs(move) > DISAGREEMENT * np.sqrt(np.maximum(variance, 0.0)), move, 0.0)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero, contradiction
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import (
-    explained_by_stretches,
+    decided_by_stretches,
+    long,
     timing_by_stretches,
 )
 from modelgen.runtime.identification.explanation.explained import Begun, begun_with, run_method
@@ -35,7 +37,6 @@ from modelgen.runtime.identification.thresholds import (
     LEFT_BY_ARMS,
     LEFT_SHARE,
     OVER_NOISE,
-    SEARCHED,
     STANDS_IN,
 )
 from modelgen.runtime.iv.freed_effects import corrected
@@ -66,6 +67,13 @@ def default_method(task: Task, method: Auto) -> Begun:
     if beyond is not None:
         why = "instruments take more than memory_limit_mb; delays are not estimated"
         return _stand_in(with_predicted_cutoff(task, consistent=False), method, DataError(beyond), why)
+    if long(task.job):
+        return decided_by_stretches(task, partial(_of_chain, method=method))
+    return _of_chain(task, method)
+
+
+def _of_chain(task: Task, method: Auto) -> Begun:
+    """Return instruments of a chain, or least squares where it is better."""
     given, task = task, with_predicted_cutoff(task, consistent=True)
     try:
         first = _instrumental(task, method.instrumental)
@@ -142,14 +150,15 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     """
     iv = first.found
     late = {effect: size for effect, size in zip(iv.effects, iv.sizes, strict=True) if effect.kind == "delay"}
-    job = replace(task.job, late=(), records=corrected(task.job.records, {}, late, late.values()))
+    inside = partial(corrected, delays={}, effects=late, sizes=tuple(late.values()))
+    job = replace(task.job.changed(inside), late=())
     try:
         plain = run_method(replace(task, job=job), method.least_squares)
     except (IdentifiabilityError, DataError):
         return first
     fit = plain.found.fit
     bias = noise_bias(task.model, task.records, task.choice, fit)
-    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    spread = np.sqrt(job.share * np.maximum(np.diag(hac_covariance(fit)), 0.0))
     worse = max(fit.left_shares) > max(LEFT_SHARE, *iv.fit.left_shares)
     # what leaves clearly more without a mass that is estimated is no alternative to it
     left, least = (float(np.exp(one.misfit / one.count)) for one in (fit, iv.fit))
@@ -157,7 +166,7 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     worse |= bool(masses) and CLEARLY_LESS * left > least
     if worse or fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
         return _with_note(first, "method iv; the residual is more than noise of the sensors")
-    move = contradiction(fit, iv.fit)
+    move = contradiction(fit, iv.fit, job.share)
     note = (
         "method wls: the residual is more than noise of the sensors, which hardly biases least squares here"
     )
@@ -208,12 +217,10 @@ def _unexplained(one: Begun) -> bool:
 
 def _explained(task: Task, method: IV) -> Begun:
     """Return a task with instruments run, and what the residual says."""
-    if not task.checks.drift_check:
+    # stretches of long records were looked at
+    if not task.checks.drift_check or long(task.job):
         return run_method(task, method)
     step("looking for what the model lacks")
-    if any(record.n > SEARCHED for record in task.records):
-        begun = explained_by_stretches(task, method)
-        return begun_with(begun.task, begun.found)
     begun = run_method(task, method)
     fit = begun.found.fit
     return begun_with(begun.task, explained(task.job, found_by(task.job, begun.found.observation, fit), fit))

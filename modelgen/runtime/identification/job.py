@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from modelgen.runtime.iv.effect import Effect
     from modelgen.runtime.iv.instrumental_variables import Setting
 
+# takes records to those that are estimated from in their place
+Change = Callable[[tuple[Record, ...]], tuple[Record, ...]]
+
 
 @dataclass(frozen=True, eq=False)
 class Job:
@@ -39,7 +42,9 @@ class Job:
     model lacks and is estimated as well, from `sizes` on. Rows of least squares that take more than
     `memory_limit` bytes are made again whenever they are asked for. Instruments start at the physical
     parameters `begin`, if there are any and no `start`. Least squares uses samples that feel a reversal only
-    with `turns`, instruments with `reversing`, or where few others are left.
+    with `turns`, instruments with `reversing`, or where few others are left. `changes` are what was done to
+    the records that were given, in this order. The job of stretches has a `share` of the samples that are to
+    be estimated from.
     """
 
     model: Model
@@ -60,6 +65,12 @@ class Job:
     begin: Mapping[str, float] | None = None
     turns: bool = True
     reversing: bool = False
+    changes: tuple[Change, ...] = ()
+    share: float = 1.0
+
+    def changed(self, change: Change) -> Job:
+        """Return the job with other records in the place of its own."""
+        return replace(self, records=change(self.records), changes=(*self.changes, change))
 
     def observed(
         self, records: tuple[Record, ...], turns: bool = True, friction: bool = False

@@ -156,7 +156,7 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         unweighted(fit, plain),
         refused,
         bound_reasons(cost, fit) if cost else {},
-        (*task.doubts, *told.advice, *advice),
+        (*task.doubts(), *told.advice, *advice),
         treatment,
         cost,
         treatment.job(job),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import ModuleType
 from typing import Any
 
@@ -15,13 +16,14 @@ from modelgen.runtime.diagnostics.hold_out import held_apart
 from modelgen.runtime.diagnostics.periods import periods_of
 from modelgen.runtime.diagnostics.suspicious_samples import suspicions, told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
-from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.job import Change, Job
 from modelgen.runtime.identification.methods import IV, WLS, Auto, Method, Pham2002
 from modelgen.runtime.identification.options import CheckOptions, Filters, option_problems
 from modelgen.runtime.identification.thresholds import MEGABYTE
 from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.model.power.power_model import power_model
+from modelgen.runtime.numerics.threads import meanwhile
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
 from modelgen.runtime.records.record import Record, missing_name
@@ -45,15 +47,18 @@ class Task:
         To identify from, and held out; known delays and holds compensated.
     period_s : mapping of str to float
         Periodic record to its period in s.
-    doubts : tuple of Advice
-        What looks wrong in the samples.
+    doubts : callable
+        Gives what looks wrong in the samples.
     choice : FilterChoice
     job : Job
         The same for the method.
     filters : Filters
         What was given of them.
-    contents : tuple of str
-        Of the records to identify from, as they were given (`modelgen.runtime.records.same_data.contents`).
+    contents : callable
+        Gives the contents of the records to identify from, as they were given: tuple of str
+        (`modelgen.runtime.records.same_data.contents`).
+    changes : tuple of callable
+        What was done to the records since, those of the job and those held out alike.
     """
 
     model: Model
@@ -62,11 +67,25 @@ class Task:
     records: tuple[Record, ...]
     unseen: tuple[Record, ...]
     period_s: Mapping[str, float]
-    doubts: tuple[Advice, ...]
+    doubts: Callable[[], tuple[Advice, ...]]
     choice: FilterChoice
     job: Job
     filters: Filters
-    contents: tuple[str, ...]
+    contents: Callable[[], tuple[str, ...]]
+    changes: tuple[Change, ...] = ()
+
+    def changed(self, *changes: Change) -> Task:
+        """Return the task with other records in the place of its own."""
+        task = self
+        for change in changes:
+            task = replace(
+                task,
+                records=change(task.records),
+                unseen=change(task.unseen),
+                job=task.job.changed(change),
+                changes=(*task.changes, change),
+            )
+        return task
 
 
 def prepared(
@@ -91,8 +110,10 @@ def prepared(
     _check(model, every, problems, filters.directions)
     period_s = periods_of(model, every, checks.period_s) if checks.tests or checks.period_s else {}
     kept, unseen = held_apart(every, checks.hold_out, period_s)
+    used = [one for one in every if one.name in {record.name for record in kept}]
+    told = meanwhile(lambda: tuple(text for one in used for text in contents(one, model.channels)))
     step("choosing filters")
-    doubts = suspicions(model, kept) if checks.tests else ()
+    doubts = meanwhile(partial(suspicions, model, kept)) if checks.tests else tuple[Advice, ...]
     with told_on_failure(doubts):
         choice = choose_filter(
             model,
@@ -126,8 +147,6 @@ def prepared(
         memory_limit=None if limit_mb is None else MEGABYTE * limit_mb,
         begin=_begin(model, method),
     )
-    names = {record.name for record in kept}
-    told = tuple(text for one in every if one.name in names for text in contents(one, model.channels))
     return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job, filters, told)
 
 

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from multiprocessing import parent_process
+from typing import TypeVar
+
+Found = TypeVar("Found")
 
 
 def usable_threads() -> int:
@@ -13,3 +19,16 @@ def usable_threads() -> int:
     if hasattr(os, "sched_getaffinity"):  # not on Windows and macOS
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def meanwhile(work: Callable[[], Found]) -> Callable[[], Found]:
+    """Return what gives the result of a function, which another thread works on from now on if there is one.
+
+    Without one the function is called when it is asked for.
+    """
+    if usable_threads() == 1:
+        return cache(work)
+    pool = ThreadPoolExecutor(1)
+    found = pool.submit(work)
+    pool.shutdown(wait=False)
+    return found.result

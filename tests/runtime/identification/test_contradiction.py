@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
-from modelgen.runtime.identification.contradiction import below_zero, with_impossible_signs
+from modelgen.runtime.identification.contradiction import below_zero, contradiction, with_impossible_signs
 from modelgen.runtime.identification.explanation.explained import Explained
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -38,3 +38,14 @@ def test_a_negative_stiffness_counts_in_deviations_that_hold_what_is_known_to_mo
     np.testing.assert_allclose(told.drift, 4.5**2 * hac_covariance(wrong))
     # what is refused shows nothing
     assert with_impossible_signs(SMALL, found, {"K"}) is found
+
+
+def test_what_all_samples_would_show_is_a_contradiction_in_a_share_of_them() -> None:
+    records = tuple(two_mass_records())
+    job = Job(SMALL, records, choose_filter(SMALL, records))
+    fit = fit_matched(job.calm(records))
+    spread = np.sqrt(2.0 * np.diag(hac_covariance(fit)))
+    moved = fit.solution.x + 2.0 * spread
+    other = replace(fit, solution=replace(fit.solution, x=moved))
+    assert not contradiction(fit, other).any()
+    assert contradiction(fit, other, 0.25) == pytest.approx(-2.0 * spread)

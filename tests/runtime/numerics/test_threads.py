@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 
 import pytest
 
-from modelgen.runtime.numerics.threads import usable_threads
+from modelgen.runtime.numerics.threads import meanwhile, usable_threads
 
 
 def test_a_thread_for_every_core_that_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -21,3 +22,25 @@ def test_a_thread_for_every_core_that_may_be_used(monkeypatch: pytest.MonkeyPatc
 def test_a_worker_process_has_one() -> None:
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         assert pool.apply(usable_threads) == 1
+
+
+@pytest.mark.parametrize("cores", [{0}, {0, 1}])
+def test_what_another_thread_works_on_is_made_once(cores: set[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: cores, raising=False)
+    made: list[int] = []
+
+    def work() -> int:
+        made.append(threading.get_ident())
+        return 7
+
+    found = meanwhile(work)
+    assert len(cores) > 1 or not made
+    assert [found(), found()] == [7, 7]
+    assert len(made) == 1
+    assert (made[0] == threading.get_ident()) == (len(cores) == 1)
+
+
+def test_what_goes_wrong_in_another_thread_is_told_to_who_asks() -> None:
+    found = meanwhile(lambda: 1 // 0)
+    with pytest.raises(ZeroDivisionError):
+        found()

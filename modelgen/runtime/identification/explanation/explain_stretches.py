@@ -1,17 +1,22 @@
-"""What stretches of long records say of the model: effects that all of a record has, they have as well."""
+"""What becomes of the default is decided on stretches of long records, and estimated on all of their samples.
+
+Which cut-off, which method, what the model lacks, and what that may move: effects that all of a record has,
+its stretches have as well, and 65,000 samples show them as a million do.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.identification.explanation.explain_residual import explained, found_by, timing_moves
-from modelgen.runtime.identification.explanation.explained import Begun, Explained, run_method
+from modelgen.runtime.identification.explanation.explain_residual import timing_moves
+from modelgen.runtime.identification.explanation.explained import Begun, Explained, begun_with
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import IV, WLS
+from modelgen.runtime.identification.methods import IV, WLS, Method
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import SEARCHED, STRETCHES
 from modelgen.runtime.iv.effect import Effect
@@ -21,49 +26,51 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
 
 
-def explained_by_stretches(task: Task, method: IV) -> Begun:
-    """Return a task with instruments run, and what stretches of long records show, on the whole of them.
+def long(job: Job) -> bool:
+    """Tell whether a record of a job is so long that stretches of it decide."""
+    return any(record.n > SEARCHED for record in job.records)
 
-    Effects are looked for in stretches, and estimated on all samples if there are any. What stretches give is
-    also what the fit of all samples starts from.
+
+def decided_by_stretches(task: Task, decide: Callable[[Task], Begun]) -> Begun:
+    """Return what a task becomes by what stretches of its long records say.
+
+    The method that the stretches take is run on all samples, from their estimate on, with the effects that
+    they have. What else may move the estimate is known from them.
+
+    Parameters
+    ----------
+    task : Task
+    decide : callable
+        Takes a task to its method, run, and what the residual says.
 
     Raises
     ------
     DataError
     IdentifiabilityError
-        When the whole records give no estimate.
+        When neither stretches nor the whole records give an estimate.
     """
-    job = task.job
-    found = _of_stretches(job, method)
-    if found is None:
-        return run_method(task, method)
-    fit, told, record_of = found
-    begun = _started_near(task, method, fit)
-    plain = begun.found
+    stretches, record_of = _task_of_stretches(task)
+    try:
+        begun = decide(stretches)
+    except (IdentifiabilityError, DataError):
+        return decide(task)
+    whole = _on_all(task, begun, record_of)
+    told, method = begun.found, whole.method
+    plain = _from_near(whole.job, told.fit, method)
     if told.fit.columns != plain.fit.columns:
-        return begun
-    if not told.effects:
-        return replace(begun, found=replace(plain, drift=told.drift, advice=told.advice))
-    effects = _of_records(told.effects, record_of, len(job.records))
+        return begun_with(whole, _noted(plain, told))
+    if not told.effects or not isinstance(method, IV):
+        return begun_with(whole, replace(_noted(plain, told), drift=told.drift, advice=told.advice))
+    effects = _of_records(told.effects, record_of, len(task.records))
+    job = whole.job
     try:
         effects, freed = fit_in_shape(job.setting(), job.calm, plain.fit, effects, (), job.sharpened)
     except (IdentifiabilityError, DataError):
         move = told.fit.solution.x - plain.fit.solution.x
         moved = told.drift + np.outer(move, move)
-        return replace(begun, found=replace(plain, drift=moved, advice=told.advice))
-    return replace(
-        begun, found=Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, told.advice)
-    )
-
-
-def _of_stretches(job: Job, method: IV) -> tuple[Fit, Explained, list[int]] | None:
-    """Return the fit of stretches, what they show and the record that each is of; None where nothing fits."""
-    parts, record_of = _in_stretches(job)
-    try:
-        observation, fit = method.run(parts)
-    except (IdentifiabilityError, DataError):
-        return None
-    return fit, explained(parts, found_by(parts, observation, fit), fit), record_of
+        return begun_with(whole, replace(_noted(plain, told), drift=moved, advice=told.advice))
+    found = Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, told.advice)
+    return begun_with(whole, _noted(found, told))
 
 
 def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
@@ -71,7 +78,7 @@ def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
 
     As `timing_moves`; `job` says how rows are taken, and which delays were to be found.
     """
-    if any(record.n > SEARCHED for record in job.records):
+    if long(job):
         parts, _ = _in_stretches(job)
         try:
             observation, fit = method.run(replace(parts, late=()))
@@ -80,6 +87,14 @@ def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
         if fit.columns == found.fit.columns:
             return timing_moves(parts, observation, fit)
     return timing_moves(job, found.observation, found.fit)
+
+
+def _task_of_stretches(task: Task) -> tuple[Task, list[int]]:
+    """Return the task of stretches of long records, and the record that each is of."""
+    job, record_of = _in_stretches(task.job)
+    every, taken = (sum(record.n for record in one.records) for one in (task.job, job))
+    job = replace(job, share=taken / every)
+    return replace(task, records=job.records, choice=job.choice, job=job), record_of
 
 
 def _in_stretches(job: Job) -> tuple[Job, list[int]]:
@@ -94,17 +109,37 @@ def _in_stretches(job: Job) -> tuple[Job, list[int]]:
     return parts, [index for index, one in enumerate(stretches) for _ in one]
 
 
-def _started_near(task: Task, method: IV, fit: Fit) -> Begun:
-    """Return a task with instruments run on whole records, from the fit of their stretches on."""
-    if fit.carried is not None:  # physical parameters have starts of their own
-        return run_method(task, method)
-    # the stretches' own simulations are of no use to whole records
-    job = replace(task.job, start=replace(fit, simulated=None))
-    try:
-        begun = run_method(replace(task, job=job), method)
-    except (IdentifiabilityError, DataError):
-        return run_method(task, method)
-    return replace(begun, task=replace(begun.task, job=task.job))
+def _on_all(task: Task, begun: Begun, record_of: list[int]) -> Task:
+    """Return a task with the settings that stretches decided, and what they did to the records."""
+    decided, job = begun.task, begun.task.job
+    factors = dict(zip(record_of, job.choice.decimation, strict=True))
+    choice = replace(job.choice, decimation=tuple(factors[index] for index in range(len(task.records))))
+    task = task.changed(*decided.changes)
+    records = task.records
+    for change in job.changes[len(decided.changes) :]:
+        records = change(records)
+    whole = replace(
+        job, records=records, choice=choice, surveys=task.job.surveys, effects=(), sizes=(), share=1.0
+    )
+    return replace(task, method=decided.method, choice=choice, job=whole)
+
+
+def _from_near(job: Job, fit: Fit, method: Method) -> Explained:
+    """Return a method run on whole records, instruments from the fit of their stretches on."""
+    found = None
+    if fit.carried is None and isinstance(method, IV):  # physical parameters have starts of their own
+        try:
+            # the stretches' own simulations are of no use to whole records
+            found = method.run(replace(job, start=replace(fit, simulated=None)))
+        except (IdentifiabilityError, DataError):
+            found = None
+    observation, whole = found or method.run(job)
+    return Explained(observation, whole, (), (), np.zeros((len(whole.columns),) * 2), ())
+
+
+def _noted(found: Explained, told: Explained) -> Explained:
+    """Return what was found with what is said of the method that was taken."""
+    return replace(found, fit=replace(found.fit, notes=(told.fit.notes[0], *found.fit.notes)))
 
 
 def _of_records(effects: tuple[Effect, ...], record_of: list[int], records: int) -> tuple[Effect, ...]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -89,9 +90,7 @@ def _delays(begun: Begun) -> dict[str, float]:
 
 
 def _holding(task: Task, channels: tuple[str, ...]) -> Task:
-    records = with_holds(task.records, channels)
-    job = replace(task.job, records=records)
-    return replace(task, records=records, unseen=with_holds(task.unseen, channels), job=job)
+    return task.changed(partial(with_holds, channels=channels))
 
 
 def better_held(begun: Begun, held: Begun, channels: Iterable[str]) -> Begun | None:

@@ -9,8 +9,7 @@ of a percent is one of a percent of very little (Astrom and Wittenmark 1997, ch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -42,12 +41,10 @@ def without_images(task: Task, delays: Mapping[str, float], known: Begun) -> Tas
     values = possible(model, simulation_parameters(model, known.found.fit))
     plant = make_plant(model, values)
 
-    def cleaned(records: Sequence[Record]) -> tuple[Record, ...]:
+    def cleaned(records: tuple[Record, ...]) -> tuple[Record, ...]:
         return tuple(_cleaned(record, plant, delays) for record in records)
 
-    records = cleaned(task.records)
-    job = replace(task.job, records=records)
-    return replace(task, records=records, unseen=cleaned(task.unseen), job=job)
+    return task.changed(cleaned)
 
 
 def _cleaned(record: Record, plant: Plant, delays: Mapping[str, float]) -> Record:

@@ -10,24 +10,25 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification import default_method
 from modelgen.runtime.identification.explanation import explain_stretches
 from modelgen.runtime.identification.explanation.explain_residual import timing_moves
-from modelgen.runtime.identification.explanation.explained import Explained
+from modelgen.runtime.identification.explanation.explained import Begun, Explained
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import WLS
+from modelgen.runtime.identification.methods import WLS, Auto
+from modelgen.runtime.identification.task import Task
 from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.simulate import simulate
-from tests.runtime.two_mass_records import SMALL, TRUTH, assert_truth_inside, two_mass_records
+from tests.runtime.two_mass_records import NOISE, SMALL, TRUTH, assert_truth_inside, two_mass_records
 
 RIGID = model_from_module(emps_rigid_qm)
 
 
 @pytest.fixture(autouse=True)
 def stretches(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (default_method, explain_stretches):
-        monkeypatch.setattr(module, "SEARCHED", 8192)
+    monkeypatch.setattr(explain_stretches, "SEARCHED", 8192)
     monkeypatch.setattr(explain_stretches, "STRETCHES", 2)
 
 
@@ -51,10 +52,35 @@ def test_a_zero_of_a_stretch_is_its_records() -> None:
 
 
 @pytest.mark.slow
-def test_of_a_right_model_nothing_is_said() -> None:
+def test_of_a_right_model_nothing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[int] = []
+    of_chain = default_method._of_chain
+
+    def spied(task: Task, method: Auto) -> Begun:
+        tried.extend(one.n for one in task.job.records)
+        return of_chain(task, method)
+
+    monkeypatch.setattr(default_method, "_of_chain", spied)
     estimate = identify(SMALL, two_mass_records())
+    assert tried == [4096] * 4
+    whole = identify(SMALL, two_mass_records(), "iv")
+    assert [one.used for one in estimate.fit.rows] == [one.used for one in whole.fit.rows]
     assert not estimate.checks.advice
     assert_truth_inside(estimate, TRUTH)
+
+
+@pytest.mark.slow
+def test_a_command_that_stretches_show_to_be_held_is_so_in_all_of_its_record(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(explain_stretches, "SEARCHED", 4096)
+    drive, options = Drive(rate_hz=2000.0), {"fs": 2000.0, "duration_s": 3.0}
+    record = simulate(SMALL, TRUTH, "chirp", drive=drive, noise=NOISE, seed=3, **options).record
+    estimate = identify(SMALL, record)
+    assert "held over every sample" in " ".join(one.sentence for one in estimate.checks.advice)
+    for name in ("J_m", "J_c", "K"):
+        assert abs(estimate.params[name] - TRUTH[name]) < 3.0 * estimate.bse[name]
+        assert estimate.bse[name] < 2e-3 * TRUTH[name]
 
 
 @pytest.mark.slow
