@@ -11,14 +11,19 @@ import numpy as np
 
 
 class FrozenValues:
-    """Base of frozen dataclasses: arrays become read-only copies, mappings read-only views of copies."""
+    """Base of frozen dataclasses: arrays become read-only copies, mappings read-only views of copies.
+
+    What is read-only already, and no view of anything else, stays as it is.
+    """
 
     def __post_init__(self) -> None:
         for name, value in self._values().items():
             if isinstance(value, np.ndarray):
-                value = np.array(value, dtype=complex if np.iscomplexobj(value) else float)
-                value.flags.writeable = False
-                object.__setattr__(self, name, value)
+                kind = complex if np.iscomplexobj(value) else float
+                if value.flags.writeable or value.base is not None or value.dtype != kind:
+                    value = np.array(value, dtype=kind)
+                    value.flags.writeable = False
+                    object.__setattr__(self, name, value)
             elif isinstance(value, Mapping):
                 object.__setattr__(self, name, MappingProxyType(dict(value)))
 

@@ -40,3 +40,15 @@ def test_what_was_given_is_copied_and_locked(
         assert not one.array.flags.writeable
         with pytest.raises(TypeError):
             one.table["new"] = 1.0
+
+
+def test_what_nobody_can_change_is_not_copied() -> None:
+    array = np.arange(3.0)
+    array.flags.writeable = False
+    assert Values(array, {}).array is array
+    behind = np.arange(4.0)
+    view = behind[1:]
+    view.flags.writeable = False
+    values = Values(view, {})
+    behind[:] = 7.0
+    assert values.array.tolist() == [1.0, 2.0, 3.0]

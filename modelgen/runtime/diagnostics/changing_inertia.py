@@ -124,7 +124,11 @@ def _factors(
         return
 
     def with_angle(index: int, place: IntArray) -> FloatArray:
-        q = records[fit.blocks[index].record].signals[keys[0]][sample(index, place)]
+        if not place.size:
+            return np.zeros((0, 2))
+        at = sample(index, place)
+        first = int(at[0])
+        q = records[fit.blocks[index].record].read(keys[0], first, int(at[-1]) + 1)[at - first]
         return np.column_stack([np.cos(q), np.sin(q)])
 
     yield f"with the angle of {body}", with_angle

@@ -85,6 +85,8 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     base[[model.base_parameters.index(name) for name in identified]] = values
     found = _physical(solved, base, covariances)
     others = other_solutions(model, base, covariances, found.parameters)
+    # before the residual that stays: it makes residuals of its own
+    pruning = _prune(solved, residual_dof, prune_percent)
     described = EstimatedFit(
         method=solved.method.name,
         method_title=method.title,
@@ -98,7 +100,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         error_norm=fit.residual_norm,
         sigma=sigma,
         residual_dof=residual_dof,
-        pruning=_prune(solved, residual_dof, prune_percent),
+        pruning=pruning,
         delays={channel: value for channel, value, _ in fit.delays},
         delay_std={channel: std for channel, _, std in fit.delays},
         notes=solved.observation.notes

@@ -111,9 +111,11 @@ def prepared(
     period_s = periods_of(model, every, checks.period_s) if checks.tests or checks.period_s else {}
     kept, unseen = held_apart(every, checks.hold_out, period_s)
     used = [one for one in every if one.name in {record.name for record in kept}]
-    told = meanwhile(lambda: tuple(text for one in used for text in contents(one, model.channels)))
+    # what reads files at the same time takes memory of its own
+    files = any(one.source is not one for one in every)
+    told = meanwhile(lambda: tuple(text for one in used for text in contents(one, model.channels)), files)
     step("choosing filters")
-    doubts = meanwhile(partial(suspicions, model, kept)) if checks.tests else tuple[Advice, ...]
+    doubts = meanwhile(partial(suspicions, model, kept), files) if checks.tests else tuple[Advice, ...]
     with told_on_failure(doubts):
         choice = choose_filter(
             model,

@@ -143,8 +143,14 @@ class Fit:
 
     @property
     def weighted_residual(self) -> FloatArray:
-        """Weighted residual of all blocks, shape (r,)."""
-        return np.concatenate([w * e for w, e in zip(self.weights, self.residuals, strict=True)])
+        """Weighted residual of all blocks, shape (r,), not to be changed."""
+        found = np.empty(sum(block.count for block in self.blocks))
+        start = 0
+        for weight, residual in zip(self.weights, self.residuals, strict=True):
+            np.multiply(weight, residual, out=found[start : start + len(residual)])
+            start += len(residual)
+        found.flags.writeable = False
+        return found
 
     @property
     def weighted_measurement(self) -> FloatArray:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from concurrent.futures import Future, ThreadPoolExecutor
 from multiprocessing import parent_process
 from typing import TypeVar
 
@@ -21,14 +20,19 @@ def usable_threads() -> int:
     return os.cpu_count() or 1
 
 
-def meanwhile(work: Callable[[], Found]) -> Callable[[], Found]:
+def meanwhile(work: Callable[[], Found], here: bool = False) -> Callable[[], Found]:
     """Return what gives the result of a function, which another thread works on from now on if there is one.
 
-    Without one the function is called when it is asked for.
+    Without one, or `here`, it is worked out at once; what goes wrong is raised by who asks for the result.
     """
-    if usable_threads() == 1:
-        return cache(work)
+    if here or usable_threads() == 1:
+        found: Future[Found] = Future()
+        try:
+            found.set_result(work())
+        except Exception as error:
+            found.set_exception(error)
+        return found.result
     pool = ThreadPoolExecutor(1)
-    found = pool.submit(work)
+    result = pool.submit(work).result
     pool.shutdown(wait=False)
-    return found.result
+    return result

@@ -21,7 +21,7 @@ from modelgen.runtime.records.thresholds import MOST_FILTERED
 from modelgen.runtime.rows.signal_plan import SignalPlan
 
 # Samples between halos; and at least so many halos, so that these take a small part of the work.
-CHUNK_SAMPLES = 1 << 18
+CHUNK_SAMPLES = 1 << 16
 HALOS = 8
 # The lines of a kernel, some hundreds at the full rate, make a sample as many times as large.
 KERNEL_SAMPLES = 1 << 14
