@@ -31,6 +31,8 @@ STANDS_IN = 0.3
 
 # A force is half a sample early to within this share of a sample.
 HALF_SAMPLE = 0.05
+# No command acts before it is given: by more than this share of a sample it is another cause.
+LEAST_BEFORE = 0.2
 # Rounds in which a command is taken as held, at most; done when it moves by less than this share of a sample.
 HELD_ROUNDS, HELD_SETTLED = 3, 1e-3
 # So many effects are estimated at most: the records do not hold more.

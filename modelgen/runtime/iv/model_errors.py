@@ -64,7 +64,7 @@ def zero_effect(key: str, index: int | None, records: int) -> Effect:
 
 def delay_effects(model: Model) -> tuple[Effect, ...]:
     """Return the delay of each sensor, the first one's included: only differences are seen."""
-    return tuple(_delay(sensor.key) for sensor in model.sensors if sensor.key in model.channels)
+    return tuple(delay_effect(sensor.key) for sensor in model.sensors if sensor.key in model.channels)
 
 
 def clock_effects(model: Model) -> tuple[Effect, ...]:
@@ -74,7 +74,8 @@ def clock_effects(model: Model) -> tuple[Effect, ...]:
     return tuple(_clock(key) for key in (*sensors[1:], *forces))
 
 
-def _delay(key: str) -> Effect:
+def delay_effect(key: str) -> Effect:
+    """Return that a channel, a sensor or a force, is read late."""
     late = _with(key, lambda s, dt: -np.gradient(s, dt))
     remedy = "read all channels at one instant, or shift this one"
     words, early = f"{key} is late", f"{key} is early"
@@ -94,7 +95,7 @@ def _clock(key: str) -> Effect:
 def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
     """Yield the effects of a sensor, its zero in each of so many records."""
     key = sensor.key
-    yield _delay(key)
+    yield delay_effect(key)
     yield low_pass(key, force=False)
     yield _clock(key)
     gain = f"the gain of {key} is off"
@@ -107,7 +108,7 @@ def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
 
 def _force_effects(key: str, late: bool) -> Iterator[Effect]:
     if late:
-        yield _delay(key)
+        yield delay_effect(key)
     yield low_pass(key, force=True)
     yield _clock(key)
 

@@ -7,7 +7,6 @@ ones, then promises too much. The Newey-West estimator takes both as they are.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from operator import is_
 
@@ -25,6 +24,7 @@ from modelgen.runtime.numerics.bandwidth import (
     window_power,
     window_width,
 )
+from modelgen.runtime.numerics.few_instants import EveryFew, KernelSums, joined_covariance
 
 # Of how many instants an influence is held at a time at least: each part asks every block.
 INSTANTS = 1 << 10
@@ -46,7 +46,7 @@ def hac_covariance(fit: Fit) -> FloatArray:
 
     As Newey and West (1987), but with Parzen's kernel: differentiated noise has its power at high frequencies
     that their triangle lets through. Its bandwidth is `scores_bandwidth`, and what that wants of small
-    samples `fixed_b_factor`. Rows of one instant are taken together; masked instants count as zeros at
+    samples `few_instants`. Rows of one instant are taken together; masked instants count as zeros at
     their place, records as independent. It is computed once a solution: copies of a fit with other notes or
     delays have the same.
     """
@@ -80,31 +80,23 @@ def long_run_covariance(series: Sequence[Series | FloatArray], least: float = 1.
     """
     series = [kept(one) for one in series]
     bandwidth = max(least, scores_bandwidth(series))
-    sums = [_ParzenSums(bandwidth) for _ in series]
+    sums = [ParzenSums(bandwidth) for _ in series]
     for one, parzen in zip(series, sums, strict=True):
         for psi in in_parts(one):
             parzen.add(psi)
     return joined_covariance([one.result() for one in sums], bandwidth, sum(one.n for one in sums))
 
 
-@dataclass(frozen=True, eq=False)
-class KernelSums:
-    """What a record gives: the kernel's sum over lags, shape (c, c), and `fourth`, shape (c,).
-
-    The latter are the sums of fourth powers of the influence after its moving sums.
-    """
-
-    total: FloatArray
-    fourth: FloatArray
-
-
-class _ParzenSums:
+class ParzenSums:
     """The sum over lags l of Parzen's kernel times psi_t psi_(t+l)^T, of an influence in parts."""
 
     def __init__(self, bandwidth: float) -> None:
         self._width = window_width(bandwidth)
+        self._root = float(np.sqrt(window_power(self._width)))
         self._tails: list[FloatArray] = []
-        self._sums = KernelSums(np.zeros(1), np.zeros(1))
+        self._total = np.zeros(1)
+        # neighbours within half a window say the same
+        self._kept = EveryFew(max(1, self._width // 2))
         self.n = 0
 
     def add(self, psi: FloatArray) -> None:
@@ -119,65 +111,15 @@ class _ParzenSums:
             joined = np.concatenate([tail, psi])
             self._tails[place] = joined[len(joined) - len(tail) :]
             psi = moving_sum(joined, self._width)
-        more = squared_sums(psi, self._width)
-        self._sums = KernelSums(self._sums.total + more.total, self._sums.fourth + more.fourth)
+        psi = psi / self._root
+        self._total = self._total + psi.T @ psi
+        self._kept.add(psi)
 
     def result(self) -> KernelSums:
         """Return the sums over what was taken in; to be called once."""
         # the moving sums that begin within the record and end behind it
         self._add(np.zeros((2 * (self._width - 1), self._tails[0].shape[1])))
-        return self._sums
-
-
-def squared_sums(twice: FloatArray, width: int) -> KernelSums:
-    """Return the sums over an influence after its moving sums, shape (n, c)."""
-    power, squares = window_power(width), twice**2
-    return KernelSums(twice.T @ twice / power, np.einsum("nc,nc->c", squares, squares) / power**2)
-
-
-def joined_covariance(sums: Sequence[KernelSums], bandwidth: float, n: int) -> FloatArray:
-    """Return the covariance, shape (c, c), from the sums of all records, n instants together.
-
-    Each record's share grows by the factor for the instants that it rests on. One factor a record, for all
-    columns: their near dependences, which composites rest on, stay as they are.
-    """
-    power = np.diag(np.sum([one.total for one in sums], axis=0))
-    alive = power > 0.0
-    result = np.zeros((len(power), len(power)))
-    for one in sums:
-        shares = np.sum(np.diag(one.total)[alive] / power[alive])
-        # one after the other: the square of a small power would be zero
-        fourth = np.sum(one.fourth[alive] / power[alive] / power[alive])
-        instants = effective_instants(float(shares), float(fourth), n)
-        result += one.total * fixed_b_factor(bandwidth, instants)
-    return result
-
-
-def effective_instants(shares: float, fourth: float, n: int) -> float:
-    """Return on how many of n instants the share of a record in the columns' variances rests.
-
-    Parameters
-    ----------
-    shares : float
-        The record's shares in the variances, summed over the columns.
-    fourth : float
-        Its fourth powers relative to the squares of these variances, summed likewise. Normal noise of even
-        size has fourth moments of three squared variances: all n instants count. Where a few stretches say
-        most of what is said about a column, its variance is no more certain than these few make it.
-    n : int
-        Number of instants of all records.
-    """
-    return min(float(n), 3.0 * shares / fourth) if fourth > 0.0 else float(n)
-
-
-def fixed_b_factor(bandwidth: float, n: float) -> float:
-    """Return by how much a variance grows so that normal intervals of 95 % hold with this bandwidth.
-
-    Critical values by b = bandwidth / n, n instants, after Kiefer and Vogelsang (2005), simulated for
-    Parzen's kernel.
-    """
-    b = min(bandwidth / n, 1.0)
-    return float(((1.96 + 1.8952 * b + 2.1790 * b**2 - 0.3610 * b**3) / 1.96) ** 2)
+        return KernelSums(self._total, self._kept.result(), self._kept.stride)
 
 
 def influence(fit: Fit) -> list[FloatArray]:

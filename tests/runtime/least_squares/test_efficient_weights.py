@@ -84,4 +84,8 @@ def test_further_columns_stay_free_in_its_covariance(seed: int) -> None:
     np.testing.assert_array_equal(found.solution.x, larger.solution.x[:3])
     c, n = 3, larger.count
     alike = (n - c - found.lost) / (n - c - 1 - larger.lost)
-    np.testing.assert_allclose(alike * hac_covariance(found), hac_covariance(larger)[:3, :3], rtol=1e-2)
+    # directions of few instants are found in three columns, or in five
+    whole = hac_covariance(larger)[:3, :3]
+    deviations = np.sqrt(np.diag(whole))
+    off = (alike * hac_covariance(found) - whole) / np.outer(deviations, deviations)
+    assert np.max(np.abs(off)) < 1e-2

@@ -5,35 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import (
-    effective_instants,
-    fixed_b_factor,
     hac_covariance,
     influence,
-    joined_covariance,
     long_run_covariance,
-    squared_sums,
 )
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
 from modelgen.runtime.numerics.bandwidth import scores_bandwidth, window_width
+from modelgen.runtime.numerics.few_instants import KernelSums, joined_covariance
 from modelgen.runtime.numerics.regressor import plain_regressors
 from modelgen.runtime.rows.row_block import RowBlock
 
 RNG = np.random.default_rng(8)
 SERIES = [RNG.normal(size=(40, 2)).cumsum(axis=0), RNG.normal(size=(25, 2))]
-
-
-@pytest.mark.parametrize(
-    ("bandwidth", "n", "quantile"),
-    [(0.0, 10, 1.96), (2.0, 10, 2.423312), (5.0, 10, 3.407225), (10.0, 10, 5.6732), (30.0, 10, 5.6732)],
-)
-def test_the_fixed_b_factor_is_the_square_of_a_ratio_of_quantiles(
-    bandwidth: float, n: int, quantile: float
-) -> None:
-    assert fixed_b_factor(bandwidth, n) == pytest.approx((quantile / 1.96) ** 2, rel=1e-9)
 
 
 def test_the_long_run_covariance_is_a_double_sum_over_instants() -> None:
@@ -50,43 +36,16 @@ def test_the_long_run_covariance_is_a_double_sum_over_instants() -> None:
             for j, there in enumerate(psi):
                 share += kernel[abs(i - j)] * np.outer(here, there)
         shares.append(share)
-    power, expected = np.diag(sum(shares)), np.zeros((2, 2))
-    for psi, share in zip(fading, shares, strict=True):
-        # a sum over 1, 2, 3, .., 2, 1 neighbours, the kernel's root
-        sums = np.column_stack([np.convolve(column, triangle) for column in psi.T])
-        fourth = np.sum(sums**4, axis=0) / (triangle @ triangle) ** 2
-        instants = 3.0 * np.sum(np.diag(share) / power) / np.sum(fourth / power**2)
-        assert instants < 60.0
-        expected += share * fixed_b_factor(bandwidth, instants)
+    # the figures of `few_instants`, from sums over 1, 2, 3, .., 2, 1 neighbours, the kernel's root
+    every = [
+        np.column_stack([np.convolve(column, triangle) for column in psi.T]) / np.sqrt(triangle @ triangle)
+        for psi in fading
+    ]
+    stride = max(1, window_width(bandwidth) // 2)
+    sums = [KernelSums(one, psi[::stride], stride) for one, psi in zip(shares, every, strict=True)]
+    expected = joined_covariance(sums, bandwidth, 65)
+    assert np.all(np.diag(expected) > np.diag(sum(shares)))
     assert np.allclose(long_run_covariance(fading), expected, rtol=1e-10)
-
-
-def test_normal_noise_counts_every_instant_and_a_burst_its_own() -> None:
-    noise = RNG.normal(size=(20_000, 1))
-    burst = noise * (np.arange(20_000) < 2_000)[:, None]
-    for psi, count in ((noise, 20_000), (burst, 2_000)):
-        sums = squared_sums(psi, 1)
-        assert sums.total[0, 0] == pytest.approx(np.sum(psi**2))
-        found = effective_instants(1.0, float(sums.fourth[0] / sums.total[0, 0] ** 2), 20_000)
-        assert found == pytest.approx(count, rel=0.06)
-    # never more than there are, and all where there is nothing
-    assert effective_instants(1.0, 1e-3, 100) == 100.0
-    assert effective_instants(0.0, 0.0, 7) == 7.0
-
-
-def test_every_record_is_judged_by_its_own_instants() -> None:
-    long, short = RNG.normal(size=(5_000, 1)), 30.0 * RNG.normal(size=(40, 1))
-    # the second column rests on the short record, the first on the long one; the third is dead
-    series = [np.hstack([long, 1e-6 * long, 0.0 * long]), np.hstack([1e-6 * short, short, 0.0 * short])]
-    sums = [squared_sums(psi, 1) for psi in series]
-    found = joined_covariance(sums, 2.0, 5_040)
-    assert found[0, 0] / sums[0].total[0, 0] == pytest.approx(fixed_b_factor(2.0, 5_000), rel=1e-3)
-    assert found[1, 1] / sums[1].total[1, 1] == pytest.approx(fixed_b_factor(2.0, 40), rel=0.05)
-    assert found[1, 1] > 1.05 * sums[1].total[1, 1]
-    assert not found[2].any()
-    # alike twice: as if it were one record of twice the length
-    twice = joined_covariance([sums[1]] * 2, 2.0, 5_040)
-    assert twice[1, 1] / (2.0 * sums[1].total[1, 1]) == pytest.approx(fixed_b_factor(2.0, 80), rel=0.03)
 
 
 def fit_of_two_rows_and_two_records() -> Fit:

@@ -1,8 +1,9 @@
 """Where to start from when zeros of positions differ, or a channel is read at quite other instants.
 
-A sensor that is late by samples, a clock that drifts by samples, readings behind a slow low-pass: small steps
-from the records as they are lead nowhere. Channels are set right by sizes on a grid and solved by least
-squares, with a constant in each row where zeros may differ; the best of these is what is estimated from.
+A sensor that is late by samples, a clock that drifts by samples, readings behind a slow low-pass, a force
+that acts behind one (a current loop): small steps from the records as they are lead nowhere. Channels are set
+right by sizes on a grid and solved by least squares, with a constant in each row where zeros may differ; the
+best of these is what is estimated from.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from modelgen.runtime.identification.thresholds import (
 )
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.low_pass import low_pass
-from modelgen.runtime.iv.model_errors import clock_effects, delay_effects, zero_effects
+from modelgen.runtime.iv.model_errors import clock_effects, delay_effect, delay_effects, zero_effects
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_matched
@@ -64,12 +65,22 @@ def coarse_starts(job: Job) -> Iterator[Start]:
     limit = plain.misfit + log(CLEARLY_LESS) * plain.count
     found = [best for best in (_best(short, one) for one in _families(short)) if best is not None]
     found = [one for one in found if one.fit.misfit < limit]
-    none = tuple((key, 0.0, 0.0) for key in job.late)
     for one in sorted(found, key=lambda one: one.fit.misfit)[:MOST_TRIED]:
-        start = replace(one, fit=replace(_fit(job, _corrected(job, one.effects, one.sizes)), delays=none))
+        start = _with_delays(job, one)
         yield start
         if zeros:
             yield replace(start, effects=(*start.effects, *zeros))
+
+
+def _with_delays(job: Job, start: Start) -> Start:
+    """Return a start of the whole records; delays of forces are those of its fit, and no effects."""
+    fit = _fit(job, _corrected(job, start.effects, start.sizes))
+    sized = list(zip(start.effects, start.sizes, strict=True))
+    late = {one.channel: size for one, size in sized if one.kind == "delay" and one.channel in job.late}
+    kept = [(one, size) for one, size in sized if one.channel not in late or one.kind != "delay"]
+    delays = tuple((key, late.get(key, 0.0), 0.0) for key in job.late)
+    effects, sizes = tuple(one for one, _ in kept), tuple(size for _, size in kept)
+    return Start(effects, sizes, replace(fit, delays=delays))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,12 +98,19 @@ def _families(job: Job) -> Iterator[_Family]:
     late_by = {effect.channel: effect for effect in delay_effects(job.model)}
     for late in list(late_by.values())[1:]:
         yield _Family((late,), lambda by: (by * sample,), SENSOR_DELAYS)
-        # a low-pass is late, too
-        behind = low_pass(late.channel, force=False)
-        yield _Family((late, behind), lambda by: (by * sample, 0.5 * (by * sample) ** 2), LOW_PASSES)
+        yield _behind(late, low_pass(late.channel, force=False), sample, LOW_PASSES)
+    # a force may be read through a low-pass, or act behind one
+    either = (*(-by for by in LOW_PASSES), *LOW_PASSES)
+    for key in job.late:
+        yield _behind(delay_effect(key), low_pass(key, force=True), sample, either)
     drifts = tuple(by for by in CLOCK_DRIFTS if abs(by) < LARGEST_CLOCK_TRIED * longest)
     for effect in clock_effects(job.model):
         yield _Family((effect,), lambda by: (by / longest,), drifts)
+
+
+def _behind(late: Effect, lag: Effect, sample: float, tried: tuple[float, ...]) -> _Family:
+    """Return a low-pass with so many samples (s each) as its time constant; it is late by them, too."""
+    return _Family((late, lag), lambda by: (by * sample, 0.5 * by * abs(by) * sample**2), tried)
 
 
 def _best(job: Job, family: _Family) -> Start | None:

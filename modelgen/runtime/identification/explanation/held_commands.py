@@ -19,7 +19,12 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.explanation.explained import Begun
 from modelgen.runtime.identification.explanation.held_images import without_images
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import HALF_SAMPLE, HELD_ROUNDS, HELD_SETTLED
+from modelgen.runtime.identification.thresholds import (
+    HALF_SAMPLE,
+    HELD_ROUNDS,
+    HELD_SETTLED,
+    LEAST_BEFORE,
+)
 from modelgen.runtime.iv.thresholds import AS_GOOD
 from modelgen.runtime.least_squares.delays import with_holds
 
@@ -57,6 +62,8 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
             break
     if told or known is first:
         return known
+    if not all(_follows(known, key, late) for key, late in held.items()):
+        return first
     return better_held(first, known, held) or first
 
 
@@ -76,6 +83,21 @@ def held_commands(begun: Begun) -> dict[str, float]:
         for key, late in beside.items()
         if late * fs < HALF_SAMPLE and abs(late * fs - round(late * fs)) < HALF_SAMPLE
     }
+
+
+def _follows(begun: Begun, key: str, late: float) -> bool:
+    """Tell whether a command that is held, and late by so many s beside that, acts after it is given.
+
+    A lag that is estimated beside the hold is late, too: together they cannot take longer than the command
+    does. Where they do, the lag alone is what was taken for a hold.
+    """
+    found, fs = begun.found, begun.task.records[0].fs
+    lag = sum(
+        effect.samples(size, fs)
+        for effect, size in zip(found.effects, found.sizes, strict=True)
+        if effect.channel == key and effect.kind == "lag" and size < 0.0
+    )
+    return -late * fs > lag - LEAST_BEFORE
 
 
 def _delays(begun: Begun) -> dict[str, float]:

@@ -6,6 +6,8 @@ import pytest
 
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Auto
+from modelgen.runtime.iv.low_pass import without_lag
+from modelgen.runtime.least_squares.time_shifts import shift
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.drive import Drive
@@ -49,3 +51,22 @@ def test_a_command_that_acts_a_sample_later_is_held_as_well() -> None:
     for name in ("J_m", "J_c", "K"):
         assert abs(estimate.params[name] - TRUTH[name]) < 3.0 * estimate.bse[name]
         assert estimate.bse[name] < 2e-3 * TRUTH[name]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("samples", [1.5, 8.0])
+def test_a_current_loop_that_lags_is_no_hold(samples: float) -> None:
+    # a lag of one and a half samples is late by as much as a hold that acts a sample later
+    estimate = identify(SMALL, behind_lag(chirp(None), samples))
+    assert not told_held(estimate)
+    assert "acts behind a lag" in " ".join(one.what for one in estimate.checks.advice)
+    for name in ("J_m", "J_c", "K"):
+        assert abs(estimate.params[name] - TRUTH[name]) < 3.0 * estimate.bse[name]
+        assert estimate.bse[name] < 1e-2 * TRUTH[name]
+
+
+def behind_lag(record: Record, samples: float) -> Record:
+    """Return a record of the command whose force, behind a lag of so many samples, is what is recorded."""
+    key, size = "Gamma_m", 0.5 * (samples / record.fs) ** 2
+    record = record.edited({key: without_lag(key, size, record.fs)})
+    return record.edited({key: shift(key, samples)})
