@@ -1,5 +1,6 @@
 """The text of a generated module with slots: all that `templates/module.py.j2` can write.
 
+Functions that leave no choice are read from the parts of the template (`template_lines`).
 A block is a text whose first two columns say how often a line stands there:
 
     "  "  once
@@ -14,7 +15,7 @@ module's literals count (`rows`: the number of rows, `row`: one of them, counted
 from __future__ import annotations
 
 from modelgen.generated_module.skeleton_of_arms import arm_slots
-from modelgen.generated_module.skeleton_of_composites import NONLINEAR
+from modelgen.generated_module.template_lines import template_block
 
 _NAME = r"[A-Za-z][A-Za-z0-9_]{0,79}"  # a name of a spec has 64, behind a mark such as d2_ or sign_
 _KEY = r"[ !#-\[\]-~]{1,300}"  # of signals and features, such as forward(d1_q_m)*d1_q_m
@@ -158,28 +159,7 @@ ROWS = '''\
 
 
 '''
-BASE = '''\
-  def base_from_physical(parameters):
-      """<text>"""
-      p = {**KNOWN, **parameters}
-      return 1.0 * np.array(
-          [
-*             <sum of parameters>,
-          ]
-      )
-
-
-  def base_jacobian(parameters):
-      """<text>"""
-      columns_of = []
-      for name in PARAMETERS:
-          step = 1e-20 * max(abs(parameters[name]), 1e-200)
-          moved = base_from_physical({**parameters, name: parameters[name] + 1j * step})
-          columns_of.append(moved.imag / step)
-      return np.array(columns_of).T
-
-
-'''
+BASE = template_block("base_from_physical.py.j2", "sum of parameters") + template_block("base_jacobian.py.j2")
 LINEAR = '''\
   def physical_from_base(base):
       """<text>"""
@@ -189,6 +169,7 @@ LINEAR = '''\
 
 
 '''
+NONLINEAR = template_block("composites.py.j2")
 STATE_SPACE = '''\
   def state_space(parameters, directions=None):
       """<text>"""

@@ -6,6 +6,8 @@ names: no line of these forms changes a signal of the caller.
 
 from __future__ import annotations
 
+from modelgen.generated_module.template_lines import template_block
+
 _LINK = "[1-9][0-9]{0,3}"
 _BASE = "base_[fn][xyz]"
 _INPUT = rf"(?:(?:d[123]_)?[qpy]{_LINK}|(?:d1_)?(?:tau{_LINK}|{_BASE})|load{_LINK})"
@@ -74,72 +76,7 @@ HEAD = '''\
 
 
 '''
-FUNCTIONS = '''\
-  def measurement(signals):
-      """<text>"""
-      s, samples = _arrays(signals)
-      out = np.empty((<rows>, samples))
-      _in_blocks(_measurement, <buffers>, s, out)
-      return out.T
-
-
-  def entries(signals, out=None):
-      """<text>"""
-      s, samples = _arrays(signals)
-      if out is None:
-          out = np.empty((<nonzeros>, samples))
-      elif out.shape != (<nonzeros>, samples) or out.dtype != np.float64:
-          raise ValueError(f"out is {out.dtype} of shape {out.shape}, not float64 of (<nonzeros>, {samples})")
-      _in_blocks(_entries, <buffers>, s, out)
-      return out
-
-
-  def entry_blocks(signals, samples=BLOCK):
-      """<text>"""
-      s, count = _arrays(signals)
-      out, work = np.empty((<nonzeros>, samples)), np.empty((<buffers>, samples))
-      for start in range(0, count, samples):
-          stop = min(start + samples, count)
-          found = out[:, : stop - start]
-          _entries([x[start:stop] for x in s], work[:, : stop - start], found)
-          yield start, stop, found
-
-
-  def regressor(signals):
-      """<text>"""
-      samples = len(_arrays(signals)[0][0])
-      D = np.zeros((samples, <rows>, <columns>))
-      for start, stop, found in entry_blocks(signals):
-          for (row, column), values in zip(ENTRIES, found):
-              D[start:stop, row, column] = values
-      return D
-
-
-  def base_from_physical(parameters):
-      """<text>"""
-      p = {**KNOWN, **parameters}
-      return 1.0 * np.array(
-          [
-*             <sum of parameters>,
-          ]
-      )
-
-
-  def _arrays(signals):
-      s = [np.ascontiguousarray(signals[key], dtype=float) for key in SIGNALS]
-      if any(x.shape != s[0].shape or x.ndim != 1 for x in s):
-          raise ValueError("signals must be arrays of one axis and of the same length")
-      return s, len(s[0])
-
-
-  def _in_blocks(kernel, buffers, s, out):
-      work = np.empty((buffers, BLOCK))
-      for start in range(0, out.shape[1], BLOCK):
-          stop = min(start + BLOCK, out.shape[1])
-          kernel([x[start:stop] for x in s], work[:, : stop - start], out[:, start:stop])
-
-
-'''
+FUNCTIONS = template_block("arm_functions.py.j2", "sum of parameters")
 # the empty lines between sections and behind a kernel are one form
 _LINES = """\
 *

@@ -1,17 +1,10 @@
-"""The Jinja2 environment: undefined names are errors, and one function finds the templates."""
+"""The Jinja2 environment: undefined names are errors."""
 
 from __future__ import annotations
 
-from importlib import resources
-from pathlib import Path
-
 import jinja2
 
-
-def template_folder() -> Path:
-    """Return the folder of templates: packaged with the wheel, or next to the package in a checkout."""
-    packaged = Path(str(resources.files("modelgen"))) / "_templates"
-    return packaged if packaged.is_dir() else packaged.parent.parent / "templates"
+from modelgen.template_folder import template_folder
 
 
 def environment() -> jinja2.Environment:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from pathlib import Path
 from typing import Any
 
 import jinja2
 import numpy as np
 from markupsafe import Markup, escape
 
-from modelgen.render.environment import template_environment, template_folder
+from modelgen.render.environment import template_environment
 from modelgen.runtime.modes.modes import cells, peak_hz
 from modelgen.runtime.results.answer import plus_minus
+from modelgen.template_folder import template_folder
 
 
 def report_environment() -> jinja2.Environment:
@@ -30,7 +30,7 @@ def report_environment() -> jinja2.Environment:
 
 def asset(name: str) -> str:
     """Return a page's script or style sheet."""
-    return (Path(template_folder()) / name).read_text(encoding="utf-8")
+    return (template_folder() / name).read_text(encoding="utf-8")
 
 
 def policy_of(script: str) -> str:

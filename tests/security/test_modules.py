@@ -33,7 +33,11 @@ def test_nothing_outside_the_skeleton_is_ever_rendered(monkeypatch: pytest.Monke
     env = environment()
     source, _, _ = env.loader.get_source(env, "module.py.j2")  # type: ignore[union-attr]
     altered = env.from_string(source + "\nimport os\n")
-    monkeypatch.setattr("jinja2.Environment.get_template", lambda self, name: altered)
+    get = type(env).get_template
+    monkeypatch.setattr(
+        "jinja2.Environment.get_template",
+        lambda self, name, *more: altered if name == "module.py.j2" else get(self, name, *more),
+    )
     with pytest.raises(RenderError) as caught:
         generate(load_spec(catalog_path("emps_rigid")), "qm")
     (problem,) = caught.value.problems

@@ -1,0 +1,12 @@
+"""The one place that finds the templates."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+
+def template_folder() -> Path:
+    """Return the folder of templates: packaged with the wheel, or next to the package in a checkout."""
+    packaged = Path(str(resources.files("modelgen"))) / "_templates"
+    return packaged if packaged.is_dir() else packaged.parent.parent / "templates"
