@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from modelgen.template_folder import template_folder
+from modelgen.template_folder import template_text
 
 _DOCSTRING = re.compile(r'"""(?:[^"]|"(?!""))*"""')
 _INCLUDED = re.compile(r'{% include "([a-z_]+\.py\.j2)" %}')
@@ -43,5 +43,4 @@ def template_block(name: str, line: str = "") -> str:
 
 def _text(name: str) -> str:
     """Return a template with those that it includes."""
-    text = (template_folder() / name).read_text(encoding="utf-8")
-    return _INCLUDED.sub(lambda part: _text(part[1]).removesuffix("\n"), text)
+    return _INCLUDED.sub(lambda part: _text(part[1]).removesuffix("\n"), template_text(name))

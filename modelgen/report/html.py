@@ -14,7 +14,6 @@ from markupsafe import Markup, escape
 from modelgen.render.environment import template_environment
 from modelgen.runtime.modes.modes import cells, peak_hz
 from modelgen.runtime.results.answer import plus_minus
-from modelgen.template_folder import template_folder
 
 
 def report_environment() -> jinja2.Environment:
@@ -26,11 +25,6 @@ def report_environment() -> jinja2.Environment:
     env.filters["peak"] = lambda mode: _typeset(peak_hz(mode))
     env.filters["cells"] = lambda one: [_typeset(text) for text in cells(one)]
     return env
-
-
-def asset(name: str) -> str:
-    """Return a page's script or style sheet."""
-    return (template_folder() / name).read_text(encoding="utf-8")
 
 
 def policy_of(script: str) -> str:

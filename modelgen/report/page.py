@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 import modelgen
 from modelgen.report.chain_drawing import chain_section
-from modelgen.report.html import asset, policy_of, report_environment, safe_json
+from modelgen.report.html import policy_of, report_environment, safe_json
 from modelgen.report.mathml import row_equations, symbol
 from modelgen.report.plots import (
     autocorrelation_plot,
@@ -40,6 +40,7 @@ from modelgen.runtime.results.check_tables import check_tables
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.results.summary import INTERVAL_KINDS
 from modelgen.runtime.simulation.validation import Validation
+from modelgen.template_folder import template_text
 
 Description = dict[str, Any]
 
@@ -76,7 +77,7 @@ def report_page(
     left = Unmade(unmade or {})
     records = [item.record if isinstance(item, Reading) else item for item in readings]
     rows, singular = rebuild(model, records, estimate)
-    script, style = asset("report.js"), asset("report.css")
+    script, style = template_text("report.js"), template_text("report.css")
     plots = zoomable(rows, validations)
     return (
         report_environment()

@@ -10,10 +10,11 @@ import numpy as np
 from markupsafe import Markup
 
 import modelgen
-from modelgen.report.html import asset, policy_of, report_environment, safe_json
+from modelgen.report.html import policy_of, report_environment, safe_json
 from modelgen.report.plots import zoomable
 from modelgen.report.svg import axis_for, interval_plot
 from modelgen.runtime.simulation.validation import Validation
+from modelgen.template_folder import template_text
 
 #: label, value, low and high end of an interval
 Interval = tuple[str, float, float, float]
@@ -63,7 +64,7 @@ def result_page(
     validations : sequence of Validation, optional
         Measured and simulated signals, drawn by the page's script.
     """
-    script, plots = asset("report.js"), zoomable((), validations)
+    script, plots = template_text("report.js"), zoomable((), validations)
     facts = [
         ("command", command),
         ("modelgen", modelgen.__version__),
@@ -80,7 +81,7 @@ def result_page(
             plots=plots,
             data=safe_json(plots),
             script=Markup(script),
-            style=Markup(asset("report.css")),
+            style=Markup(template_text("report.css")),
             policy=policy_of(script),
             facts=facts,
         )
