@@ -57,6 +57,8 @@ LITTLE_LEFT = 0.05
 ROUGH = {"form", "mass"}
 # A clock that drifts by fewer samples than this over the longest record is none: rows are no more exact.
 LEAST_CLOCK_DRIFT = 0.02
+# No gain is known to this share: what so small a one explains on a long way is something else.
+LEAST_GAIN = 1e-6
 # A row is left unexplained from this share of its largest term on, and this multiple of the sensors' noise.
 LEFT_SHARE = 0.3
 OVER_NOISE = 3.0

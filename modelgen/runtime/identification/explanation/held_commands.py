@@ -86,18 +86,20 @@ def held_commands(begun: Begun) -> dict[str, float]:
 
 
 def _follows(begun: Begun, key: str, late: float) -> bool:
-    """Tell whether a command that is held, and late by so many s beside that, acts after it is given.
+    """Tell whether a command can be held, and late by so many s beside that.
 
     A lag that is estimated beside the hold is late, too: together they cannot take longer than the command
-    does. Where they do, the lag alone is what was taken for a hold.
+    does, which acts after it is given. Where they do, the lag alone is what was taken for a hold. A low-pass
+    in the reading of what is held undoes the hold.
     """
     found, fs = begun.found, begun.task.records[0].fs
-    lag = sum(
-        effect.samples(size, fs)
+    sizes = {
+        effect: size
         for effect, size in zip(found.effects, found.sizes, strict=True)
-        if effect.channel == key and effect.kind == "lag" and size < 0.0
-    )
-    return -late * fs > lag - LEAST_BEFORE
+        if effect.channel == key and effect.kind in ("lag", "average")
+    }
+    lag = sum(effect.samples(size, fs) for effect, size in sizes.items() if effect.kind == "lag")
+    return all(size < 0.0 for size in sizes.values()) and -late * fs > lag - LEAST_BEFORE
 
 
 def _delays(begun: Begun) -> dict[str, float]:
@@ -120,15 +122,16 @@ def better_held(begun: Begun, held: Begun, channels: Iterable[str]) -> Begun | N
 
     What the holds move is in the intervals, unless they leave clearly less, or as little with fewer effects:
     the estimate without holds lies at the edge of a 95 % interval. What needs fewer effects may leave a
-    little more for each.
+    little more for each; what needs more of them has to leave less.
     """
     before, after = begun.found.fit, held.found.fit
-    fewer = max(0, len(begun.found.effects) - len(held.found.effects))
+    fewer = len(begun.found.effects) - len(held.found.effects)
     as_good = 0.5 * AS_GOOD  # the misfit is half a chi square
-    if before.columns != after.columns or after.misfit > before.misfit + as_good * (1 + fewer):
+    allowed = as_good * (1 + fewer if fewer >= 0 else fewer)
+    if before.columns != after.columns or after.misfit > before.misfit + allowed:
         return None
     half = 0.5 * (after.solution.x - before.solution.x)
-    certain = after.misfit < before.misfit - as_good * (0 if fewer else 1)
+    certain = after.misfit < before.misfit - as_good * (0 if fewer > 0 else 1 - fewer)
     what = (
         "acts half a sample later than recorded, as a command does that is held over every sample; it is "
         "taken for one"

@@ -15,6 +15,7 @@ from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
     INEXACT,
     LEAST_CLOCK_DRIFT,
+    LEAST_GAIN,
     LITTLE_LEFT,
     MOST_EFFECTS,
     MOST_STEPS,
@@ -162,7 +163,10 @@ class Search:
     def _is_real(self, effect: Effect, size: float) -> bool:
         """Tell whether physics allows a size, and it is not next to nothing."""
         drift = abs(size) * max(record.n for record in self.job.records)
-        return effect.possible(size) and not (effect.kind == "clock" and drift < LEAST_CLOCK_DRIFT)
+        nothing = (effect.kind == "clock" and drift < LEAST_CLOCK_DRIFT) or (
+            effect.kind == "gain" and abs(size) < LEAST_GAIN
+        )
+        return effect.possible(size) and not nothing
 
     def _with(self, tried: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Search:
         """Return the search with the effect that leaves least; of equals the one that explained most."""

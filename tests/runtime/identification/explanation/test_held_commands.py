@@ -70,3 +70,10 @@ def behind_lag(record: Record, samples: float) -> Record:
     key, size = "Gamma_m", 0.5 * (samples / record.fs) ** 2
     record = record.edited({key: without_lag(key, size, record.fs)})
     return record.edited({key: shift(key, samples)})
+
+
+@pytest.mark.slow
+def test_a_hold_that_a_low_pass_would_undo_is_none() -> None:
+    record = chirp(None)
+    early = record.edited({"Gamma_m": shift("Gamma_m", 1.5)})
+    assert not told_held(identify(SMALL, early))

@@ -88,3 +88,9 @@ def test_effects_that_take_each_other_s_place_do_not_do_so_for_ever(monkeypatch:
         search, steps = search.step(Seen((shown,))), steps + 1
         assert steps < 6
     assert [one.kind for one in search.advice] == ["more than the model"]
+
+
+def test_a_gain_of_a_part_in_a_million_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    for size, known in ((0.9, False), (1.1, True)):
+        solved(monkeypatch, {GAIN.name: size})
+        assert (searching()._freed(GAIN) is not None) == known
