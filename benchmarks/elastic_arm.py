@@ -35,7 +35,7 @@ from memory import fresh, private_rise_mb
 import modelgen
 from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.rows import record_rows
+from modelgen.runtime.numerics import threads
 from modelgen.runtime.simulation.arms.arm_plant import arm_plant, checked_base
 from modelgen.runtime.simulation.arms.fourier_trajectory import FourierTrajectory
 from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm
@@ -94,7 +94,7 @@ def write(folder: Path, samples: int, elastic: bool) -> None:
 
 def identified(folder: Path, elastic: bool) -> modelgen.Estimate:
     """Identify from the files."""
-    record_rows.usable_threads = lambda: 1
+    threads.usable_threads = lambda: 1
     model, _ = made(elastic)
     source = open_npy({key: folder / f"{key}.npy" for key in model.channels}, FS)
     return modelgen.identify(model, source, method="wls", filters=FILTERS)

@@ -45,6 +45,7 @@ from throughput import FACTOR, FS, by_hand, made_record, processor_seconds, two_
 import modelgen
 from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.numerics import qr_triangle
+from modelgen.runtime.numerics import threads as cores
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows import record_rows
 
@@ -75,14 +76,14 @@ def rows_mb(n: int) -> float:
 
 def from_files(folder: Path, threads: int = 1) -> modelgen.Estimate:
     """Identify from the files; a process of many would otherwise take one thread, any other all cores."""
-    record_rows.usable_threads = lambda: threads
+    cores.usable_threads = lambda: threads
     source = open_npy({channel: folder / f"{channel}.npy" for channel in CHANNELS}, FS)
     return modelgen.identify(two_bodies(), source, **SETTINGS)
 
 
 def within(folder: Path, limit_mb: float | None, method: str) -> modelgen.Estimate:
     """Identify from the files by one thread, the rows within a limit."""
-    record_rows.usable_threads = lambda: 1
+    cores.usable_threads = lambda: 1
     source = open_npy({channel: folder / f"{channel}.npy" for channel in CHANNELS}, FS)
     filters = replace(FILTERS, memory_limit_mb=limit_mb)
     return modelgen.identify(two_bodies(), source, method=method, filters=filters)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,13 +15,16 @@ from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.pushed_chain import Pushed
-from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE
+from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE, WORTH_A_THREAD
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.block_column import BlockColumn
+from modelgen.runtime.numerics.threads import each
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
 from modelgen.runtime.rows.row_terms import channels_of_keys, channels_of_rows, mismatch_terms
+
+Found = TypeVar("Found")
 
 
 def simulated_records(
@@ -44,11 +48,13 @@ def simulated_with(values: Mapping[str, float], fit: Fit, setting: Setting) -> t
     """Return what a simulation with physical parameters (SI) reads; as `simulated_records`."""
     model = setting.model
     parameters = possible(model, values)
+
+    def of(index: int) -> Simulated:
+        record = setting.records[index]
+        return simulated_beside(model, parameters, record, setting.choice, setting.loop, index)
+
     try:
-        found = tuple(
-            simulated_beside(model, parameters, record, setting.choice, setting.loop, index)
-            for index, record in enumerate(setting.records)
-        )
+        found = tuple(_over_records(of, range(len(setting.records)), setting.records))
     except DataError as error:
         raise diverged(f"its simulation fails ({error.problems[0].what})", fit, model) from error
     slow = _LowSpeeds(found)
@@ -84,17 +90,19 @@ def effect_rows(
 
     `sizes` are those to which the first effects are set right in the channels.
     """
-    counts = [block.count for block in fit.blocks]
-    found: list[dict[int, FloatArray]] = [{} for _ in effects]
     reads, every = channels_of_keys(setting.model), _mismatch_terms(fit, setting)
-    for record, indices in fit.by_record.items():
+
+    def of(record: int) -> list[dict[int, FloatArray]]:
         one = simulated[record]
+        found: list[dict[int, FloatArray]] = []
+        blocks = {index: fit.blocks[index] for index in fit.by_record[record]}
         calm = _rows(setting, one.record, record)
         spreads = {key: float(np.std(samples)) for key, samples in one.record.signals.items()}
-        for effect, known, rows in zip(effects, (*sizes, *[0.0] * len(effects)), found, strict=False):
+        for effect, known in zip(effects, (*sizes, *[0.0] * len(effects)), strict=False):
             touched, changes = _seen_in(setting.model, effect.added(one, known))
             size = _tried_size(spreads, changes)
             if size == 0.0:
+                found.append({})
                 continue
             # what is made of other channels stays as it is
             moved = [
@@ -103,11 +111,27 @@ def effect_rows(
             ]
             changed = replace(calm, source=_changed(one.record, changes, size))
             change = dict(zip(touched, (changed.mixed(moved) - calm.mixed(moved)) / size, strict=True))
-            for index in indices:
-                block = fit.blocks[index]
-                if block.row in change:
-                    rows[index] = change[block.row][block.place]
-    return tuple(BlockColumn(rows, counts) for rows in found)
+            found.append(
+                {index: change[row.row][row.place] for index, row in blocks.items() if row.row in change}
+            )
+        return found
+
+    counts = [block.count for block in fit.blocks]
+    rows: list[dict[int, FloatArray]] = [{} for _ in effects]
+    for found in _over_records(of, fit.by_record, setting.records):
+        for own, made in zip(rows, found, strict=True):
+            own |= made
+    return tuple(BlockColumn(own, counts) for own in rows)
+
+
+def _over_records(
+    work: Callable[[int], Found], indices: Iterable[int], records: Sequence[Record]
+) -> Iterator[Found]:
+    """Yield what a function makes of some records, by their places; long ones by a thread each."""
+    every = list(indices)
+    if min((records[index].n for index in every), default=0) < WORTH_A_THREAD:
+        return map(work, every)
+    return each(work, every)
 
 
 def _seen_in(model: Model, changes: Changes) -> tuple[tuple[int, ...], Changes]:

@@ -161,3 +161,7 @@ CLEAR_ACCELERATION = 0.01
 # Fits with the shape of an effect estimated, at most; done when its first numbers (the others are linear)
 # change by less than this share of their standard deviations.
 SHAPE_ROUNDS, SHAPE_NUMBERS, SHAPE_SETTLED = 6, 2, 0.3
+
+# From so many samples on, a record is simulated, and changed by effects, by a thread of its own: to start
+# threads and to wait for each other costs half a millisecond.
+WORTH_A_THREAD = 1 << 14

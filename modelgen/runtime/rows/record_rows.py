@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
@@ -16,7 +15,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.fused_operator import fused_operator
 from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.model.model import Feature, Model
-from modelgen.runtime.numerics.threads import usable_threads
+from modelgen.runtime.numerics.threads import each
 from modelgen.runtime.records.channels import Channels, read_continued
 from modelgen.runtime.rows.chunk import Chunk, chunks, made_once
 from modelgen.runtime.rows.filter_sections import matched_filtering
@@ -73,12 +72,7 @@ class RecordRows:
 
     def over_chunks(self, work: Callable[[Chunk], Found]) -> Iterator[Found]:
         """Yield what a function makes of each chunk, in their order; several threads take a chunk each."""
-        workers = min(usable_threads(), sum(1 for _ in self.chunks()))
-        if workers <= 1:
-            yield from map(work, self.chunks())
-            return
-        with ThreadPoolExecutor(workers) as pool:
-            yield from pool.map(work, self.chunks())
+        return each(work, self.chunks())
 
     def lines(self) -> tuple[FloatArray, ...]:
         """Return the rows at all samples kept, masked or not: the columns that each touches and y in lines.

@@ -119,7 +119,7 @@ def in_small_chunks(monkeypatch: pytest.MonkeyPatch, samples: int, threads: int)
     monkeypatch.setattr("modelgen.runtime.rows.chunk.HALOS", 0)
     for module in ("records.channels", "records.period"):
         monkeypatch.setattr(f"modelgen.runtime.{module}.READ_SAMPLES", 4 * samples)
-    monkeypatch.setattr("modelgen.runtime.rows.record_rows.usable_threads", lambda: threads)
+    monkeypatch.setattr("modelgen.runtime.numerics.threads.usable_threads", lambda: threads)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -57,8 +58,8 @@ def decided_by_stretches(task: Task, decide: Callable[[Task], Begun]) -> Begun:
     whole = _on_all(task, begun, record_of)
     told, method = begun.found, whole.method
     plain = _from_near(whole.job, told.fit, method)
-    if told.fit.columns != plain.fit.columns:
-        return begun_with(whole, _noted(plain, told))
+    if told.fit.columns != plain.fit.columns:  # stretches answer less than all of a record
+        return decide(task)
     if not told.effects or not isinstance(method, IV):
         return begun_with(whole, replace(_noted(plain, told), drift=told.drift, advice=told.advice))
     effects = _of_records(told.effects, record_of, len(task.records))
@@ -153,9 +154,13 @@ def _of_records(effects: tuple[Effect, ...], record_of: list[int], records: int)
 
 
 def _stretches(record: Record) -> tuple[Record, ...]:
-    """Return a short record, or stretches spread over a long one."""
+    """Return a short record, or stretches spread over a long one, or over where a very long one is active."""
     if record.n <= SEARCHED:
         return (record,)
-    length, gap = SEARCHED // STRETCHES, record.n // STRETCHES
-    starts = [k * gap + (gap - length) // 2 for k in range(STRETCHES)]
+    parts = record.facts.parts
+    if parts == (slice(0, record.n),):
+        edges = [k * (record.n // STRETCHES) for k in range(STRETCHES + 1)]
+        parts = tuple(slice(start, stop) for start, stop in pairwise(edges))
+    length = SEARCHED // len(parts)
+    starts = [part.start + (part.stop - part.start - length) // 2 for part in parts]
     return tuple(record.part(start, start + length, f"{record.name} from sample {start}") for start in starts)

@@ -18,6 +18,7 @@ from modelgen.runtime.identification.task import Task
 from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.records import record_facts
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.simulate import simulate
@@ -67,6 +68,21 @@ def test_of_a_right_model_nothing_is_said(monkeypatch: pytest.MonkeyPatch) -> No
     assert [one.used for one in estimate.fit.rows] == [one.used for one in whole.fit.rows]
     assert not estimate.checks.advice
     assert_truth_inside(estimate, TRUTH)
+
+
+def test_stretches_lie_where_a_very_long_record_is_active(monkeypatch: pytest.MonkeyPatch) -> None:
+    t = np.arange(60_000) / 1000.0
+    moving = np.where((t > 40.0) & (t < 50.0), np.sin(9.0 * t), 0.0)
+    record = Record({"q_m": moving, "F": 3.0 * moving}, 1000.0, "log")
+    assert [one.n for one in explain_stretches._stretches(record)] == [4096, 4096]
+    assert [one.name for one in explain_stretches._stretches(record)] == [
+        "log from sample 12952", "log from sample 42952"
+    ]  # fmt: skip
+    monkeypatch.setattr(record_facts, "WHOLE", 16_384)
+    active = explain_stretches._stretches(Record(record.signals, 1000.0, "log"))
+    assert len(active) * active[0].n == 8192
+    # the first and the last of them lie where it begins and ends
+    assert sum(np.ptp(one.signals["q_m"]) > 1.9 for one in active) == len(active) - 2
 
 
 @pytest.mark.slow
