@@ -249,6 +249,8 @@ def _stand_in(
     task: Task, method: Auto, error: IdentifiabilityError | DataError, why: str | None = None
 ) -> Begun:
     """Return least squares where instruments find nothing, if it can be trusted; else raise that error."""
+    if task.job.guessed:  # only a simulation knows these directions
+        raise error
     why = why or f"instruments find nothing ({error.problems[0].what})"
     # without the samples that feel a reversal, where memory holds that: a body that sticks has a friction of
     # any size, and no instruments tell how much that matters

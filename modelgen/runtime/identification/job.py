@@ -44,7 +44,7 @@ class Job:
     parameters `begin`, if there are any and no `start`. Least squares uses samples that feel a reversal only
     with `turns`, instruments with `reversing`, or where few others are left. `changes` are what was done to
     the records that were given, in this order. The job of stretches has a `share` of the samples that are to
-    be estimated from.
+    be estimated from. `guessed` are directions in the records that neither a sensor nor the user gives.
     """
 
     model: Model
@@ -67,6 +67,7 @@ class Job:
     reversing: bool = False
     changes: tuple[Change, ...] = ()
     share: float = 1.0
+    guessed: tuple[str, ...] = ()
 
     def changed(self, change: Change) -> Job:
         """Return the job with other records in the place of its own."""
@@ -150,9 +151,8 @@ class Job:
         # its simulation is loaded by those who use it only
         from modelgen.runtime.iv.instrumental_variables import Setting
 
-        return Setting(
-            self.model, self.records if records is None else records, self.choice, self.drop, self.loop
-        )
+        given = self.records if records is None else records
+        return Setting(self.model, given, self.choice, self.drop, self.loop, self.guessed)
 
     def rates(self, fit: Fit, records: tuple[Record, ...], channel: str) -> Sequence[FloatArray]:
         """Return how the mismatch of a fit's rows changes with the delay of a force channel, in 1/s.

@@ -24,8 +24,14 @@ from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.model.power.power_model import power_model
 from modelgen.runtime.numerics.threads import meanwhile
+from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.channels import Channels
-from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
+from modelgen.runtime.records.directions import (
+    direction_problems,
+    nearest_sources,
+    wanted_directions,
+    with_directions,
+)
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.same_data import contents, refuse_same_data
 from modelgen.runtime.rows.derived_channels import with_derived
@@ -107,6 +113,10 @@ def prepared(
         model = power_model(model)
     every = with_derived(model, as_records(records))
     problems = [*option_problems(method, filters, checks), *_method_problems(model, method)]
+    nearest: dict[str, str] = {}
+    if isinstance(method, (IV, Auto)) and all_from_composites(model):
+        nearest = nearest_sources(model, every, filters.directions)
+        filters = replace(filters, directions={**filters.directions, **nearest})
     _check(model, every, problems, filters.directions)
     period_s = periods_of(model, every, checks.period_s) if checks.tests or checks.period_s else {}
     kept, unseen = held_apart(every, checks.hold_out, period_s)
@@ -148,6 +158,7 @@ def prepared(
         bounds=method.bounds,
         memory_limit=None if limit_mb is None else MEGABYTE * limit_mb,
         begin=_begin(model, method),
+        guessed=tuple(nearest),
     )
     return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job, filters, told)
 

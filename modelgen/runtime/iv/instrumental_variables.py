@@ -42,13 +42,17 @@ from modelgen.runtime.rows.row_terms import row_terms
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """The records, filters and controller that the model is simulated with."""
+    """The records, filters and controller that the model is simulated with.
+
+    `guessed` are the directions of motion in the records that no sensor gives and no user: those of others.
+    """
 
     model: Model
     records: Sequence[Record]
     choice: FilterChoice
     drop: int = 0
     loop: Loop | None = None
+    guessed: tuple[str, ...] = ()
 
 
 def fit_iv(start: Fit, setting: Setting) -> Fit:

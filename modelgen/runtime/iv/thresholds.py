@@ -28,6 +28,8 @@ LEAST_INERTIA = 1e-6
 
 # Gauss-Newton steps from one start, at most.
 COMPOSITE_ROUNDS = 25
+# Rows are made white when a step moves nothing by more than this many standard deviations, or after so many:
+NEAR, ROUGH_ROUNDS = 0.5, 8
 # Done when nothing moves by more than this share of its standard deviation, or of its value;
 COMPOSITE_MOVE = 0.02
 SMALL_CHANGE = 1e-6
@@ -165,3 +167,7 @@ SHAPE_ROUNDS, SHAPE_NUMBERS, SHAPE_SETTLED = 6, 2, 0.3
 # From so many samples on, a record is simulated, and changed by effects, by a thread of its own: to start
 # threads and to wait for each other costs half a millisecond.
 WORTH_A_THREAD = 1 << 14
+
+# Share of a parameter by which it is moved to see what a row takes of its friction: the fourth root of
+# rounding, as the change is a second-order difference of numbers of full precision.
+DIFFERENCED = 1e-4

@@ -50,15 +50,15 @@ class Whitener:
         return white
 
 
-def whitener(residual: FloatArray, place: IntArray) -> Whitener:
-    """Return the whitener of a residual, shape (n,), at places of a grid.
+def whitener(residual: FloatArray, place: IntArray, most: int = WHITENING_ORDER) -> Whitener:
+    """Return the whitener of a residual, shape (n,), at places of a grid, of that order at most.
 
     Burg's method over all stretches together (de Waele and Broersen 2000): sums of products would lose the
     more at every lag, the shorter the stretches are, and leave colour where reversals cut a record to pieces.
     """
     runs = runs_of(place)
     longest = max(len(run) for run in runs)
-    order = max(0, min(WHITENING_ORDER, len(residual) // SAMPLES_A_COEFFICIENT, longest - 1))
+    order = max(0, min(most, len(residual) // SAMPLES_A_COEFFICIENT, longest - 1))
     power = max((1.0 + LEAST_POWER) * float(residual @ residual), float(np.finfo(float).tiny))
     predictor, variance = np.zeros(0), power
     predictors, variances = [predictor], [variance]

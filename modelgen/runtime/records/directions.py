@@ -36,16 +36,47 @@ def direction_problems(model: Model, records: Sequence[Record], sources: Mapping
             if source is not None and source not in record.signals:
                 problems.append(missing_name(f"{record.name}: directions", "channel", source, record.signals))
             elif source is None and key not in record.signals:
-                body = key.removeprefix("sign_")
-                problems.append(
-                    Problem(
-                        f"{record.name}: channel {key}",
-                        f"is missing: no sensor gives the direction in which {body} moves",
-                        f"name a channel that moves with {body} (a sensor, a reference position, or the "
-                        f"accelerometer of {body}), for example --direction {key}={_example(model)}",
-                    )
-                )
+                problems.append(_unknown(f"{record.name}: channel {key}", key, model))
     return problems
+
+
+def _unknown(where: str, key: str, model: Model) -> Problem:
+    body = key.removeprefix("sign_")
+    return Problem(
+        where,
+        f"is missing: {body} has Coulomb friction in the spec, which needs the direction in which {body} "
+        "moves, and no sensor gives that",
+        f"name a channel that moves with {body} (a sensor, a reference position, or the accelerometer of "
+        f"{body}), for example --direction {key}={_example(model)}, or leave that friction out of the spec",
+    )
+
+
+def nearest_sources(model: Model, records: Sequence[Record], sources: Mapping[str, str]) -> dict[str, str]:
+    """Return sources for the directions that records lack and `sources` does not name: the nearest sensors.
+
+    Enough to begin with where instruments simulate the motion of every body; on its own it is a guess.
+    """
+    lacking = [
+        key
+        for key in wanted_directions(model)
+        if key not in sources and any(key not in record.signals for record in records)
+    ]
+    moving = [sensor for sensor in model.sensors if sensor.body and sensor.order < 2]
+    links = [set(role.bodies) for role in model.roles.values() if role.role == "stiffness"]
+
+    def far(seen: str, body: str) -> int:
+        reached, steps = {body}, 0
+        while seen not in reached and steps <= len(links):
+            reached = reached.union(*(link for link in links if link & reached))
+            steps += 1
+        return steps
+
+    if not moving:
+        return {}
+    return {
+        key: min(moving, key=lambda one: (far(str(one.body), key.removeprefix("sign_")), one.order)).key
+        for key in lacking
+    }
 
 
 def with_directions(

@@ -1,10 +1,17 @@
-"""Coulomb friction whose derivatives a row drops, and how they enter it: as a force on the body does."""
+"""Coulomb friction whose derivatives a row drops, and how much of each of them the row holds."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.model.chain_matrices import chain_matrices
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.rows.row_terms import mismatch_terms
+from modelgen.runtime.simulation.plant import felt_accelerations, make_plant
 
 
 @dataclass(frozen=True)
@@ -13,59 +20,108 @@ class DroppedFriction:
 
     With s the sign of the body's velocity and F its friction, the row is
 
-        Y = W X + F sum of coefficient d^order s / dt^order (X_column, or 1)
+        Y = W X + F sum over k of c_k d^k s / dt^k
 
-    where the first sum lacks F's own column.
+    where W lacks the columns of F. The c_k depend on the physical parameters (`felt_forces`).
 
     Attributes
     ----------
     body : str
     key : str
-        Signal of its velocity.
-    column : int
-        Base parameter F.
-    terms : tuple of (float, int, int or None)
-        Coefficient, order, and base parameter that the term is multiplied with.
+        Signal of its velocity, or of its direction.
+    friction : str
+        Physical parameter F.
+    columns : tuple of int
+        Base parameters in which the row holds F: those of s itself.
     """
 
     body: str
     key: str
-    column: int
-    terms: tuple[tuple[float, int, int | None], ...]
-
-    @property
-    def orders(self) -> tuple[int, ...]:
-        """Derivatives of the sign in the terms."""
-        return tuple(dict.fromkeys(order for _, order, _ in self.terms))
+    friction: str
+    columns: tuple[int, ...]
 
 
 def dropped_friction(model: Model, row: int) -> tuple[DroppedFriction, ...]:
-    """Return the frictions that a row drops where it is differentiated; none if one of them is not known.
+    """Return all friction of a row that drops some where it is differentiated; none if one is not known.
 
-    A friction is known where the body has an actuator: its force is in the row, and friction acts as it does.
+    That of bodies without a sensor counts as well.
     """
-    sensors = {sensor.key: sensor for sensor in model.sensors}
-    signals = {signal.key: signal for signal in model.signals}
+    reversing = model.rows[row].reversals
+    if not reversing or model.is_arm:
+        return ()
+    signs = {one.key: str(one.of) for one in model.features if one.function == "sign"}
+    held: dict[str, list[int]] = {key: [] for key in reversing}
+    for column, terms in model.regressor_columns[row].items():
+        turning = {signs[key] for _, key in terms if key in signs}
+        if turning and any(key not in signs for _, key in terms):
+            return ()
+        for key in sorted(turning):
+            held.setdefault(key, []).append(column)
     found = []
-    for key in model.rows[row].reversals:
-        sensor = sensors.get(signals[key].sensor or "")
-        one = _of_body(model, row, key, sensor.body) if sensor is not None and sensor.body else None
+    for key, columns in held.items():
+        one = _of_body(model, key, tuple(columns))
         if one is None:
             return ()
         found.append(one)
     return tuple(found)
 
 
-def _of_body(model: Model, row: int, key: str, body: str) -> DroppedFriction | None:
-    name = next((one.coulomb_plus for one in model.friction if one.body == body and not one.asymmetric), None)
-    if name not in model.base_parameters or model.is_arm:
-        return None
-    for actuator in (one.key for one in model.actuators if one.body == body):
-        orders = {one.key: one.derivative for one in model.signals if one.actuator == actuator}
-        measured = [(c, orders[k]) for c, k in model.measurement_columns[row] if k in orders]
-        terms: list[tuple[float, int, int | None]] = [(c, order, None) for c, order in measured]
-        for column, entries in model.regressor_columns[row].items():
-            terms += [(-c, orders[k], column) for c, k in entries if k in orders]
-        if terms:
-            return DroppedFriction(body, key, model.base_parameters.index(name), tuple(terms))
+def felt_forces(model: Model, values: Mapping[str, float]) -> tuple[FloatArray, ...]:
+    """Return c_k of a force against the motion of each body, one array (orders, bodies) a row of the model.
+
+    For motion q of the chain under forces f on its bodies, f = (M s^2 + D s + K) q, what a row does not
+    fulfil is P(s) f. What it takes of the sensors is then P(s) (M s^2 + D s + K), and division gives P.
+
+    Parameters
+    ----------
+    model : Model
+    values : mapping of str to float
+        Physical parameters (SI), all of them, of either sign.
+    """
+    chain = chain_matrices(model)
+    M, D, K = chain.at({**model.known, **values})
+    n = len(chain.bodies)
+    shows = _shown_motion(model)
+    found = []
+    for weights in mismatch_terms(model, model.base_from_physical(values)):
+        taken = np.zeros((2, n))
+        for signal in model.signals:
+            if signal.key in weights and signal.sensor in shows:
+                motion, order = shows[signal.sensor]
+                order += signal.derivative
+                taken = np.pad(taken, ((0, max(order + 1 - len(taken), 0)), (0, 0)))
+                taken[order] += weights[signal.key] * motion
+        P = np.zeros((len(taken), n))
+        for k in range(len(taken) - 3, -1, -1):
+            P[k] = (taken[k + 2] - P[k + 1] @ D - P[k + 2] @ K) / M
+        found.append(-P[: max(len(taken) - 2, 0)])
+    return tuple(found)
+
+
+def _shown_motion(model: Model) -> dict[str, tuple[FloatArray, int]]:
+    """Return the motion of the bodies that a sensor reads, shape (bodies,), and how often differentiated."""
+    # it depends on no parameter: any inertia and stiffness will do
+    alike = {name: float(role.role in ("inertia", "stiffness")) for name, role in model.roles.items()}
+    read, felt = make_plant(model, alike).space(()).C, felt_accelerations(model)
+    found = {}
+    for place, sensor in enumerate(model.sensors):
+        motion = felt[place] if sensor.order == 2 else np.split(read[place], 2)[sensor.order]
+        found[sensor.key] = motion, sensor.order
+    return found
+
+
+def _body(model: Model, key: str) -> str | None:
+    """Return the body whose velocity a signal is, or whose direction."""
+    signal = next(one for one in model.signals if one.key == key)
+    if signal.sensor is None:
+        return key.removeprefix("sign_")
+    return next(one.body for one in model.sensors if one.key == signal.sensor)
+
+
+def _of_body(model: Model, key: str, columns: tuple[int, ...]) -> DroppedFriction | None:
+    body = _body(model, key)
+    for one in model.friction:
+        name = one.coulomb_plus
+        if one.body == body and not one.asymmetric and name in model.parameters:
+            return DroppedFriction(one.body, key, str(name), columns)
     return None

@@ -165,9 +165,10 @@ def calm_masks(
     base, further = [], []
     for row, (mask, turn) in enumerate(zip(masks, turns, strict=True)):
         added = mask.events == "reversals" and bool(dropped_friction(model, row))
+        keys = tuple(dict.fromkeys((*mask.keys, *turn.keys)))
         long = replace(mask, events="standstills", longest=turn.longest) if added else mask
         base.append(long)
-        further.append(mask if added else turn)
+        further.append(replace(mask, keys=keys) if added else turn)
     return (*base, *further)
 
 

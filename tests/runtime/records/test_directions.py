@@ -46,7 +46,7 @@ def test_a_direction_in_the_record_needs_no_source() -> None:
 def test_messages_name_the_channel_and_the_remedy() -> None:
     (missing,) = direction_problems(MODEL, [record()], {})
     assert "run: channel sign_c" in missing.where
-    assert "direction in which c moves" in missing.what
+    assert "the direction in which c moves" in missing.what
     assert "--direction sign_c=q_a" in missing.remedy
     with pytest.raises(DataError, match="q_d"):
         with_directions(MODEL, [record()], {"sign_c": "q_d"}, 50.0)

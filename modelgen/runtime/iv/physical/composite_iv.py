@@ -19,7 +19,11 @@ from modelgen.runtime.iv.instrumental_variables import Setting, simulation_param
 from modelgen.runtime.iv.physical.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.iv.physical.physical_iv import PLAIN, Found, Rows, fit_physical_iv
 from modelgen.runtime.iv.physical.start_in_rows import start_in_rows
-from modelgen.runtime.iv.physical.starting_values import cheap_starts, physical_starts
+from modelgen.runtime.iv.physical.starting_values import (
+    cheap_starts,
+    physical_starts,
+    with_shared_friction,
+)
 from modelgen.runtime.iv.thresholds import HELD_DELAY, HELD_PARTS, HELD_ROUNDS, HELD_STARTS
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.delays import advanced
@@ -49,7 +53,7 @@ def fit_composites_iv(
     model = setting.model
     delays: Mapping[str, float] = dict.fromkeys(late, 0.0)
     if near is not None and not near.absent:
-        found = fit_physical_iv(setting, rows, delays, _start_near(model, near), rules)
+        found = fit_physical_iv(setting, rows, delays, _start_near(model, near), rules, settled=True)
         return found.observation, found.fit
     first = fit_matched(rows(tuple(setting.records)))
     plain = replace(rules, robust=False, bounded=False)
@@ -62,9 +66,11 @@ def fit_composites_iv(
         return found.observation, found.fit
     delays = {channel: delay for channel, delay, _ in found.fit.delays}
     if rules.robust:
-        found = fit_physical_iv(setting, rows, delays, found.values(model), replace(rules, bounded=False))
+        found = fit_physical_iv(
+            setting, rows, delays, found.values(model), replace(rules, bounded=False), True
+        )
     if rules.bounded and found.leaves_bounds(model):
-        found = fit_physical_iv(setting, rows, delays, found.values(model), rules)
+        found = fit_physical_iv(setting, rows, delays, found.values(model), rules, settled=True)
     return found.observation, found.fit
 
 
@@ -88,7 +94,8 @@ def _beginnings(
         yield begin, on_time
     nearest = start_in_rows(first, setting, cheap_starts(first, setting), late)
     if nearest is not None:
-        yield nearest
+        values, delays = nearest
+        yield with_shared_friction(setting.model, values), delays
     starts = physical_starts(first, setting)
     yield from ((start, on_time) for start in islice(starts, 1))
     delays = coarse_delays(first, setting.model, setting.records, setting.choice, late)

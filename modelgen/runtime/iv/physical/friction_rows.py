@@ -10,7 +10,7 @@ sticks, s is what holds it, over F.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,20 +20,27 @@ from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.companion_simulation import Simulated, nearest_sensor
 from modelgen.runtime.iv.instrumental_variables import Setting
-from modelgen.runtime.iv.thresholds import HIGHEST_LED, LED_ORDER, TURNS_CLEARLY
+from modelgen.runtime.iv.thresholds import DIFFERENCED, HIGHEST_LED, LED_ORDER, TURNS_CLEARLY
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.dropped_friction import DroppedFriction, dropped_friction
+from modelgen.runtime.rows.dropped_friction import DroppedFriction, dropped_friction, felt_forces
 from modelgen.runtime.rows.record_rows import unmasked_rows
+from modelgen.runtime.simulation.plant import body_order
 
 
-def feels_reversals(fit: Fit, model: Model) -> bool:
-    """Tell whether a block of the fit uses samples that feel reversals of a friction that its row drops."""
-    return any(_dropped(model, fit))
+def adds_friction(fit: Fit, setting: Setting) -> bool:
+    """Tell whether rows of the fit need the friction of a simulation.
+
+    They do where a block uses samples that feel reversals of a friction that its row drops, and where the
+    direction of a body was guessed.
+    """
+    return any(_dropped(fit, setting))
 
 
-def with_friction(fit: Fit, setting: Setting, simulated: Sequence[Simulated]) -> Fit:
+def with_friction(
+    fit: Fit, setting: Setting, simulated: Sequence[Simulated], values: Mapping[str, float]
+) -> Fit:
     """Return the fit with that friction in its blocks, linear at its solution.
 
     Parameters
@@ -44,39 +51,50 @@ def with_friction(fit: Fit, setting: Setting, simulated: Sequence[Simulated]) ->
         With the records that the blocks were made of.
     simulated : sequence of Simulated
         Of each of these records.
+    values : mapping of str to float
+        The physical parameters (SI) of the solution.
     """
-    records = [_with_directions(setting.records, fit, one) for one in simulated]
+    records = [_with_directions(setting.records, fit, setting, one) for one in simulated]
     parts = [(block.W, block.Y) for block in fit.blocks]
-    found = _added(parts, fit, setting, records)
+    found = _added(parts, fit, setting, records, values)
     blocks = tuple(
         block if not dropped else replace(block.kept(), W=W, Y=Y)
-        for block, dropped, (W, Y) in zip(fit.blocks, _dropped(setting.model, fit), found, strict=True)
+        for block, dropped, (W, Y) in zip(fit.blocks, _dropped(fit, setting), found, strict=True)
     )
     return replace(fit, blocks=blocks)
 
 
 def instruments_with_friction(
-    Z: Sequence[FloatArray], fit: Fit, setting: Setting, simulated: Sequence[Simulated]
+    Z: Sequence[FloatArray],
+    fit: Fit,
+    setting: Setting,
+    simulated: Sequence[Simulated],
+    values: Mapping[str, float],
 ) -> tuple[FloatArray, ...]:
     """Return instruments, shape (n, columns) a block, with that friction as it is in the simulation."""
     runs = [one.record for one in simulated]
-    records = [_with_directions(runs, fit, one) for one in simulated]
+    records = [_with_directions(runs, fit, setting, one) for one in simulated]
     parts = [(z, np.zeros(len(z))) for z in Z]
-    return tuple(W for W, _ in _added(parts, fit, setting, records))
+    return tuple(W for W, _ in _added(parts, fit, setting, records, values))
 
 
-def _dropped(model: Model, fit: Fit) -> list[tuple[DroppedFriction, ...]]:
-    return [dropped_friction(model, block.row) if block.turning else () for block in fit.blocks]
+def _dropped(fit: Fit, setting: Setting) -> list[tuple[DroppedFriction, ...]]:
+    found = []
+    for block in fit.blocks:
+        friction = dropped_friction(setting.model, block.row)
+        guessed = any(one.key in setting.guessed for one in friction)
+        found.append(friction if block.turning or guessed else ())
+    return found
 
 
 def _channel(body: str) -> str:
     return f"direction of {body}"
 
 
-def _with_directions(records: Sequence[Record], fit: Fit, simulated: Simulated) -> Record:
+def _with_directions(records: Sequence[Record], fit: Fit, setting: Setting, simulated: Simulated) -> Record:
     """Return a record with directions of bodies as channels, of the motion that it holds."""
-    record, model = records[simulated.index], simulated.plant.model
-    bodies = {one.body for dropped in _dropped(model, fit) for one in dropped}
+    record = records[simulated.index]
+    bodies = {one.body for dropped in _dropped(fit, setting) for one in dropped}
     return record.edited({_channel(body): _direction(simulated, body, record) for body in sorted(bodies)})
 
 
@@ -135,28 +153,49 @@ def _added(
     fit: Fit,
     setting: Setting,
     records: Sequence[Record],
+    values: Mapping[str, float],
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Return W and Y of every block with dropped friction, linear at the fit's solution x.
+    """Return W and Y of every block with dropped friction, linear at the fit's solution x = b(p).
 
-    Y = W x + F (S + sum of x_c S_c) becomes Y + F sum of x_c S_c = W' x, where the column of F is
-    S + sum of x_c S_c, and that of x_c is W_c + F S_c.
+    Y = W x + S g(p), with g = F c and S the derivatives of the direction, becomes
+
+        Y - S g + S G x = (W + S G) x',    G db/dp = dg/dp.
     """
     model, choice, x = setting.model, setting.choice, fit.solution.x
-    found = []
-    for block, dropped, (W, Y) in zip(fit.blocks, _dropped(model, fit), parts, strict=True):
+    dropped_of, found = _dropped(fit, setting), []
+    if any(dropped_of):
+        felt, rates = felt_forces(model, values), _felt_rates(model, values)
+    for block, dropped, (W, Y) in zip(fit.blocks, dropped_of, parts, strict=True):
+        W, Y = (W.copy(), Y.copy()) if dropped else (W, Y)
         for friction in dropped:
             factor = choice.decimation[block.record]
             rows = unmasked_rows(model, records[block.record], choice, factor, setting.drop)
-            signals = rows.derivatives(_channel(friction.body), friction.orders)[block.place]
-            W, Y = W.copy(), Y.copy()
-            W[:, friction.column] = 0.0
-            for coefficient, order, column in friction.terms:
-                signal = coefficient * signals[:, friction.orders.index(order)]
-                if column is None:
-                    W[:, friction.column] += signal
-                else:
-                    W[:, friction.column] += x[column] * signal
-                    W[:, column] += x[friction.column] * signal
-                    Y += x[friction.column] * x[column] * signal
+            place, size = body_order(model).index(friction.body), values[friction.friction]
+            c, slope = felt[block.row][:, place], size * rates[block.row][:, place]
+            slope[:, model.parameters.index(friction.friction)] += c
+            W[:, list(friction.columns)] = 0.0
+            S = rows.derivatives(_channel(friction.body), tuple(range(len(c))))[block.place]
+            G = _in_base(slope, model, values)
+            W += S @ G
+            Y += S @ (G @ x - size * c)
         found.append((W, Y))
     return found
+
+
+def _felt_rates(model: Model, values: Mapping[str, float]) -> tuple[FloatArray, ...]:
+    """Return how `felt_forces` change with each parameter, (orders, bodies, parameters) a row."""
+    found = []
+    for name in model.parameters:
+        step = DIFFERENCED * (abs(values[name]) or 1.0)
+        ahead, behind = (felt_forces(model, {**values, name: values[name] + way}) for way in (step, -step))
+        found.append([(after - before) / (2.0 * step) for after, before in zip(ahead, behind, strict=True)])
+    return tuple(np.stack(rows, axis=-1) for rows in zip(*found, strict=True))
+
+
+def _in_base(slope: FloatArray, model: Model, values: Mapping[str, float]) -> FloatArray:
+    """Return G with G db/dp = slope, both (orders, ...), the smallest by sizes of the base parameters."""
+    size = np.array([abs(values[name]) or 1.0 for name in model.parameters])
+    jacobian = model.base_jacobian(values) * size
+    weight = np.linalg.norm(jacobian, axis=1)
+    weight[weight == 0.0] = 1.0
+    return np.asarray((slope * size) @ np.linalg.pinv(jacobian / weight[:, None]) / weight)

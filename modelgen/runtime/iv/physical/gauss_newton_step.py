@@ -15,7 +15,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.effect_rows import simulated_with
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments, simulated
 from modelgen.runtime.iv.physical.friction_rows import (
-    feels_reversals,
+    adds_friction,
     instruments_with_friction,
     with_friction,
 )
@@ -24,6 +24,7 @@ from modelgen.runtime.least_squares.fit import CarriedOver, Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
 from modelgen.runtime.least_squares.huber import huber, huber_notes
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
+from modelgen.runtime.least_squares.thresholds import WHITENING_ORDER
 from modelgen.runtime.least_squares.whitening import whitener
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
@@ -81,8 +82,11 @@ class Step:
         return spread
 
 
-def step_from(setting: Setting, plain: Fit, now: Unknowns, rules: Rules) -> Step:
-    """Linearise rows at p, make them white, and solve them with the instruments of a simulation at p."""
+def step_from(setting: Setting, plain: Fit, now: Unknowns, rules: Rules, white: bool = True) -> Step:
+    """Linearise rows at p, make them white, and solve them with the instruments of a simulation at p.
+
+    Without `white` each row has one weight only.
+    """
     model = setting.model
     moved = tuple(advanced(record, now.delays) for record in setting.records)
     values = dict(zip(model.parameters, now.p.tolist(), strict=True))
@@ -95,21 +99,22 @@ def step_from(setting: Setting, plain: Fit, now: Unknowns, rules: Rules) -> Step
     )
     there = replace(setting, records=moved)
     fit, Z = _with_instruments(fit, there, values)
-    whiteners = [whitener(e, block.place) for e, block in zip(fit.residuals, fit.blocks, strict=True)]
+    most = WHITENING_ORDER if white else 0
+    whiteners = [whitener(e, block.place, most) for e, block in zip(fit.residuals, fit.blocks, strict=True)]
     fit = replace(fit, lost=sum(white_of.order for white_of in whiteners))
     rates = [delay_rates(fit, model, moved, setting.choice, setting.drop, channel) for channel in now.delays]
     late = [np.column_stack(columns) for columns in zip(*rates, strict=True)] or [
         np.zeros((len(block.place), 0)) for block in fit.blocks
     ]
-    white, stacked = [], []
+    whitened, stacked = [], []
     parts = zip(fit.blocks, fit.residuals, Z, late, whiteners, strict=True)
     for block, residual, z, rate, white_of in parts:
         W = white_of(np.column_stack([block.W @ slope, -rate]), block.place)
         Y = white_of(residual, block.place) + W[:, : len(now.p)] @ now.p
-        white.append(replace(block.kept(), W=W, Y=Y))
+        whitened.append(replace(block.kept(), W=W, Y=Y))
         stacked.append(white_of(np.column_stack([z @ slope, -rate]), block.place))
     names = (*model.parameters, *(f"delay of {channel}" for channel in now.delays))
-    linear = replace(fit, columns=names, blocks=tuple(white))
+    linear = replace(fit, columns=names, blocks=tuple(whitened))
     return Step(fit, Z, slope, *_solved(two_stage(linear, tuple(stacked)), model, rules))
 
 
@@ -117,13 +122,13 @@ def _with_instruments(
     fit: Fit, setting: Setting, values: Mapping[str, float]
 ) -> tuple[Fit, tuple[FloatArray, ...]]:
     """Return a fit with its residuals, and instruments, both with the friction that its rows drop."""
-    if not feels_reversals(fit, setting.model):
+    if not adds_friction(fit, setting):
         runs = simulated(fit, setting, values)
         return _with_residuals(fit), instruments(fit, setting, runs)
     beside = simulated_with(values, fit, setting)
     runs = {index: one.record for index, one in enumerate(beside)}
-    Z = instruments_with_friction(instruments(fit, setting, runs), fit, setting, beside)
-    return _with_residuals(with_friction(fit, setting, beside)), Z
+    Z = instruments_with_friction(instruments(fit, setting, runs), fit, setting, beside, values)
+    return _with_residuals(with_friction(fit, setting, beside, values)), Z
 
 
 def _with_residuals(fit: Fit) -> Fit:

@@ -20,6 +20,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.instrumental_variables import Setting
+from modelgen.runtime.iv.physical.friction_rows import adds_friction
 from modelgen.runtime.iv.physical.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.iv.physical.starting_values import vanished_names
 from modelgen.runtime.iv.thresholds import (
@@ -28,6 +29,8 @@ from modelgen.runtime.iv.thresholds import (
     FARTHEST,
     HOPELESS,
     LARGEST_STEP,
+    NEAR,
+    ROUGH_ROUNDS,
     SMALL_CHANGE,
 )
 from modelgen.runtime.least_squares.delays import advanced
@@ -77,6 +80,7 @@ def fit_physical_iv(
     delays: Mapping[str, float],
     start: Mapping[str, float],
     rules: Rules = PLAIN,
+    settled: bool = False,
 ) -> Found:
     """Estimate physical parameters and delays together, from a start (SI).
 
@@ -92,6 +96,8 @@ def fit_physical_iv(
         All of the model's parameters.
     rules : Rules
         Robust weights, bounds, and what is held at zero.
+    settled : bool
+        Whether the start is an estimate already.
 
     Returns
     -------
@@ -112,11 +118,13 @@ def fit_physical_iv(
     plain = fit_matched(observation)
     if plain.absent:
         raise diverged(f"the records do not move what {', '.join(plain.absent)} needs", plain, model)
+    # where directions of motion follow the estimate, white rows would hide what a wrong one leaves
+    near = settled or not adds_friction(plain, setting)
     for done in range(1, COMPOSITE_ROUNDS + 1):
         if late and done > 1:
             observation = rows(tuple(advanced(record, now.delays) for record in setting.records))
             plain = replace(plain, blocks=tuple(block for block in observation.blocks if block.place.size))
-        step = step_from(setting, plain, now, rules)
+        step = step_from(setting, plain, now, rules, near)
         x, spread = step.x, step.spread
         move = np.r_[x[:c] - now.p, x[c:]]
         if not np.all(np.isfinite(move)):
@@ -124,11 +132,12 @@ def fit_physical_iv(
         size = np.r_[np.abs(x[:c]), np.full(len(late), SMALLEST_STEP * sample / SMALL_CHANGE)]
         small = np.maximum(COMPOSITE_MOVE * spread, SMALL_CHANGE * size)
         hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(len(late), np.inf)]
-        if done > 1 and np.all((np.abs(move) <= small) | hopeless):
+        if near and done > 1 and np.all((np.abs(move) <= small) | hopeless):
             lost, fit = _lost(setting, now, spread), in_base_columns(step, now.delays, done)
             if late and fit.carried is not None:
                 fit = replace(fit, carried=replace(fit.carried, unknown=lost))
             return Found(observation, fit, now.p, x[:c], lost)
+        near = near or bool(np.all((np.abs(move) <= NEAR * spread) | hopeless)) or done >= ROUGH_ROUNDS
         now = _moved(model, now, move, sample, rules)
         _check_distance(model, now.p, first, rules)
     raise _restless(model, x[:c], spread[:c])

@@ -88,9 +88,21 @@ def _from_composites(
 ) -> dict[str, float]:
     """Return the parameters that come closest to the composites, zeros if there are none."""
     try:
-        return simulation_parameters(model, first, covariance_of)
+        return with_shared_friction(model, simulation_parameters(model, first, covariance_of))
     except IdentifiabilityError:
         return dict.fromkeys(model.parameters, 0.0)
+
+
+def with_shared_friction(model: Model, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values with the sum of all Coulomb friction shared, where rows tell little but that sum.
+
+    Bodies that move as one have the same direction; their friction comes out of any size then, of both signs.
+    """
+    names = [name for name, role in model.roles.items() if role.role == "coulomb" and name in values]
+    if min((values[name] for name in names), default=0.0) >= 0.0:
+        return dict(values)
+    each = max(sum(values[name] for name in names), 0.0) / len(names)
+    return {**values, **dict.fromkeys(names, each)}
 
 
 def _nearest(
