@@ -88,7 +88,7 @@ def _rows_without(model: Model, kernel: DeflectedKernel) -> Model:
 def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> FloatArray | None:
     """Return the point at which steps come to rest, None where they do not.
 
-    Nor where a spring pushes, or is more of a damper: the series for what damping does ends early. Steps
+    Nor where a spring pushes, or is more of a damper: the series that says what noise does ends early. Steps
     within the noise that become no smaller, as reversals come and go with the point, are halved.
     """
     share, last = 1.0, np.inf

@@ -22,11 +22,9 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.arm_channels import Speed
 from modelgen.runtime.model.arm_kernel import ArmKernel, Read, Sum
-from modelgen.runtime.model.given_directions import Turning, given_directions
+from modelgen.runtime.model.given_directions import Succession, Turning, given_directions
+from modelgen.runtime.numerics.lagging import FURTHER, lagging, series
 
-# Damping of a spring delays the deflection by D / K: so many terms of 1 / (1 + s D / K) = 1 - s D / K + ...
-# of its highest derivative, and of others as many as that has made.
-DAMPED = 2
 # Central differences of entries, which hold cosines of positions and squares of speeds.
 STEPS = (1e-4, 1.0, 1.0)
 
@@ -134,13 +132,18 @@ class DeflectedKernel:
                         wanted += [(source, order + more) for more in range(highest + 1)]
         return tuple(dict.fromkeys(wanted))
 
-    def lines(self, read: Mapping[Read, FloatArray]) -> Mapping[str, FloatArray]:
-        """Return every feature, shape (N,) each, from what is read, shape (N,) each."""
+    def lines(
+        self, read: Mapping[Read, FloatArray], succession: Succession | None = None
+    ) -> Mapping[str, FloatArray]:
+        """Return every feature, shape (N,) each, from what is read, shape (N,) each.
+
+        Where samples are no `succession`, what the damping of springs delays is a series, to second order.
+        """
         count = len(next(iter(read.values())))
         given: dict[str, FloatArray] = {}
         moves: dict[int, list[tuple[str, FloatArray]]] = {}
         for row in self.giving:
-            position, slopes = self._given(row, read, count)
+            position, slopes = self._given(row, read, count, succession)
             given |= {_ordered(row.channel, o): value for o, value in enumerate(position)}
             for column, slope in slopes.items():
                 moves.setdefault(column, []).extend(
@@ -150,16 +153,12 @@ class DeflectedKernel:
         signals |= given
         found = dict(self.kernel.lines(signals)) if self.kernel.keys else {}
         found |= {key: read[key, 0] for key in self.places if key in self.inner.keys}
-        ways, turning = given_directions(self.speeds, signals, given, self.sampled)
+        low_pass = succession.low_pass if succession else None
+        ways, turning = given_directions(self.speeds, signals, given, self.sampled, low_pass)
         values = {**given, **ways}
         for key, terms in self.sums.items():
-            found[key] = sum(
-                (
-                    w * (values[k] if k in values else self._sum(((1.0, k),), 0, read, count))
-                    for w, k in terms
-                ),
-                np.zeros(count),
-            )
+            parts = (w * values[k] if k in values else self._sum(((w, k),), 0, read, count) for w, k in terms)
+            found[key] = sum(parts, np.zeros(count))
         along = self._along(signals, found, turning)
         for place in self.rows:
             shift = np.zeros(count)
@@ -177,10 +176,10 @@ class DeflectedKernel:
         """Return the highest derivative of a given position that entries hold, and that is worked out."""
         highest = max(order for order in range(3) if _ordered(row.channel, order) in self.kernel.inputs)
         damped = any(_parts(terms, row.channel).speed for terms in (row.left, *row.columns.values()))
-        return highest, highest + (DAMPED if damped else 0)
+        return highest, highest + (FURTHER if damped else 0)
 
     def _given(
-        self, row: GivingRow, read: Mapping[Read, FloatArray], count: int
+        self, row: GivingRow, read: Mapping[Read, FloatArray], count: int, succession: Succession | None
     ) -> tuple[list[FloatArray], dict[int, list[FloatArray]]]:
         """Return a position with its derivatives, and what a parameter of the row moves each of them by."""
         kept, highest = self._orders(row)
@@ -195,14 +194,18 @@ class DeflectedKernel:
         right = values(left.rest)
         for column, rest in rests.items():
             right = [one - self.point[column] * other for one, other in zip(right, rest, strict=True)]
-        position = _lagging(right, stiff, lag)
+        right = [value / stiff for value in right]
+        position = series(right, lag)
+        if succession and lag:
+            exact = (lagging(right[order:], lag, succession.fs) for order in range(kept + 1))
+            position[: kept + 1] = exact
         slopes = {}
         for column, part in columns.items():
             acting = [
                 rest + part.position * position[order] + _later(part.speed, position, order)
                 for order, rest in enumerate(rests[column])
             ]
-            slopes[column] = _lagging([-one for one in acting], stiff, lag)[: kept + 1]
+            slopes[column] = series([-one / stiff for one in acting], lag)[: kept + 1]
         return position[: kept + 1], slopes
 
     def _spring(self, row: GivingRow) -> tuple[float, float]:
@@ -287,14 +290,3 @@ def _parts(terms: Sum, channel: str) -> _Parts:
 
 def _later(weight: float, position: Sequence[FloatArray], order: int) -> FloatArray | float:
     return weight * position[order + 1] if weight and order + 1 < len(position) else 0.0
-
-
-def _lagging(values: Sequence[FloatArray], stiff: float, lag: float) -> list[FloatArray]:
-    """Return x of stiff (x + lag x') = value, with its derivatives; `values` has those of the value."""
-    found = []
-    for order, value in enumerate(values):
-        total = value
-        for more in range(1, len(values) - order) if lag else ():
-            total = total + (-lag) ** more * values[order + more]
-        found.append(total / stiff)
-    return found

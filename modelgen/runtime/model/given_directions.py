@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,10 +12,26 @@ from modelgen.runtime.model.arm_channels import Speed
 
 #: By (name of a direction in sums, signal that is given): the derivative of the one by the other.
 Turning = Mapping[tuple[str, str], FloatArray]
+#: Takes samples at the full rate, shape (N,), and returns as many.
+LowPass = Callable[[FloatArray], FloatArray]
+
+
+class Succession(NamedTuple):
+    """How samples of what rows give follow each other: at fs in Hz, without gaps.
+
+    `low_pass` is what speeds go through before their directions are taken.
+    """
+
+    fs: float
+    low_pass: LowPass | None
 
 
 def given_directions(
-    speeds: Sequence[Speed], signals: Mapping[str, FloatArray], given: Container[str], sampled: bool
+    speeds: Sequence[Speed],
+    signals: Mapping[str, FloatArray],
+    given: Container[str],
+    sampled: bool,
+    low_pass: LowPass | None = None,
 ) -> tuple[dict[str, FloatArray], Turning]:
     """Return the directions of speeds, and the speeds in each, by their names in sums, and their slopes.
 
@@ -28,12 +45,17 @@ def given_directions(
     sampled : bool
         Whether directions are those at the samples, as forces are; else they are means over each sampling
         period, which do not jump where parameters move the reversal by less than that.
+    low_pass : callable, optional
+        What a speed goes through before its direction is taken. Speeds that rows give are made of derivatives
+        that hold much noise behind the wide low-pass of the signals: false reversals take friction down in
+        proportion to the noise.
     """
     found: dict[str, FloatArray] = {}
     slopes: dict[tuple[str, str], FloatArray] = {}
     for one in speeds:
         speed = np.sum([weight * signals[key] for weight, key in one.terms], axis=0)
-        sign, rate = (np.sign(speed), np.zeros(len(speed))) if sampled else _mean_sign(speed)
+        turning = speed if low_pass is None else low_pass(speed)
+        sign, rate = (np.sign(turning), np.zeros(len(speed))) if sampled else _mean_sign(turning)
         ways = {f"sign {one.name}": (sign, rate)}
         for way, factor in (("forward", 0.5), ("backward", -0.5)):
             moves = 0.5 + factor * sign

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -17,7 +17,9 @@ from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
 from modelgen.runtime.model.arm_kernel import Kernel, Read
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.model.given_directions import Succession
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.lagging import lag_reach
 from modelgen.runtime.rows.filter_sections import Filtering
 
 Filtered = Callable[[str, FusedOperator, int, int], FloatArray]
@@ -38,6 +40,8 @@ class KernelLines:
         Filter and decimate a line, by how often they differentiate it.
     stencil, fs : tuple of float, float
         Central difference at a sampling frequency in Hz, for lines that others are made of.
+    directions : FusedOperator, optional
+        What speeds that rows give go through before their signs are taken, at the full rate.
     """
 
     kernel: Kernel | DeflectedKernel
@@ -46,6 +50,7 @@ class KernelLines:
     low_passes: tuple[FusedOperator, ...]
     stencil: tuple[float, ...]
     fs: float
+    directions: FusedOperator | None = None
 
     @property
     def margins(self) -> tuple[int, int]:
@@ -56,7 +61,10 @@ class KernelLines:
 
     @property
     def _outer(self) -> tuple[int, int]:
-        before, behind = np.max([one.margins for one in self.low_passes], axis=0).tolist()
+        turning = self.directions.margins if self.directions else (0, 0)
+        felt = lag_reach(self.kernel.lag, self.fs) if isinstance(self.kernel, DeflectedKernel) else 0
+        low_pass = np.max([one.margins for one in self.low_passes], axis=0)
+        before, behind = (low_pass + turning + felt).tolist()
         return before, behind
 
     @cached_property
@@ -73,7 +81,8 @@ class KernelLines:
         inside = before + (count - 1) * self.low_passes[0].factor + 1 + behind + 2 * reach
         made = {channel: filtered(channel, one, low, inside) for channel, one in self.operators.items()}
         read = {key: made[channel][:, column] for key, (channel, column) in self.inputs.items()}
-        lines = formed(self.kernel, with_inner(self.kernel, read, self.stencil, self.fs))
+        succession = Succession(self.fs, partial(_whole, self.directions) if self.directions else None)
+        lines = formed(self.kernel, with_inner(self.kernel, read, self.stencil, self.fs), succession)
         orders = self.kernel.orders
         return {
             key: self.low_passes[orders.get(key, 0)].apply(line, before, count)[:, 0]
@@ -115,10 +124,15 @@ def inner_reach(kernel: Kernel | DeflectedKernel, stencil: tuple[float, ...]) ->
     return len(stencil) * max(inner_orders(kernel).values(), default=0)
 
 
-def formed(kernel: Kernel | DeflectedKernel, known: Mapping[Read, FloatArray]) -> Mapping[str, FloatArray]:
-    """Return every line of a kernel, shape (N,) each, from what `with_inner` returns."""
+def formed(
+    kernel: Kernel | DeflectedKernel, known: Mapping[Read, FloatArray], succession: Succession | None = None
+) -> Mapping[str, FloatArray]:
+    """Return every line of a kernel, shape (N,) each, from what `with_inner` returns.
+
+    `succession` says that the samples follow each other without gaps, and how.
+    """
     if isinstance(kernel, DeflectedKernel):
-        return kernel.lines(known)
+        return kernel.lines(known, succession)
     return kernel.lines({key: known[place] for key, place in kernel.reads_of.items()})
 
 
@@ -145,4 +159,12 @@ def kernel_lines(model: Model, filtering: Filtering, fast: bool | None) -> Kerne
         )
         for order in range(1 + max(kernel.orders.values(), default=0))
     )
-    return KernelLines(kernel, operators, inputs, low_passes, filtering.stencil, filtering.fs)
+    directions = None
+    if isinstance(kernel, DeflectedKernel) and kernel.speeds:
+        directions = fused_operator(filtering.directions, filtering.fs, fast=fast)
+    return KernelLines(kernel, operators, inputs, low_passes, filtering.stencil, filtering.fs, directions)
+
+
+def _whole(operator: FusedOperator, samples: FloatArray) -> FloatArray:
+    """Return what an operator at the full rate makes of all samples, shape (N,) as they."""
+    return operator.apply(samples, 0, len(samples))[:, 0]

@@ -210,6 +210,28 @@ def test_one_elastic_joint_without_gravity_is_the_chain_of_the_paper() -> None:
         assert [ours[name] for name in names] == pytest.approx([*theirs.values()], rel=1e-9)
 
 
+@pytest.mark.parametrize("side", ["link", "motor"])
+def test_damping_of_springs_that_place_is_exact(side: str) -> None:
+    """A joint that turns by tones: each is ahead of its link by what stiffness and damping let through."""
+    named = {"stiffness": "K", "damping": "D", "rotor_inertia": "J", "viscous": "F"}
+    spec = arm([joint("1", None, (), **named)], gravity=(Fraction(0),) * 3)
+    spec = replace(spec, sensor_sets={"s": (ArmSensor("q", "1", side, "position"),)})
+    model = model_from_text(arm_module(arm_base_model(arm_rows(spec, sensor_set="s"))), "arm")
+    truth = {"Izz1": 0.3, "J": 0.2, "F": 1.0, "K": 1000.0, "D": 1.5}
+    t, sizes = np.arange(0.0, 6.0, 1.0 / FS), {1.0: 0.3, 5.0: 0.1, 12.0: 0.01}
+    signals = {key: np.zeros(len(t)) for key in ("link", "motor", "tau_1")}
+    for f_hz, size in sizes.items():
+        s = 2j * np.pi * f_hz
+        torque = truth["Izz1"] * s**2
+        motor = 1.0 + torque / (truth["K"] + truth["D"] * s)
+        force = (truth["J"] * s**2 + truth["F"] * s) * motor + torque
+        for key, gain in (("link", 1.0), ("motor", motor), ("tau_1", force)):
+            signals[key] += size * np.real(gain * np.exp(s * t + 1j * f_hz))
+    record = Record({"q": signals[side], "tau_1": signals["tau_1"]}, FS, "tones")
+    found = identify(model, record, "wls", checks=QUICK).params
+    assert [found[name] for name in truth] == pytest.approx([*truth.values()], rel=1e-3)
+
+
 def test_a_spring_that_is_known_leaves_the_rest() -> None:
     spec, sensor_set, _ = CASES["two encoders"]
     _, record, truth = made("two encoders")

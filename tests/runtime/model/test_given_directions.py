@@ -1,0 +1,26 @@
+"""Directions of speeds that rows give: behind their low-pass noise reverses nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modelgen.runtime.filters.butterworth import butterworth
+from modelgen.runtime.filters.fused_operator import fused_operator
+from modelgen.runtime.model.arm_channels import Speed
+from modelgen.runtime.model.given_directions import given_directions
+
+FS = 1000.0
+
+
+def test_noise_of_a_given_speed_reverses_nothing_behind_the_low_pass() -> None:
+    t = np.arange(4000) / FS
+    true = np.sin(2.0 * np.pi * 2.0 * t + 0.3)
+    speed = true + 0.1 * np.random.default_rng(1).standard_normal(len(t))
+    operator = fused_operator(butterworth(4, 10.0, FS), FS)
+    one = Speed("1", "d1_qm_1", ((1.0, "d1_qm_1"),))
+    wrong = []
+    for low_pass in (None, lambda samples: operator.apply(samples, 0, len(samples))[:, 0]):
+        ways, _ = given_directions((one,), {"d1_qm_1": speed}, {"d1_qm_1"}, True, low_pass)
+        wrong.append(np.count_nonzero(ways["sign 1"][500:-500] != np.sign(true[500:-500])))
+        np.testing.assert_array_equal(ways["forward d1_qm_1"], (ways["sign 1"] > 0.0) * speed)
+    assert wrong[0] > 50 and wrong[1] < 15
