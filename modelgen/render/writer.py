@@ -1,28 +1,16 @@
-"""Modules as text and as files: generate, write, and compare with what is already there."""
+"""Modules of chains as text."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
-from pathlib import Path
-from typing import Literal, NamedTuple
 
-from modelgen.atomic_write import check_place, make_folder, place_within, write_whole
 from modelgen.errors import Problem, RenderError
 from modelgen.generated_module.allow_list import REMEDY
-from modelgen.generated_module.module_check import has_header, module_problems, module_text, seal
-from modelgen.read_file import GENERATED, read_bytes, read_text
+from modelgen.generated_module.module_check import module_problems, seal
 from modelgen.render.environment import environment
 from modelgen.render.view import ModelView, model_view
 from modelgen.spec.load import ChainSpec
 from modelgen.symbolic.pipeline import build
-
-
-class Drift(NamedTuple):
-    """A module in a folder that is not what its spec generates."""
-
-    path: Path
-    state: Literal["missing", "different", "left over"]
 
 
 def render(view: ModelView) -> str:
@@ -80,58 +68,6 @@ def module_name(spec: ChainSpec, sensor_set: str) -> str:
     return f"{spec.name}_{sensor_set}"
 
 
-def write_modules(
-    spec: ChainSpec, sensor_sets: Iterable[str], folder: Path, overwrite: bool = False
-) -> list[Path]:
-    """Write one module per sensor set; derive them all before the first file is touched.
-
-    Raises
-    ------
-    RenderError
-        If a file of that name exists that modelgen did not write, unless it may be overwritten.
-    ModelgenError
-        If the place is a link or no regular file, or the folder cannot be made or written.
-    """
-    texts = {
-        place_within(folder, f"{module_name(spec, name)}.py"): generate(spec, name) for name in sensor_sets
-    }
-    for path in texts:
-        check_place(path)
-        if not overwrite and path.exists() and not _is_generated(path):
-            raise RenderError.at(
-                str(path),
-                "exists and was not written by modelgen",
-                "move it away or choose another folder with -o",
-            )
-    make_folder(folder)
-    for path, text in texts.items():
-        write_whole(path, text.encode(), overwrite=True)
-    return list(texts)
-
-
-def _is_generated(path: Path) -> bool:
-    try:
-        return has_header(module_text(read_text(path, GENERATED)))
-    except RenderError:
-        return False
-
-
-def _is_of_chain(path: Path, chain: str) -> bool:
-    text = read_bytes(path, GENERATED).decode("utf-8", errors="replace")
-    return f'\nCHAIN = "{chain}"\n' in text or f"\nCHAIN = '{chain}'\n" in text
-
-
-def check_modules(spec: ChainSpec, sensor_sets: Iterable[str], folder: Path) -> list[Drift]:
-    """Compare a folder with what the spec generates; modules of sensor sets that are gone are left over."""
-    drifts = []
-    for name in sensor_sets:
-        path = folder / f"{module_name(spec, name)}.py"
-        if not path.is_file():
-            drifts.append(Drift(path, "missing"))
-        elif read_bytes(path, GENERATED) != generate(spec, name).encode():
-            drifts.append(Drift(path, "different"))
-    expected = {f"{module_name(spec, name)}.py" for name in spec.sensor_sets}
-    for path in sorted(folder.glob(f"{spec.name}_*.py")):
-        if path.name not in expected and path.is_file() and _is_of_chain(path, spec.name):
-            drifts.append(Drift(path, "left over"))
-    return drifts
+def module_files(spec: ChainSpec, sensor_set: str) -> dict[str, str]:
+    """Return the module of a sensor set by the name of its file."""
+    return {f"{module_name(spec, sensor_set)}.py": generate(spec, sensor_set)}

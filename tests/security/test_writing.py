@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from modelgen.atomic_write import place_within, write_whole
 from modelgen.cli.main import app
 from modelgen.errors import ModelgenError, RenderError
-from modelgen.render.writer import write_modules
+from modelgen.render.target_writer import write_target
 from modelgen.spec.load import catalog_path, load_spec
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,7 +96,7 @@ def test_a_place_that_is_no_file_is_refused(trap: Path, name: str, what: str) ->
         if what == "file":
             write_whole(trap / NAME, b"new", overwrite=True)
         else:
-            write_modules(SPEC, ["qm"], trap, overwrite=True)
+            write_target(SPEC, ["qm"], trap)
     assert sorted(entry.name for entry in trap.iterdir()) == before
     assert not (trap / "target").exists() or (trap / "target").read_text() == "mine"
 
@@ -126,33 +126,31 @@ FOREIGN = {
 
 
 @pytest.mark.parametrize("name", FOREIGN)
-def test_what_modelgen_did_not_write_is_overwritten_when_told_only(trap: Path, name: str) -> None:
+def test_what_modelgen_did_not_write_is_kept(trap: Path, name: str) -> None:
     (trap / NAME).write_text(FOREIGN[name])
     with pytest.raises(RenderError, match="exists and was not written by modelgen; move it away"):
-        write_modules(SPEC, ["qm"], trap)
+        write_target(SPEC, ["qm"], trap)
     assert (trap / NAME).read_text() == FOREIGN[name]
-    write_modules(SPEC, ["qm"], trap, overwrite=True)
-    assert (trap / NAME).read_text() != FOREIGN[name]
 
 
 def test_a_binary_file_is_not_modelgens(trap: Path) -> None:
     (trap / NAME).write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RenderError, match="was not written by modelgen"):
-        write_modules(SPEC, ["qm"], trap)
+        write_target(SPEC, ["qm"], trap)
 
 
 def test_an_older_module_is_replaced(trap: Path) -> None:
-    write_modules(SPEC, ["qm"], trap)
+    write_target(SPEC, ["qm"], trap)
     text = (trap / NAME).read_text()
     (trap / NAME).write_text(text + "# edited\n")
-    write_modules(SPEC, ["qm"], trap)
+    write_target(SPEC, ["qm"], trap)
     assert (trap / NAME).read_text() == text
 
 
 def test_a_file_in_place_of_the_folder(trap: Path) -> None:
     (trap / "out").write_text("mine")
     with pytest.raises(ModelgenError, match=r"cannot be made a folder|cannot be written"):
-        write_modules(SPEC, ["qm"], trap / "out")
+        write_target(SPEC, ["qm"], trap / "out")
     assert (trap / "out").read_text() == "mine"
 
 

@@ -17,7 +17,7 @@ from modelgen.cli.demo.bench import CHIRP_BAND_HZ, DURATION_S, FS_HZ, NOISE, ben
 from modelgen.cli.demo.closed_loop_figure import draw_closed_loop
 from modelgen.cli.demo.printed_tables import PRINTED_TABLES, PrintedTable
 from modelgen.progress import counted, step
-from modelgen.render.writer import write_modules
+from modelgen.render.target_writer import write_target
 from modelgen.report.chain_drawing import draw_chain
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Pham2002
@@ -44,7 +44,7 @@ def run_demo(folder: Path) -> dict[str, Any]:
     spec = load_spec(catalog_path(CHAIN))
     step(f"deriving {CHAIN}")
     sets = (ENCODERS, ACCELEROMETER)
-    modules = write_modules(spec, sets, folder)
+    modules = write_target(spec, sets, folder)
     models = {name: load_model(path) for name, path in zip(sets, modules, strict=True)}
     picture = folder / "figure_2.svg"
     write_whole(picture, draw_chain(spec).encode(), overwrite=True)
