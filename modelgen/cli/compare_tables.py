@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import ceil, isfinite, log10
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Group
-
-Justify = Literal["left", "right"]
+    from rich.table import Table
 
 
 def comparison_tables(described: dict[str, Any]) -> Group:
@@ -18,8 +18,6 @@ def comparison_tables(described: dict[str, Any]) -> Group:
 
     from modelgen.cli.tables import table
 
-    columns: list[tuple[str, Justify]] = [("model", "left"), ("order", "right"), ("condition", "right")]
-    columns += [("cut-off Hz", "right"), ("base parameters", "left")]
     rows, gain_rows, notes = [], [], []
     for m in described["models"]:
         number = m["condition_number"]
@@ -31,15 +29,11 @@ def comparison_tables(described: dict[str, Any]) -> Group:
         notes += [Text(f"{m['model']}: {m['why']}")] if "why" in m else []
     if not rows:  # saved estimates only
         return Group(*_estimate_parts(described["estimates"])[1:])
+    columns = ("model", ">order", ">condition", ">cut-off Hz", "base parameters")
     parts: list[Any] = [table("Models", columns, rows), *notes, Text("")]
-    gain_columns: list[tuple[str, Justify]] = [
-        ("model", "left"),
-        ("channel", "left"),
-        ("derivative", "right"),
-    ]
-    gain_columns.append(("gain 1/s^derivative", "right"))
     if gain_rows:
         title = "Noise: standard deviation after filter and differences, per unit"
+        gain_columns = ("model", "channel", ">derivative", ">gain 1/s^derivative")
         parts.append(table(title, gain_columns, gain_rows))
     if described["regressors"]:
         parts.append(Text("\nRegressors", style="bold"))
@@ -65,17 +59,7 @@ def interval_text(low: float, high: float) -> str:
 def _estimate_parts(found: dict[str, Any]) -> list[Any]:
     from rich.text import Text
 
-    from modelgen.cli.tables import table
-
-    titles = list(found["parameters"])
-    names = dict.fromkeys(name for entry in found["parameters"].values() for name in entry)
-    columns: list[tuple[str, Justify]] = [("parameter", "left"), *((title, "right") for title in titles)]
-    rows = []
-    for name in names:
-        cells = [found["parameters"][title].get(name) for title in titles]
-        shown = [interval_text(*c["interval_95"]) if c else "-" for c in cells]
-        rows.append((name, *shown))
-    parts: list[Any] = [Text(""), table("Estimates, 95 % intervals", columns, rows), Text("")]
+    parts: list[Any] = [Text(""), _intervals("Estimates, 95 % intervals", found["parameters"]), Text("")]
     for c in found["consistency"]:
         verdict = "consistent" if c["consistent"] else "NOT consistent"
         line = (
@@ -88,18 +72,10 @@ def _estimate_parts(found: dict[str, Any]) -> list[Any]:
 def _yardstick_parts(title: str, found: dict[str, Any]) -> list[Any]:
     from rich.text import Text
 
-    from modelgen.cli.tables import table
-
     methods = found["methods"]
-    names = dict.fromkeys(name for entry in methods for name in entry["parameters"])
-    columns: list[tuple[str, Justify]] = [("parameter", "left")]
-    columns += [(entry["method"], "right") for entry in methods]
-    rows = [("time", *(f"{entry['seconds']:.2f} s" for entry in methods))]
-    for name in names:
-        cells = [entry["parameters"].get(name) for entry in methods]
-        shown = [interval_text(*c["interval_95"]) if c else "-" for c in cells]
-        rows.append((name, *shown))
-    parts: list[Any] = [table(f"{title}: 95 % intervals by method", columns, rows)]
+    times = ("time", *(f"{entry['seconds']:.2f} s" for entry in methods))
+    sources = {entry["method"]: entry["parameters"] for entry in methods}
+    parts: list[Any] = [_intervals(f"{title}: 95 % intervals by method", sources, times)]
     parts += [Text(f"{entry['method']}: {entry['reason']}") for entry in methods if entry["reason"]]
     for entry in found["modes"]:
         modes = ", ".join(
@@ -107,3 +83,14 @@ def _yardstick_parts(title: str, found: dict[str, Any]) -> list[Any]:
         )
         parts.append(Text(f"modes, {entry['source']}: {modes or 'none found'}"))
     return parts
+
+
+def _intervals(title: str, sources: Mapping[str, Any], *first: Sequence[str]) -> Table:
+    """Return a table of intervals, a column a source, below the rows `first`."""
+    from modelgen.cli.tables import table
+
+    rows = list(first)
+    for name in dict.fromkeys(name for entry in sources.values() for name in entry):
+        cells = [entry.get(name) for entry in sources.values()]
+        rows.append((name, *(interval_text(*c["interval_95"]) if c else "-" for c in cells)))
+    return table(title, ("parameter", *(f">{one}" for one in sources)), rows)

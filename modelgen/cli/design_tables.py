@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Group
 
     from modelgen.runtime.planning.monte_carlo import Spread
     from modelgen.runtime.planning.sensor_set_ranking import Prediction
-
-Justify = Literal["left", "right"]
 
 
 def describe(prediction: Prediction) -> dict[str, Any]:
@@ -59,8 +57,7 @@ def design_tables(described: Mapping[str, Any]) -> Group:
     from modelgen.cli.tables import table
 
     names = list(dict.fromkeys(name for entry in described["sets"] for name in entry["parameters"]))
-    columns: list[tuple[str, Justify]] = [("sensors", "left"), ("price", "right"), ("worst %", "right")]
-    columns += [(f"{name} %", "right") for name in names]
+    columns = ("sensors", ">price", ">worst %", *(f">{name} %" for name in names))
     rows, notes = [], []
     for entry in described["sets"]:
         errors = [entry["parameters"].get(name, {}).get("error_percent") for name in names]
@@ -91,9 +88,7 @@ def _confirmed(found: Mapping[str, Any]) -> list[Any]:
 
     from modelgen.cli.tables import table
 
-    columns: list[tuple[str, Justify]] = [("sensors", "left"), ("parameter", "left")]
-    columns += [("std %", "right"), ("predicted", "right"), ("bias %", "right"), ("predicted", "right")]
-    columns += [("error %", "right"), ("+-", "right")]
+    columns = ["sensors", "parameter", ">std %", ">predicted", ">bias %", ">predicted", ">error %", ">+-"]
     keys = ("std", "predicted_std", "bias", "predicted_bias", "error", "uncertainty")
     rows = [
         (name, s["name"], *(f"{s[key]:.3g}" if isfinite(s[key]) else "-" for key in keys))
@@ -117,11 +112,6 @@ def _optimised(found: Mapping[str, Any]) -> list[Any]:
 
     from modelgen.cli.tables import table
 
-    columns: list[tuple[str, Justify]] = [
-        ("parameter", "left"),
-        ("pair %", "right"),
-        ("optimised %", "right"),
-    ]
     rows = [
         (name, f"{e['pair_percent']:.3g}", f"{e['optimised_percent']:.3g}")
         for name, e in found["parameters"].items()
@@ -131,7 +121,11 @@ def _optimised(found: Mapping[str, Any]) -> list[Any]:
     )
     line = f"largest error {found['worst_percent']:.3g} % instead of {found['pair_worst_percent']:.3g} %"
     return [
-        table("Optimised excitation against chirp and trapezoid", columns, rows),
+        table(
+            "Optimised excitation against chirp and trapezoid",
+            ("parameter", ">pair %", ">optimised %"),
+            rows,
+        ),
         Text(f"{line}: {found['gain']:.2f} times better"),
         Text(f"peaks within the limits: {limits}"),
         *(Text(f"wrote {path}") for path in found["written"]),

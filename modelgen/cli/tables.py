@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, Group
 from rich.table import Table
@@ -31,7 +31,6 @@ WITHOUT_NOISE = "without noise of the sensors (modelgen design says what noise l
 #: Characters of a formula that a person still reads.
 TWO_LINES = 160
 PRIMES = ("", "'", "''")
-Justify = Literal["left", "right"]
 Description = dict[str, Any]
 
 
@@ -41,11 +40,11 @@ def console() -> Console:
     return Console(width=120 if narrow else None, highlight=False)
 
 
-def table(title: str, columns: Iterable[tuple[str, Justify]], rows: Iterable[Sequence[str]]) -> Table:
-    """Return a plain table with these headings."""
+def table(title: str, headings: Iterable[str], rows: Iterable[Sequence[str]]) -> Table:
+    """Return a plain table; columns whose heading begins with > stand at the right."""
     result = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
-    for heading, justify in columns:
-        result.add_column(heading, justify=justify)
+    for heading in headings:
+        result.add_column(heading.removeprefix(">"), justify="right" if heading.startswith(">") else "left")
     for row in rows:
         result.add_row(*(Text(cell) for cell in row))
     return result
@@ -79,8 +78,7 @@ def chain_tables(described: Description) -> Group:
 
 
 def _overview(sets: Sequence[Description]) -> list[Table | Text]:
-    columns: list[tuple[str, Justify]] = [("sensors", "left"), ("rows", "left"), ("order", "right")]
-    columns += [("columns", "right"), ("identifiable", "left"), ("lost", "left")]
+    columns = ("sensors", "rows", ">order", ">columns", "identifiable", "lost")
     lines = []
     for entry in sets:
         if "reason" in entry:
@@ -161,13 +159,7 @@ def _model_tables(described: Description) -> list[Table | Text]:
     )
     rows = table(
         "Rows",
-        [
-            ("row", "left"),
-            ("origin", "left"),
-            ("order", "right"),
-            ("differentiated", "right"),
-            ("columns", "left"),
-        ],
+        ("row", "origin", ">order", ">differentiated", "columns"),
         [
             (r["name"], r["origin"], str(r["order"]), str(r["differentiated"]), ", ".join(r["columns"]))
             for r in described["rows"]
@@ -175,7 +167,7 @@ def _model_tables(described: Description) -> list[Table | Text]:
     )
     base = table(
         "Base parameters",
-        [("column", "right"), ("base parameter", "left"), ("unit", "left")],
+        (">column", "base parameter", "unit"),
         [(str(i), b["name"], b["unit"]) for i, b in enumerate(described["base_parameters"])],
     )
     answered = Text(f"\nidentifiable {WITHOUT_NOISE}: {', '.join(described['identifiable']) or 'none'}")

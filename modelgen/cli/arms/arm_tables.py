@@ -76,13 +76,13 @@ def _joint_tables(described: Description) -> Iterator[Any]:
         (joint["name"], joint["type"], joint["parent"] or "base", joint["placement"], _place(joint["pose"]))
         for joint in joints
     ]
-    yield table("Joints (z is the axis)", [(column, "left") for column in columns], lines)
+    yield table("Joints (z is the axis)", columns, lines)
     limited = [joint for joint in joints if joint["limits"]]
     if limited:
         yield Text("")
         yield table(
             "Limits",
-            [(column, "left") for column in ("joint", "position", "speed", "acceleration", "force")],
+            ("joint", "position", "speed", "acceleration", "force"),
             [(joint["name"], *_limit_texts(joint)) for joint in limited],
         )
     geared = [f"  {motor['position']}" for motor in described["motors"]]
@@ -103,7 +103,7 @@ def _parameter_lines(described: Description) -> Iterator[Any]:
     ]
     yield Text("")
     title = f"Parameters: {len(described['parameters'])}"
-    yield table(title, [("joint", "left"), ("of the link behind it", "left"), ("of its drive", "left")], rows)
+    yield table(title, ("joint", "of the link behind it", "of its drive"), rows)
     known = [
         f"known: {p['name']} = {p['known']!r} {p['unit']}"
         for p in described["parameters"]

@@ -66,7 +66,7 @@ def base_tables(described: Description) -> Iterator[Any]:
     sums = [(entry["name"], entry["unit"]) for entry in base if entry["terms"] > 1]
     yield Text(head, style="bold")
     if sums:
-        yield table("", [("base parameter", "left"), ("unit", "left")], sums)
+        yield table("", ("base parameter", "unit"), sums)
     alone = ", ".join(described["identifiable"]) or "none"
     reasons: dict[str, list[str]] = {}
     for name, why in described["absent"].items():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modelgen.cli.tables import Description, Justify, table
+from modelgen.cli.tables import Description, table
 from modelgen.errors import DataError, ModelgenError
 
 if TYPE_CHECKING:
@@ -127,7 +127,6 @@ def prediction_tables(described: Description) -> Group:
     from rich.text import Text
 
     springs = described["springs"]
-    columns: list[tuple[str, Justify]] = [("sensors", "left"), *((f"{name} %", "right") for name in springs)]
     rows = []
     for entry in described["sets"]:
         found = entry["half_interval_percent"]
@@ -139,7 +138,9 @@ def prediction_tables(described: Description) -> Group:
     lines += ["simulated in closed loop (PD of 10 Hz at the motors), with noise, and identified by wls"]
     lines += [f"{name}: {reason}" for name, reason in described["refused"].items()]
     title = "Predicted half widths of 95 % intervals"
-    return Group(table(title, columns, rows), Text(""), *map(Text, lines))
+    return Group(
+        table(title, ("sensors", *(f">{name} %" for name in springs)), rows), Text(""), *map(Text, lines)
+    )
 
 
 def _values(arm: ArmSpec, model: Model, given: Mapping[str, Any]) -> Mapping[str, float]:

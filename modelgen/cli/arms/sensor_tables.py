@@ -45,11 +45,10 @@ def sensor_set_tables(described: Sequence[Description]) -> Iterator[Any]:
     """Lay out what `describe_sensor_sets` says; nothing for an arm without sensor sets."""
     if not described:
         return
-    columns = ("sensor set", "rows", "differentiated", "by springs", "base parameters", "lost", "because")
     yield Text("")
     yield table(
         "Sensor sets (rows; of them differentiated; links whose positions the springs give)",
-        [(column, "right" if column in columns[1:5] else "left") for column in columns],
+        ("sensor set", ">rows", ">differentiated", ">by springs", ">base parameters", "lost", "because"),
         [
             (
                 one["name"],

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modelgen.cli.arms.design_elastic import prediction_tables
-from modelgen.cli.tables import Description, Justify, table
+from modelgen.cli.tables import Description, table
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -82,9 +82,7 @@ def trajectory_tables(described: Description) -> Group:
                 _of(joint["acceleration"], joint["acceleration_limit"], f"{unit}/s^2"),
             )
         )
-    columns: list[tuple[str, Justify]] = [
-        (heading, "left") for heading in ("joint", "position", "speed", "acceleration")
-    ]
+    columns = ("joint", "position", "speed", "acceleration")
     ends = sorted(search["end"] for search in described["searches"] if search["end"] is not None)
     tried, sign = len(described["searches"]), 1 if described["criterion"] == "condition" else -1
     what = "condition numbers" if sign > 0 else "mean singular values"

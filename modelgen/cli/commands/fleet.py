@@ -208,7 +208,7 @@ def _lines(found: FleetEstimate) -> list[str]:
     lines: list[str] = []
     for start in range(0, len(found.pooled), PARAMETERS_A_TABLE):
         shown_here = found.pooled[start : start + PARAMETERS_A_TABLE]
-        heads = [f"{one.name} [{one.unit}]" if one.unit else one.name for one in shown_here]
+        heads = [f">{one.name} [{one.unit}]" if one.unit else f">{one.name}" for one in shown_here]
         lines.append(_line("", heads))
         for machine, estimate in found.machines.items():
             cells = [
@@ -240,7 +240,7 @@ def _printed(found: FleetEstimate) -> list[Any]:
     """Return what the page shows: one table of all parameters, and the lines below it."""
     from modelgen.cli.tables import table
 
-    heads = [f"{one.name} [{one.unit}]" if one.unit else one.name for one in found.pooled]
+    heads = [f">{one.name} [{one.unit}]" if one.unit else f">{one.name}" for one in found.pooled]
     rows = [
         [machine, *(_cell(e["params"].get(one.name), e["bse"].get(one.name)) for one in found.pooled)]
         for machine, e in found.machines.items()
@@ -248,8 +248,7 @@ def _printed(found: FleetEstimate) -> list[Any]:
     if len(found.machines) > 1:
         rows.append(["all", *(_cell(one.value, one.std) for one in found.pooled)])
         rows.append(["machines", *map(_verdict, found.pooled)])
-    columns: list[Any] = [("machine", "left"), *((head, "right") for head in heads)]
-    return [table("Machines", columns, rows), *_notes(found)]
+    return [table("Machines", ("machine", *heads), rows), *_notes(found)]
 
 
 def _intervals(found: FleetEstimate) -> dict[str, list[tuple[str, float, float, float]]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -188,12 +188,6 @@ def validation_tables(described: Mapping[str, Any]) -> Group:
         below = f"; derivatives below {entry['cutoff_hz']:.4g} Hz"
         derived = below if any(s["derived"] for s in entry["signals"]) else ""
         heading = f"{entry['record']}, {kind}; {entry['comparison']}{derived}"
-        columns: list[tuple[str, Literal["left", "right"]]] = [
-            ("signal", "left"),
-            ("error %", "right"),
-            ("fit %", "right"),
-            ("rms error", "right"),
-        ]
-        parts.append(table(heading, columns, rows))
+        parts.append(table(heading, ("signal", ">error %", ">fit %", ">rms error"), rows))
         parts += [Text(line) for line in entry["notes"]]
     return Group(*parts)

@@ -8,7 +8,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from modelgen.cli.tables import Justify, table
+from modelgen.cli.tables import table
 
 HEAD = """\
 Pham, Poignet, Gautier (ICRA 2002): Tables 1 and 2 as printed, and what is
@@ -46,9 +46,7 @@ def demo_tables(found: dict[str, Any]) -> Group:
 
 
 def _comparison(entry: dict[str, Any]) -> Table:
-    columns: list[tuple[str, Justify]] = [("parameter", "left"), ("unit", "left")]
-    for name in ("printed", "default"):
-        columns += [(name, "right"), ("2 sd", "right"), ("sd %", "right")]
+    columns = ("parameter", "unit", ">printed", ">2 sd", ">sd %", ">default", ">2 sd", ">sd %")
     rows = [
         [row["parameter"], row["unit"], *_numbers(row["printed"]), *_numbers(row["methods"]["default"])]
         for row in entry["rows"]
@@ -59,9 +57,7 @@ def _comparison(entry: dict[str, Any]) -> Table:
 
 def _errors(entry: dict[str, Any]) -> Table:
     """Lay out the errors of both methods; a table of its own, as terminals have 80 columns."""
-    columns: list[tuple[str, Justify]] = [("parameter", "left")]
-    for name in ("default", "pham2002"):
-        columns += [(name, "right"), ("error %", "right")]
+    columns = ("parameter", ">default", ">error %", ">pham2002", ">error %")
     rows = []
     for row in entry["rows"]:
         found = [row["methods"][name] for name in ("default", "pham2002")]

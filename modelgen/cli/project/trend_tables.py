@@ -72,9 +72,7 @@ def trend_tables(described: Sequence[Mapping[str, Any]]) -> Group:
         heading = f"{one['machine']}: {len(entries)} estimates, {entries[0]} to {entries[-1]}"
         ordered = sorted(one["quantities"], key=lambda quantity: not quantity["changes"])
         rows = [row for quantity in ordered for row in _rows(quantity)]
-        parts.append(
-            table(heading, [("", "left"), ("last (95 %)", "left"), ("change", "left"), ("p", "right")], rows)
-        )
+        parts.append(table(heading, ("", "last (95 %)", "change", ">p"), rows))
         parts += [Text(f"note: {text}") for text in one["notes"]]
         verdict = "nothing has changed" if not one["changed"] else f"changed: {', '.join(one['changed'])}"
         parts.append(Text(f"{one['machine']}: {verdict} (false alarms 5 %, all quantities together)\n"))

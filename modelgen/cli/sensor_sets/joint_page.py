@@ -28,10 +28,10 @@ def joint_page(
     sources = {"together": joint.estimate, **joint.parts}
     names = [entry.name for entry in joint.estimate.parameters.identified]
     rows = [(name, *(_interval_text(one, name) for one in sources.values())) for name in names]
-    columns = [("parameter", "left"), *((title, "right") for title in sources)]
+    columns = ("parameter", *(f">{title}" for title in sources))
     printed = [
         joint.estimate.answer(),
-        table("Values with 95 % intervals, all sensor sets and each alone", columns, rows),  # type: ignore[arg-type]
+        table("Values with 95 % intervals, all sensor sets and each alone", columns, rows),
         *([] if joint.agreement is None else [joint.agreement.sentence]),
         *(part for title, one in joint.parts.items() for part in (_heading(title), one.answer())),
         *(f"Sensors {title}: no part in the answer: {why}" for title, why in joint.failed.items()),
