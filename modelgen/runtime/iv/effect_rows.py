@@ -139,9 +139,9 @@ def _seen_in(model: Model, changes: Changes) -> tuple[tuple[int, ...], Changes]:
     of_rows = channels_of_rows(model)
     if isinstance(changes, Pushed):
         touched = changes.felt_rows()
-    else:
-        touched = tuple(row for row, own in enumerate(of_rows) if not own.isdisjoint(changes))
-    read = frozenset(key for row in touched for key in of_rows[row])
+        return touched, changes.among({key for row in touched for key in of_rows[row]})
+    touched = tuple(row for row, own in enumerate(of_rows) if not own.isdisjoint(changes))
+    read = {key for row in touched for key in of_rows[row]}
     return touched, {key: changes[key] for key in changes if key in read}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -55,10 +55,15 @@ class Pushed(Mapping[str, FloatArray]):
     def __getitem__(self, key: str) -> FloatArray:
         if key not in self._keys:
             raise KeyError(key)
-        if key not in self._found:
-            way = self._held.reading(key, self._push)
+        return self.among({key})[key]
+
+    def among(self, keys: Collection[str]) -> dict[str, FloatArray]:
+        """Return what changes in the channels among some keys, worked out together."""
+        asked = [key for key in self._keys if key in keys]
+        missing = [key for key in asked if key not in self._found]
+        for key, way in self._held.read(missing, self._push).items():
             self._found[key] = np.fft.irfft(way * self._spectrum, self._size)[: self._n]
-        return self._found[key]
+        return {key: self._found[key] for key in asked}
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._keys)

@@ -5,7 +5,7 @@ It is linear between reversals. Rows do not feel what holds it, as the force tha
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -57,36 +57,35 @@ class HeldChain:
     def _excited(self, push: FloatArray) -> ComplexArray:
         return np.asarray(self.entering @ (push / self.plant.inertia))
 
-    def reading(self, channel: str, push: FloatArray) -> ComplexArray:
-        """Return what a channel reads per unit of a force `push` (bodies,) at all frequencies."""
+    def read(self, channels: Collection[str], push: FloatArray) -> dict[str, ComplexArray]:
+        """Return what channels read per unit of a force `push` (bodies,) at all frequencies."""
         at = tuple(push.tolist())
         if at not in self._last:
             self._last.clear()  # they are as long as the record: those of one push are kept
             self._last[at] = {}
         known = self._last[at]
-        if channel not in known:
-            known[channel] = self._reading(channel, push)
-        return known[channel]
-
-    def _reading(self, channel: str, push: FloatArray) -> ComplexArray:
-        shares, slope = self.readings[channel]
-        found = self._answered(shares, push)
-        return np.asarray(1j * self.omega * found if slope else found)
+        missing = [channel for channel in channels if channel not in known]
+        if missing:
+            found = self._answered(np.array([self.readings[channel][0] for channel in missing]), push)
+            for channel, line in zip(missing, found, strict=True):
+                known[channel] = 1j * self.omega * line if self.readings[channel][1] else line
+        return {channel: known[channel] for channel in channels}
 
     def _answered(self, shares: ComplexArray, push: FloatArray) -> ComplexArray:
-        """Return the sum of the coordinates with these shares (states,) at all frequencies."""
+        """Return sums of the coordinates with these shares (sums, states), shape (sums, frequencies)."""
         swings, single = self.rates.imag > 0.0, self.rates.imag == 0.0
         weight = shares * self._excited(push)
         # w / (s - p) and its conjugate together: (2 Re(w) s - 2 Re(w conj(p))) / (s^2 - 2 Re(p) s + |p|^2)
-        level = np.r_[-2.0 * (weight * self.rates.conj()).real[swings], weight.real[single]]
-        rise = np.r_[2.0 * weight.real[swings], np.zeros(np.count_nonzero(single))]
-        # both at once: the answers are long
-        level, rise = (self._answers @ np.column_stack([level, rise])).T
-        return np.asarray(level + 1j * self.omega * rise)
+        pairs, ones = weight[:, swings], weight[:, single]
+        level = np.hstack([-2.0 * (pairs * self.rates[swings].conj()).real, ones.real])
+        rise = np.hstack([2.0 * pairs.real, np.zeros(ones.shape)])
+        # all at once: the answers are long
+        found = np.vstack([level, rise]) @ self._answers.T
+        return np.asarray(found[: len(shares)] + 1j * self.omega * found[len(shares) :])
 
     def acceleration(self, push: FloatArray) -> ComplexArray:
         """Return the acceleration of what a unit of force is on, along it, shape (frequencies,)."""
-        return np.asarray(1j * self.omega * self._answered(push @ self.speeds, push))
+        return np.asarray(1j * self.omega * self._answered((push @ self.speeds)[None], push)[0])
 
     def readings_at(self, places: slice, push: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Return what all channels read at some frequencies, and the same with all coordinates of one sign.
