@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -143,10 +143,7 @@ def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | No
     model.refuse_arm("a simulation")
     column = _actuator_column(model, actuator)
     values = {**model.known, **parameters}
-    problems = [_value_problem(model, name, values.get(name)) for name in _needed(model)]
-    if any(problems):
-        raise DataError(*(problem for problem in problems if problem))
-    values = {name: float(values[name]) for name in _needed(model)}
+    values = checked_values(model, _needed(model), values)
     bodies, inertia = _bodies(model, values)
     driven = bodies.index(model.actuators[column].body)
     return Plant(model, MappingProxyType(values), bodies, inertia, column, driven)
@@ -189,6 +186,20 @@ def _actuator_column(model: Model, actuator: str | None) -> int:
     return keys.index(actuator or keys[0])
 
 
+def checked_values(model: Model, names: Sequence[str], given: Mapping[str, Any]) -> dict[str, float]:
+    """Return the values (SI) of some parameters.
+
+    Raises
+    ------
+    DataError
+        With one problem per parameter that is missing, no number, or impossible.
+    """
+    problems = [problem for name in names if (problem := _value_problem(model, name, given.get(name)))]
+    if problems:
+        raise DataError(*problems)
+    return {name: float(given[name]) for name in names}
+
+
 def _value_problem(model: Model, name: str, value: Any) -> Problem | None:
     """Return what is wrong with a parameter's value: absent, no number, or physically impossible."""
     where = f"parameters: {name}"
@@ -198,8 +209,12 @@ def _value_problem(model: Model, name: str, value: Any) -> Problem | None:
     if not is_usable(value):
         return Problem(where, f"is {shown_number(value)}", f"give a finite number in {unit}; {REMEDY}")
     role = model.roles[name].role if name in model.roles else ""
-    if role == "inertia" and value <= 0.0:
-        return Problem(where, f"is {float(value)!r} {unit}", "an inertia must be positive")
+    # a link of an arm may have its inertia in the drive
+    if role == "inertia" and (value < 0.0 if model.is_arm else value <= 0.0):
+        remedy = f"an inertia must {'not be negative' if model.is_arm else 'be positive'}"
+        return Problem(where, f"is {float(value)!r} {unit}", remedy)
+    if role == "stiffness" and model.is_arm and value <= 0.0:
+        return Problem(where, f"is {float(value)!r} {unit}", "a stiffness must be positive")
     if role == "coulomb" and value < 0.0:
         return Problem(where, f"is {float(value)!r} {unit}", "a friction force must be zero or positive")
     return None

@@ -14,12 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError, Problem
-from modelgen.magnitudes import REMEDY, is_usable, shown_number
+from modelgen.errors import DataError
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.simulation.arms.arm_coordinates import ArmCoordinates, arm_coordinates
 from modelgen.runtime.simulation.arms.coulomb_friction import Rubbing, Sides, sides_of_friction
 from modelgen.runtime.simulation.arms.thresholds import BLOCK, LEAST_SHARE, PROBES, STILL
+from modelgen.runtime.simulation.plant import checked_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,25 +244,4 @@ def checked_base(model: Model, parameters: Mapping[str, float]) -> FloatArray:
     DataError
         With one problem per parameter that is missing, no number, or impossible.
     """
-    problems = [
-        problem for name in model.parameters if (problem := _problem(model, name, parameters.get(name)))
-    ]
-    if problems:
-        raise DataError(*problems)
-    return model.base_from_physical({name: float(parameters[name]) for name in model.parameters})
-
-
-def _problem(model: Model, name: str, value: float | None) -> Problem | None:
-    where, unit = f"parameters: {name}", model.units.get(name, "SI")
-    if value is None:
-        return Problem(where, "is missing", f"give its value in {unit}")
-    if not is_usable(value):
-        return Problem(where, f"is {shown_number(value)}", f"give a finite number in {unit}; {REMEDY}")
-    role = model.roles[name].role
-    if role == "inertia" and value < 0.0:
-        return Problem(where, f"is {float(value)!r} {unit}", "an inertia must not be negative")
-    if role == "stiffness" and value <= 0.0:
-        return Problem(where, f"is {float(value)!r} {unit}", "a stiffness must be positive")
-    if role == "coulomb" and value < 0.0:
-        return Problem(where, f"is {float(value)!r} {unit}", "a friction force must be zero or positive")
-    return None
+    return model.base_from_physical(checked_values(model, model.parameters, parameters))
