@@ -204,16 +204,6 @@ IDENTIFY = '''\
 
       return modelgen.identify(modelgen.model_from_module(sys.modules[__name__]), records, **options)
 '''
-IDENTIFY_BY_FILES = '''\
-  def identify(records, **options):
-      """<text>"""
-      import sys
-
-      from modelgen.runtime.contract import model_from_module
-      from modelgen.runtime.identify import identify as run
-
-      return run(model_from_module(sys.modules[__name__]), records, **options)
-'''
 #: what follows the head, in this order: one of each tuple
 BODY = (
     (FEATURES, NO_FEATURES),
@@ -221,5 +211,5 @@ BODY = (
     (BASE,),
     (LINEAR, NONLINEAR),
     (STATE_SPACE,),
-    (IDENTIFY, IDENTIFY_BY_FILES),
+    (IDENTIFY,),
 )
