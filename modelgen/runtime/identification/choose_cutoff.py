@@ -9,13 +9,14 @@ covariance, what noise of the sensors does to it, and how far it moves from what
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.noise_bias import noise_effect
+from modelgen.runtime.diagnostics.tried_cutoff import Tried
 from modelgen.runtime.filter_choice.explain import direction_sentence
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF, SIGNAL_CUTOFF
@@ -26,66 +27,25 @@ from modelgen.runtime.identification.thresholds import (
     CALM_SHARE,
     CLEARLY_BETTER,
     CUTOFF_STEPS,
-    FULLY_KNOWN,
     LEAST_CALM,
     LITTLE_BIAS,
     LOAD_ROW_LEFT,
     NEARLY_BEST,
     SAMPLES_TRIED,
-    SIGNIFICANT_MOVE,
     STEPS_IN_VAIN,
+    STRETCHES_TRIED,
 )
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.further_columns import with_columns_free
-from modelgen.runtime.least_squares.hac_covariance import covariance_of_bandwidth, influence_parts
+from modelgen.runtime.least_squares.hac_covariance import (
+    covariance_of_bandwidth,
+    influence,
+    influence_of_stretches,
+)
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.numerics.bandwidth import scores_bandwidth
 from modelgen.runtime.records.record import Record
-
-
-@dataclass(frozen=True, eq=False)
-class Tried:
-    """What least squares at one cut-off predicts of the method that is to follow.
-
-    Attributes
-    ----------
-    choice : FilterChoice
-    columns : tuple of str
-    x, size : array, shape (c,)
-        The estimate, without the bias by noise if the method has none; and how large it is.
-    square_error : array, shape (c,)
-        Variance, and the bias by noise squared if the method has it; infinite where noise is nearly all.
-    noisy : bool
-        Whether noise of the sensors pulls least squares by more than `LITTLE_BIAS` of any value.
-    left : float
-        The largest share of its largest term that a row without a force leaves.
-    calm : float
-        The least share of its record that a row with a force keeps of an arm, if turns are to be left out.
-    """
-
-    choice: FilterChoice
-    columns: tuple[str, ...]
-    x: FloatArray
-    size: FloatArray
-    square_error: FloatArray
-    noisy: bool
-    left: float
-    calm: float
-
-    def digits(self, size: FloatArray, lower: Sequence[Tried]) -> float:
-        """Return how many digits of all parameters the method is predicted to know.
-
-        `lower` are lower cut-offs: what moves an estimate away from theirs by more than they leave open is
-        dynamics that the model lacks, or noise that is not what it seems. `size`, shape (c,), is what errors
-        are compared with.
-        """
-        moved = np.zeros(len(self.x))
-        for other in lower:
-            beyond = (self.x - other.x) ** 2 - SIGNIFICANT_MOVE**2 * other.square_error
-            moved = np.maximum(moved, beyond)
-        share = np.sqrt(self.square_error + moved) / np.maximum(size, np.finfo(float).tiny)
-        return float(np.sum(-np.log10(np.clip(share, FULLY_KNOWN, 1.0))))
 
 
 def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
@@ -128,12 +88,14 @@ class Scan:
         self._task, self._consistent = task, consistent
         self._records = tuple(part_tried(record) for record in task.job.records)
         self._found: dict[int, Tried | None] = {}
+        self._moves: dict[tuple[int, int], FloatArray] = {}
         self._correlated = 0.0  # samples
 
     def best(self) -> int:
-        """Return which step to take: 0, unless another is clearly better; of those nearly best the nearest.
+        """Return which step to take: 0, unless another is clearly better.
 
-        Where turns fill the records at the first, it is a higher one that knows nearly as much.
+        Of those nearly best it is the nearest that noise pulls little. Where turns fill the records
+        at the first, it is a higher one that knows nearly as much.
         """
         first = self.at(0)
         if first is None:
@@ -148,7 +110,9 @@ class Scan:
             return 0
         if first.calm < LEAST_CALM:
             return self._calmest({step for step, one in worth.items() if one >= CALM_DIGITS * top})
-        return min((step for step, one in worth.items() if one >= top - NEARLY_BEST * c), key=abs)
+        nearly = [step for step, one in worth.items() if one >= top - NEARLY_BEST * c]
+        unbiased = [step for step in nearly if (one := self.at(step)) is not None and not one.pulled]
+        return min(unbiased or nearly, key=abs)
 
     def _calmest(self, steps: Collection[int]) -> int:
         """Return the lowest of some steps that keeps `CALM_SHARE` of the records, else the highest."""
@@ -169,21 +133,30 @@ class Scan:
     def worth(self) -> dict[int, float]:
         """Return the digits of every step that gave an estimate, none of those that are of no use.
 
-        Below the first cut-off little is left of a motion: what moves from there is no measure, but of an
-        estimate that noise pulls where hardly any is left of it there.
+        Below the first cut-off little may be left of a motion: what moves from there is a measure where as
+        much is known there, and of an estimate that noise pulls where hardly any is left of it there.
         """
         found = {step: one for step, one in sorted(self._found.items()) if one is not None}
         size = np.median([one.size for one in found.values()], axis=0)
-        most = max(LOAD_ROW_LEFT, found[0].left)
+        alone = {step: one.digits(size) for step, one in found.items()}
+        most, nearly = max(LOAD_ROW_LEFT, found[0].left), NEARLY_BEST * len(size)
         usable = {step: one for step, one in found.items() if one.left <= most and one.calm >= LEAST_CALM}
         worth = dict.fromkeys(found, -np.inf)
         for step, one in usable.items():
-            below = {k: other for k, other in found.items() if k < step}
-            measures = [
-                other for k, other in below.items() if k >= 0 or (k in usable and one.noisy > other.noisy)
-            ]
-            worth[step] = one.digits(size, measures)
+            moved = np.zeros(len(size))
+            for k, other in found.items():
+                as_much = one.noisy > other.noisy or alone[k] >= alone[step] - nearly
+                if k < step and (k >= 0 or (k in usable and as_much)):
+                    moved = np.maximum(moved, self._moved(step, k))
+            worth[step] = one.digits(size, moved)
         return worth
+
+    def _moved(self, step: int, lower: int) -> FloatArray:
+        one, other = self.at(step), self.at(lower)
+        assert one is not None and other is not None
+        if (step, lower) not in self._moves:
+            self._moves[step, lower] = one.moved_from(other)
+        return self._moves[step, lower]
 
     def at(self, step: int) -> Tried | None:
         """Return what a step gives; None where it gives nothing, or other columns."""
@@ -208,9 +181,13 @@ class Scan:
             fit = _delays_free(here, fit)
         calm = _calm_share(fit, self._records, choice) if consistent and task.model.is_arm else 1.0
         noise = noise_effect(task.model, self._records, choice, fit)
-        covariance = self._covariance(step, fit, choice, calm)
+        series, lengths = influence(fit), [record.n for record in self._records]
+        reach = self._correlated_for(step, series, choice, calm)
+        covariance = covariance_of_bandwidth(fit, series, reach)
+        told = influence_of_stretches(fit, series, choice.decimation, lengths, STRETCHES_TRIED)
         if consistent:
             covariance = noise.spread @ covariance @ noise.spread.T
+            told = [psi @ noise.spread.T for psi in told]
         lost, x = ~np.isfinite(noise.bias), fit.solution.x
         bias = np.where(lost, 0.0, noise.bias)
         square = np.maximum(np.diag(covariance), 0.0) + np.where(lost, np.inf, 0.0)
@@ -220,17 +197,21 @@ class Scan:
             x - bias if consistent else x,
             np.maximum(np.abs(x - bias), np.abs(x) / 3.0),
             square if consistent else square + bias**2,
+            np.zeros(len(bias)) if consistent else bias,
+            told,
             bool(np.any(np.abs(noise.bias) > LITTLE_BIAS * np.abs(x))),
             _left_without_force(fit),
             calm,
         )
 
-    def _covariance(self, step: int, fit: Fit, choice: FilterChoice, calm: float) -> FloatArray:
-        """Return the covariance of a fit; what is correlated for long at the first cut-off is so above."""
+    def _correlated_for(
+        self, step: int, series: Sequence[FloatArray], choice: FilterChoice, calm: float
+    ) -> float:
+        """Return the least bandwidth: what is correlated for long at the first cut-off is so above."""
         factor = choice.decimation[0]
         if not self._correlated and calm >= LEAST_CALM:
-            self._correlated = factor * scores_bandwidth(influence_parts(fit))
-        return covariance_of_bandwidth(fit, self._correlated / factor if step > 0 else 1.0)
+            self._correlated = factor * scores_bandwidth(series)
+        return self._correlated / factor if step > 0 else 1.0
 
 
 def _left_without_force(fit: Fit) -> float:

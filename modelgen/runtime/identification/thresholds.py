@@ -75,16 +75,12 @@ LITTLE_BIAS = 0.1
 LEFT_BIAS = 0.1
 # Where noise is more of a direction of the columns, its second order counts, and no bias is taken off.
 FIRST_ORDER = 0.1
-# A parameter known to this share counts as fully known: what is better than that does not decide.
-FULLY_KNOWN = 1e-5
-# Estimates that differ by more of the deviations of the one at the lower cut-off do so for a reason.
-SIGNIFICANT_MOVE = 2.0
 # A row without a force may leave this share of its largest term; more where it did so at first.
 LOAD_ROW_LEFT = 0.5
 # Digits a parameter by which another cut-off has to be better, and by which it may be worse than the best.
 CLEARLY_BETTER, NEARLY_BEST = 0.15, 0.1
-# Samples of a record that cut-offs are tried on.
-SAMPLES_TRIED = 1 << 17
+# Samples of a record that cut-offs are tried on, and stretches of it in which their estimates are compared.
+SAMPLES_TRIED, STRETCHES_TRIED = 1 << 17, 1 << 10
 
 # So many effects at a time are estimated in turn, if they explain this share of what the first one does.
 MOST_TRIED, TRIED_TOO = 3, 0.3

@@ -58,10 +58,10 @@ def hac_covariance(fit: Fit) -> FloatArray:
     return np.asarray(known["long_run"][1] * r / (r - len(fit.columns) - fit.lost))
 
 
-def covariance_of_bandwidth(fit: Fit, least: float) -> FloatArray:
-    """Return `hac_covariance` with a bandwidth of at least so many instants, shape (c, c)."""
+def covariance_of_bandwidth(fit: Fit, series: Sequence[FloatArray], least: float) -> FloatArray:
+    """Return `hac_covariance` of a fit with this influence and at least so many instants as bandwidth."""
     r = fit.count
-    return long_run_covariance(influence_parts(fit), least) * r / (r - len(fit.columns) - fit.lost)
+    return long_run_covariance(series, least) * r / (r - len(fit.columns) - fit.lost)
 
 
 def long_run_covariance(series: Sequence[Series | FloatArray], least: float = 1.0) -> FloatArray:
@@ -133,6 +133,24 @@ def influence_parts(fit: Fit) -> list[Series]:
     if known is not None:
         return [partial(_whole, psi) for psi in known]
     return [partial(_parts, fit, tuple(indices)) for indices in fit.by_record.values()]
+
+
+def influence_of_stretches(
+    fit: Fit, series: Sequence[FloatArray], decimation: Sequence[int], samples: Sequence[int], count: int
+) -> list[FloatArray]:
+    """Return the influence summed over so many equal stretches of each record, shape (count, c) each.
+
+    Fits behind different filters and decimations can then be subtracted. `samples` are the lengths of the
+    records; those that a fit holds nothing of give zeros.
+    """
+    found = [np.zeros((count, len(fit.columns))) for _ in samples]
+    for record, psi in zip(fit.by_record, series, strict=True):
+        first = next(block.start for block in fit.blocks if block.record == record)
+        instants = first + decimation[record] * np.arange(len(psi))
+        stretch = np.minimum(instants * count // samples[record], count - 1)
+        for column, change in enumerate(psi.T):
+            found[record][:, column] = np.bincount(stretch, change, minlength=count)
+    return found
 
 
 def _whole(psi: FloatArray) -> Iterator[FloatArray]:

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification import choose_cutoff
-from modelgen.runtime.identification.choose_cutoff import Scan, Tried, with_predicted_cutoff
+from modelgen.runtime.identification.choose_cutoff import Scan, with_predicted_cutoff
 from modelgen.runtime.identification.methods import IV, Auto, run_iv
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.identification.task import Task, prepared
@@ -97,21 +96,6 @@ def test_noise_is_told_from_what_a_higher_cut_off_would_tell(consistent: bool) -
 def test_a_cut_off_that_was_given_stays(kind: str) -> None:
     given = chain_task("trapezoid", 1e-4, cutoff_hz=5.0) if kind == "chain" else arm_task(cutoff_hz=5.0)
     assert with_predicted_cutoff(given, True) is given
-
-
-def tried(x: float, square_error: float) -> Tried:
-    choice = FilterChoice(4, 40.0, 10.0, (10,), 30.0, 30.0, (), (), ())
-    both = np.array([1.0, x])
-    return Tried(choice, ("a", "b"), both, both, np.array([1e-4, square_error]), False, 0.0, 1.0)
-
-
-def test_digits_are_those_of_errors_and_of_moves_that_nothing_explains() -> None:
-    size = np.ones(2)
-    assert tried(1.0, 1e-4).digits(size, []) == pytest.approx(4.0)
-    assert tried(1.0, 1e-4).digits(size, [tried(1.3, 0.04)]) == pytest.approx(4.0)
-    moved = tried(1.0, 1e-4).digits(size, [tried(1.3, 1e-4)])
-    assert moved == pytest.approx(2.0 - 0.5 * np.log10(1e-4 + 0.09 - 4e-4))
-    assert tried(1.0, np.inf).digits(size, []) == pytest.approx(2.0)
 
 
 def test_turns_are_left_out_and_most_of_every_row_stays(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import (
     hac_covariance,
     influence,
+    influence_of_stretches,
     long_run_covariance,
 )
 from modelgen.runtime.least_squares.orthogonal_solution import least_squares
@@ -73,6 +74,18 @@ def test_influence_adds_up_the_rows_of_an_instant() -> None:
             expected[block.record][place] += weight**2 * e * fit.solution.inverse @ row
     for found, wanted in zip(series, expected, strict=True):
         assert np.allclose(found, wanted, rtol=1e-12, atol=1e-15)
+
+
+def test_stretches_of_a_record_hold_the_influence_of_their_time() -> None:
+    fit = fit_of_two_rows_and_two_records()
+    later = replace(fit, blocks=tuple(replace(block, start=4) for block in fit.blocks))
+    series = influence(later)
+    # every second sample from the fourth on, of records of 64 and 80 samples, in stretches of 16 and 20
+    found = influence_of_stretches(later, series, (2, 3), (64, 80), 4)
+    for psi, factor, length, sums in zip(series, (2, 3), (16, 20), found, strict=True):
+        times = 4 + factor * np.arange(len(psi))
+        for k in range(4):
+            assert np.allclose(sums[k], psi[times // length == k].sum(axis=0), atol=1e-12)
 
 
 def test_hac_counts_the_degrees_of_freedom_and_the_projected_columns() -> None:
