@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -59,14 +59,8 @@ def null_solution(
     instruments noise biases no row: one that leaves nothing else is right.
     """
     found, by_instruments = [], bool(fit.projected)
-    shares = [1.0 if share is None else share for share in map(fit.unexplained, range(len(fit.blocks)))]
-    explained = {block.row for block, left in zip(fit.blocks, shares, strict=True) if left < NULL_SHARE}
-    for index, (block, left) in enumerate(zip(fit.blocks, shares, strict=True)):
-        if left < NULL_SHARE:
-            continue
-        harmless = block.has_force or by_instruments or block.row in explained
-        if harmless and _drowned(fit, index, model, records[block.record], choice):
-            continue
+    for index, left in _null_rows(fit, model, records, choice):
+        block = fit.blocks[index]
         where = f"{block.record_name}, row {block.row_name}"
         if block.has_force:
             what = f"leaves {100.0 * left:.0f} % of its force unexplained"
@@ -81,6 +75,36 @@ def null_solution(
                 remedy = f"use {other}, {remedy}"
         found.append(Advice("null solution", where, what, remedy))
     return tuple(found)
+
+
+def _null_rows(
+    fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice
+) -> Iterator[tuple[int, float]]:
+    """Yield the blocks of such rows, and what share they leave."""
+    shares = [1.0 if share is None else share for share in map(fit.unexplained, range(len(fit.blocks)))]
+    explained = {block.row for block, left in zip(fit.blocks, shares, strict=True) if left < NULL_SHARE}
+    for index, (block, left) in enumerate(zip(fit.blocks, shares, strict=True)):
+        harmless = block.has_force or bool(fit.projected) or block.row in explained
+        if left < NULL_SHARE or (harmless and _drowned(fit, index, model, records[block.record], choice)):
+            continue
+        yield index, left
+
+
+def null_columns(fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice) -> dict[str, str]:
+    """Return the columns of a chain's rows that a fit leaves without meaning, with the reason.
+
+    Such a row does not hold for what was recorded, and no interval holds what that moves.
+    """
+    if model.is_arm:
+        return {}
+    found: dict[str, str] = {}
+    for index, left in _null_rows(fit, model, records, choice):
+        block = fit.blocks[index]
+        what = f"row {block.row_name} leaves {100.0 * left:.0f} % of its terms in {block.record_name}"
+        for column in model.regressor_columns[block.row]:
+            name = model.base_parameters[column]
+            found.setdefault(name, f"{what}: a channel is not what the model means (sign, unit, faults)")
+    return found
 
 
 def _drowned(fit: Fit, index: int, model: Model, record: Record, choice: FilterChoice) -> bool:

@@ -128,6 +128,15 @@ LISTED = 3
 
 # What a chain's own dynamics do not explain: a resonance with 0.5 % damping gives 100.
 UNIT_FACTOR = 200.0
+# Units that are mistaken for SI by less, where bodies move as one; how near a logarithm of a ratio must be.
+# A resonance within a few octaves bends the ratio.
+TURNED_UNITS = {
+    "rad": {57.29578: "degrees", 6.283185: "revolutions"},
+    "rad/s": {57.29578: "degrees", 6.283185: "revolutions", 9.549297: "revolutions per minute"},
+}
+UNIT_TOLERANCE = 0.2
+# Two bodies move against each other where one moves at most so many times as far as the other.
+REVERSED = 2.0
 # Values that are off by one factor: within so much of each other.
 ALIKE = 10.0
 # Bands of a third of an octave in which two sensors move alike; in the lowest of them a chain moves as one.

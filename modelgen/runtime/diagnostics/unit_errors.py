@@ -1,6 +1,7 @@
-"""Factors of a thousand: between sensors of one motion, and between an estimate and the values expected.
+"""Factors of units: between sensors of one motion, and between an estimate and the values expected.
 
-Only a wrong unit explains them.
+Only a wrong unit explains a thousand, or degrees in a radian where springs let two bodies move as one; only a
+wrong sign that they move against each other then.
 """
 
 from __future__ import annotations
@@ -18,9 +19,12 @@ from modelgen.runtime.diagnostics.thresholds import (
     FEW_SENSORS,
     FIRST_BIN,
     FLAT,
+    REVERSED,
     SMALLEST_BAND,
     THIRD_OCTAVE,
+    TURNED_UNITS,
     UNIT_FACTOR,
+    UNIT_TOLERANCE,
 )
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
@@ -40,13 +44,32 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
         if ratio is None:
             continue
         # a body's lever is how far it moves when the chain moves as one
-        ratio *= abs(levers[str(one.body)] / levers[str(other.body)])
-        if not 1.0 / UNIT_FACTOR < ratio < UNIT_FACTOR:
-            where = f"{record.name}, channel {other.key}, samples 0 to {record.n - 1}"
-            what = (
-                f"moves {_times(ratio)} what {one.key} says at low frequencies: one of them has another unit"
-            )
-            yield Advice("unit", where, what, "check the units of both (mm for m?), and scale to SI")
+        ratio *= levers[str(one.body)] / levers[str(other.body)]
+        where = f"{record.name}, channel {other.key}, samples 0 to {record.n - 1}"
+        known = _known_factor(model, one, other, abs(ratio))
+        if known or not 1.0 / UNIT_FACTOR < abs(ratio) < UNIT_FACTOR:
+            other_unit = f"one of them may be in {known}" if known else "one of them has another unit"
+            what = f"moves {_times(abs(ratio))} what {one.key} says at low frequencies: {other_unit}"
+            meant = known or "mm for m?"
+            yield Advice("unit", where, what, f"check the units of both ({meant}), and scale to SI")
+        if _moves_as_one(model) and -REVERSED < ratio < -1.0 / REVERSED:
+            what = f"moves against {one.key} at low frequencies: one of them is reversed in sign"
+            yield Advice("swapped", where, what, "check the signs of both (--map)")
+
+
+def _known_factor(model: Model, one: Sensor, other: Sensor, ratio: float) -> str:
+    """Return in which unit one of two sensors is whose ratio only that accounts for, empty for none."""
+    alike = one.unit == other.unit and one.unit in TURNED_UNITS and _moves_as_one(model)
+    for factor, unit in TURNED_UNITS[one.unit].items() if alike else ():
+        if abs(abs(np.log(ratio)) - np.log(factor)) < UNIT_TOLERANCE:
+            return unit
+    return ""
+
+
+def _moves_as_one(model: Model) -> bool:
+    """Tell whether a chain moves as one where it moves slowly: no spring holds it to ground."""
+    springs = (role for role in model.roles.values() if role.role in ("stiffness", "stiffness3"))
+    return all(len(role.bodies) > 1 for role in springs)
 
 
 def unlike_nominal(model: Model, physical: Mapping[str, float], records: Sequence[str]) -> tuple[Advice, ...]:
@@ -84,7 +107,8 @@ def _times(ratio: float) -> str:
 def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | None:
     """Return how many times as much as `one` says `other` moves, in the lowest bands where they are coherent.
 
-    None where too few bands are coherent, or where the ratio changes with the frequency.
+    Below zero where they move against each other. None where too few bands are coherent, or where the ratio
+    changes with the frequency.
     """
     # of a long record, the stretch that moves most
     parts = record.facts.stretches(one.key)
@@ -95,16 +119,18 @@ def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | N
     if derivatives:
         omega = 2.0 * np.pi * record.fs / len(parts[most]) * np.maximum(np.arange(len(first)), 1)
         first = first * omega**derivatives
-    ratios: list[float] = []
+    ratios, along = list[float](), list[float]()
     low = FIRST_BIN
     while low < len(first) and len(ratios) < BANDS:
         band = slice(low, max(low + SMALLEST_BAND, int(THIRD_OCTAVE * low)))
         x, y = first[band], second[band]
-        power, cross = float(np.vdot(x, x).real), float(abs(np.vdot(x, y)))
+        power, product = float(np.vdot(x, x).real), complex(np.vdot(x, y)) * (-1j) ** derivatives
+        cross = abs(product)
         powers = float(np.vdot(y, y).real)
         if cross > COHERENCE * np.sqrt(power) * np.sqrt(powers):
             ratios.append(cross / power)
+            along.append(product.real / cross)
         low = band.stop
     if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios):
         return None
-    return float(np.median(ratios))
+    return float(np.copysign(np.median(ratios), np.median(along)))

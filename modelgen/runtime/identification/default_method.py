@@ -11,6 +11,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.progress import step
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.diagnostics.parameter_checks import null_columns
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero, contradiction
@@ -164,6 +165,7 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
     left, least = (float(np.exp(one.misfit / one.count)) for one in (fit, iv.fit))
     masses = [effect for effect in iv.effects if effect.moved is not None]
     worse |= bool(masses) and CLEARLY_LESS * left > least
+    worse |= bool(null_columns(fit, task.model, task.records, task.choice))
     if worse or fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
         return _with_note(first, "method iv; the residual is more than noise of the sensors")
     move = contradiction(fit, iv.fit, job.share)

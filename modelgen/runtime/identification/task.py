@@ -245,6 +245,35 @@ def _check(
             for key, peak in peaks.items()
             if 0.0 < peak < SMALLEST
         ]
+    problems += _unmoved(model, records)
     if problems:
         raise DataError(*problems)
     refuse_same_data(records, measured)
+
+
+def _unmoved(model: Model, records: Sequence[Record]) -> list[Problem]:
+    """Return one problem per sensor of a chain's body that reads one number in all records, beside others.
+
+    A body that is held there feels a force that is in no row.
+    """
+    if model.is_arm:
+        return []
+    sensors = {sensor.key: sensor.body for sensor in model.sensors if sensor.body}
+    spans = {
+        key: max(record.facts.extent(key).span for record in records)
+        for key in sensors
+        if all(key in record.signals for record in records)
+    }
+    if not any(spans.values()):
+        return []
+    return [
+        Problem(
+            f"{record.name}: channel {key}",
+            f"reads {record.facts.extent(key).least + 0.0:.6g} in every sample: it does not say how "
+            f"{sensors[key]} moves",
+            f"check its cable; where {sensors[key]} is clamped, take it out of the spec, its link to ground",
+        )
+        for key, span in spans.items()
+        if span == 0.0
+        for record in records[:1]
+    ]
