@@ -29,9 +29,9 @@ LARGEST_CORRELATION = 0.97
 # for a wider one (Sun, Phillips and Jin 2008): of simulated records whose noise is known, standard deviations
 # came out at 0.94 to 1.12 of the exact ones with twice that bandwidth, at 0.97 to 1.07 with three times it.
 WIDER = 3.0
-# A longer window is taken where the variance behind it is larger by more of its own deviations than this. Of
-# white scores (200 series of 5000 instants) 1 % is added to the deviations; with 1.5 it is 2 %.
-CERTAIN_GROWTH = 2.0
+# A longer window is taken where the variance behind it is larger by more of its own deviations than this: by
+# chance once in a thousand times, and then deviations are half as large again as they should be.
+CERTAIN_GROWTH = 3.1
 # No longer than this share of a record: five independent stretches are few enough.
 LONGEST_WINDOW = 0.2
 # A window is made of at least so many sums over 1, 2, 4, .. instants.
@@ -163,8 +163,10 @@ def _grown(sums: Sequence[_BlockSums], start: float, longest: int) -> float:
     while longer <= LONGEST_WINDOW * longest:
         blocks = [_sums_over(one, 2) for one in blocks]
         smooth = _behind_window(blocks, width)
-        growth = float(np.sum((smooth @ unit) ** 2)) / unit.shape[1] - 1.0
-        if growth > CERTAIN_GROWTH * np.sqrt(uncertain * longer):
+        growth = float(np.sum((smooth @ unit) ** 2)) / unit.shape[1]
+        # the cube root of chi square over its degrees of freedom is nearly normal (Wilson and Hilferty 1931)
+        spread = uncertain * longer / 9.0
+        if np.cbrt(growth) > 1.0 - spread + CERTAIN_GROWTH * np.sqrt(spread):
             taken, unit = longer, _unit_directions(smooth)
         longer *= 2.0
     return taken
