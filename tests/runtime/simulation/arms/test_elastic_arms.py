@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -231,3 +232,21 @@ def test_fast_motion_is_followed_as_exactly_as_slow_motion() -> None:
         found.append(simulate_arm(model, values, JointReference(JointMotion(*motion, fs))).true)
     for name, scale in (("qm_1", 2e-2), ("q_1", 2e-3), ("d2_qm_1", 300.0)):
         assert np.abs(found[0][name] - found[1][name][::8]).max() < 5e-5 * scale
+
+
+def test_fast_motion_on_cubic_springs_is_solved_in_shorter_stretches() -> None:
+    """Rounds that begin far from the motion pass masses that cannot be inverted; shorter ones do not."""
+    spec = catalogued("elastic_two_link")
+    spec = replace(spec, joints=tuple(replace(one, stiffness3=f"K3_{one.name}") for one in spec.joints))
+    model = model_of(spec, sensor_set="encoders")
+    values = {**spec.parameter_sets["nominal"], "K3_1": 1e6, "K3_2": 3e5}
+    t = np.arange(0.0, 0.1, 1e-3)
+    w = 2.0 * np.pi * 10.0
+    q = 0.3 * np.array([np.sin(w * t), np.cos(w * t)])
+    speed = 0.3 * w * np.array([np.cos(w * t), -np.sin(w * t)])
+    reference = JointReference(JointMotion(q, speed, -(w**2) * q, 1e3))
+    true = simulate_arm(model, {name: values[name] for name in model.parameters}, reference).true
+    for name in ("q_1", "q_2", "qm_1", "qm_2"):
+        moved = np.diff(true[name])
+        within = 0.5e-3 * (true[f"d1_{name}"][1:] + true[f"d1_{name}"][:-1])
+        np.testing.assert_allclose(moved, within, atol=0.02 * np.abs(moved).max())
