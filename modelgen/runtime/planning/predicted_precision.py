@@ -30,7 +30,14 @@ from modelgen.runtime.parameters.physical_parameters import (
 )
 from modelgen.runtime.planning.closed_form_information import Information, information
 from modelgen.runtime.planning.planned_experiment import Experiment
-from modelgen.runtime.planning.thresholds import FACTOR_ERROR, FIRST_COPIES, WEIGHING
+from modelgen.runtime.planning.thresholds import (
+    FACTOR_ERROR,
+    FEW_COPIES,
+    FIRST_COPIES,
+    OPEN_SHARE,
+    UNPRUNED,
+    WEIGHING,
+)
 from modelgen.runtime.results.estimate import Estimate
 
 # ... and no correction for that.
@@ -91,7 +98,11 @@ def _copies(planned: Experiment) -> list[Estimate]:
     """Return the estimates from as many noisy copies as it takes."""
     if not all_from_composites(planned.model):
         return [estimate_once(planned, 0)]
-    estimates = [estimate_once(planned, seed) for seed in range(FIRST_COPIES)]
+    estimates = [estimate_once(planned, seed) for seed in range(FEW_COPIES)]
+    if len(_open(planned.model, estimates)) > OPEN_SHARE * len(planned.model.parameters):
+        # such an experiment is not to be chosen, however well the weights of what is left are known
+        return estimates
+    estimates += [estimate_once(planned, seed) for seed in range(FEW_COPIES, FIRST_COPIES)]
     copies = FIRST_COPIES
     while copies < WEIGHING and _factor_error(planned.model, estimates) > FACTOR_ERROR:
         for seed in range(copies, 2 * copies):
@@ -102,11 +113,18 @@ def _copies(planned: Experiment) -> list[Estimate]:
     return estimates
 
 
+def _open(model: Model, estimates: Sequence[Estimate]) -> list[str]:
+    """Return the physical parameters that half of the estimates give no number, or more of them."""
+    given = {name: sum(name in one.physical for one in estimates) for name in model.parameters}
+    return [name for name, count in given.items() if 2 * count <= len(estimates)]
+
+
 def estimate_once(planned: Experiment, seed: int) -> Estimate:
     """Return the estimate from one noisy copy of the experiment, with the planned filter."""
     choice, model = planned.choice, planned.model
     # drift moves no value, but decides which parameters follow from composites; other checks only advise
-    checks = CheckOptions() if all_from_composites(model) else CheckOptions(tests=False)
+    composites = all_from_composites(model)
+    checks = CheckOptions(prune_percent=UNPRUNED) if composites else CheckOptions(tests=False)
     return identify(
         model,
         planned.records(seed),
@@ -132,8 +150,7 @@ def _physical(planned: Experiment, found: Information, estimates: Sequence[Estim
     solved = physical_parameters(model, base, covariances, first.not_identifiable, nuisance).parameters
     refused = {
         name: next((e.not_identifiable[name] for e in estimates if name in e.not_identifiable), "is refused")
-        for name in model.parameters
-        if 2 * sum(name in one.physical for one in estimates) <= len(estimates)
+        for name in _open(model, estimates)
     }
     own = {name: _effect(*pairs) for name, pairs in _own_and_averaged(model, estimates).items()}
     precisions = tuple(

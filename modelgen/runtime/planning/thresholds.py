@@ -29,6 +29,10 @@ SAFETY = 0.999
 # Noisy copies of the experiment, from whose estimates the weights of composites follow: some at first, then
 # twice as many until the factor that they give is known well enough, or as many at most ...
 FIRST_COPIES = 16
+# ... and no more than a few where these leave more than this share of the parameters open.
+FEW_COPIES, OPEN_SHARE = 4, 0.75
+# They need no list from which uncertain parameters are removed: a relative deviation in % that none has.
+UNPRUNED = 1e9
 WEIGHING = 64
 FACTOR_ERROR = 0.05
 
