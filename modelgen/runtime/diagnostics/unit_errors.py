@@ -11,6 +11,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
+from modelgen.array_types import ComplexArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.thresholds import (
     ALIKE,
@@ -116,15 +117,16 @@ def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | N
     most = moves.index(max(moves))
     first, second = (record.facts.lines(sensor.key, most) for sensor in (one, other))
     derivatives = other.order - one.order
-    if derivatives:
-        omega = 2.0 * np.pi * record.fs / len(parts[most]) * np.maximum(np.arange(len(first)), 1)
-        first = first * omega**derivatives
+    if derivatives > 0:
+        first = _derived(record, one.key, most, derivatives)
+    elif derivatives < 0:
+        second = _derived(record, other.key, most, -derivatives)
     ratios, along = list[float](), list[float]()
     low = FIRST_BIN
     while low < len(first) and len(ratios) < BANDS:
         band = slice(low, max(low + SMALLEST_BAND, int(THIRD_OCTAVE * low)))
         x, y = first[band], second[band]
-        power, product = float(np.vdot(x, x).real), complex(np.vdot(x, y)) * (-1j) ** derivatives
+        power, product = float(np.vdot(x, x).real), complex(np.vdot(x, y))
         cross = abs(product)
         powers = float(np.vdot(y, y).real)
         if cross > COHERENCE * np.sqrt(power) * np.sqrt(powers):
@@ -134,3 +136,14 @@ def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | N
     if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios):
         return None
     return float(np.copysign(np.median(ratios), np.median(along)))
+
+
+def _derived(record: Record, key: str, part: int, order: int) -> ComplexArray:
+    """Return the lines of a derivative of a channel, from differences and under the same window.
+
+    A motion that does not end where it began has lines of its own, which (j omega)^order would take for
+    motion.
+    """
+    samples = record.facts.stretches(key)[part]
+    derived = np.diff(samples, order) * record.fs**order
+    return np.asarray(np.fft.rfft(derived * np.hanning(len(derived)), len(samples)))
