@@ -96,8 +96,8 @@ def compared(
         left = {*solution.refused, *solution.at_bounds}
         scan = scan_filters(fit, choice, settings, again, [name for name in fit.columns if name not in left])
     periods = None
-    if task.period_s:
-        periods = period_spread(fit, records, choice.decimation, task.period_s)
+    if task.period_s():
+        periods = period_spread(fit, records, choice.decimation, task.period_s())
     bias = bias_left = _bias(task, solution.as_measured) if checks.drift_check else None
     if solution.bias is not None:
         bias, bias_left = solution.bias, LEFT_BIAS * solution.bias
@@ -202,7 +202,7 @@ def examine(
     asked = [entry for entry in identified if entry.name not in hidden]
     noise = hac_covariance(fit)
     signals = signal_to_noise(model, records, choice)
-    residuals = residual_tests(model, records, choice, fit, task.period_s) if method.matched else ()
+    residuals = residual_tests(model, records, choice, fit, task.period_s()) if method.matched else ()
     slowest_hz = slowest_mode_hz(model, estimate.physical)
     one_way = one_way_friction(model, fit)
     bounds, periods, left = extras.bounds, extras.periods, extras.bias_left

@@ -51,8 +51,8 @@ class Task:
     checks : CheckOptions
     records, unseen : tuple of Record
         To identify from, and held out; known delays and holds compensated.
-    period_s : mapping of str to float
-        Periodic record to its period in s.
+    period_s : callable
+        Gives the period in s of periodic records, by name.
     doubts : callable
         Gives what looks wrong in the samples.
     choice : FilterChoice
@@ -72,7 +72,7 @@ class Task:
     checks: CheckOptions
     records: tuple[Record, ...]
     unseen: tuple[Record, ...]
-    period_s: Mapping[str, float]
+    period_s: Callable[[], Mapping[str, float]]
     doubts: Callable[[], tuple[Advice, ...]]
     choice: FilterChoice
     job: Job
@@ -118,11 +118,14 @@ def prepared(
         nearest = nearest_sources(model, every, filters.directions)
         filters = replace(filters, directions={**filters.directions, **nearest})
     _check(model, every, problems, filters.directions)
-    period_s = periods_of(model, every, checks.period_s) if checks.tests or checks.period_s else {}
-    kept, unseen = held_apart(every, checks.hold_out, period_s)
-    used = [one for one in every if one.name in {record.name for record in kept}]
     # what reads files at the same time takes memory of its own
     files = any(one.source is not one for one in every)
+    at_once = checks.hold_out is not None or bool(checks.period_s)
+    period_s: Callable[[], Mapping[str, float]] = dict[str, float]
+    if checks.tests or checks.period_s:
+        period_s = meanwhile(partial(periods_of, model, every, checks.period_s), files or at_once)
+    kept, unseen = held_apart(every, checks.hold_out, period_s() if at_once else {})
+    used = [one for one in every if one.name in {record.name for record in kept}]
     told = meanwhile(lambda: tuple(text for one in used for text in contents(one, model.channels)), files)
     step("choosing filters")
     doubts = meanwhile(partial(suspicions, model, kept), files) if checks.tests else tuple[Advice, ...]
