@@ -18,6 +18,7 @@ from modelgen.runtime.identification.contradiction import below_zero, contradict
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import (
     decided_by_stretches,
+    explained_by_stretches,
     long,
     timing_by_stretches,
 )
@@ -69,8 +70,18 @@ def default_method(task: Task, method: Auto) -> Begun:
         why = "instruments take more than memory_limit_mb; delays are not estimated"
         return _stand_in(with_predicted_cutoff(task, consistent=False), method, DataError(beyond), why)
     if long(task.job):
-        return decided_by_stretches(task, partial(_of_chain, method=method))
+        of_chain, of_all = partial(_of_chain, method=method), partial(_of_all, method=method)
+        return decided_by_stretches(task, with_predicted_cutoff(task, consistent=True), of_chain, of_all)
     return _of_chain(task, method)
+
+
+def _of_all(begun: Begun, method: Auto) -> Begun:
+    """Return what stretches decided, run on all samples; from other starts where that is too little."""
+    if not isinstance(begun.task.method, IV):
+        return begun
+    task = replace(begun.task, job=replace(begun.task.job, effects=(), sizes=()))
+    found = _or_from_starts(task, method.instrumental, begun)
+    return begun if found is begun else _with_note(found, begun.found.fit.notes[0])
 
 
 def _of_chain(task: Task, method: Auto) -> Begun:
@@ -188,22 +199,30 @@ def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
 
 def _instrumental(task: Task, method: IV) -> Begun:
     """Return instruments; where a row is left unexplained, with zeros or delays of sensors as well."""
-    plain: Begun | IdentifiabilityError
     try:
         plain = _explained(task, method)
-    except IdentifiabilityError as error:
-        plain = error
-    doubtful = isinstance(plain, Begun) and (_unexplained(plain) or _below(plain) > BEYOND_CHANCE)
-    if isinstance(plain, Begun) and not (task.checks.drift_check and doubtful):
-        return plain
-    try:
-        found = with_starts(task, method)
-    except (IdentifiabilityError, DataError):
-        found = None
-    if isinstance(plain, IdentifiabilityError):
+    except IdentifiabilityError:
+        found = None if task.job.share < 1.0 else _from_starts(task, method)
         if found is None:
-            raise plain
+            raise
         return found
+    return _or_from_starts(task, method, plain)
+
+
+def _from_starts(task: Task, method: IV) -> Begun | None:
+    """Return instruments with effects estimated from the start on; None where they find nothing."""
+    try:
+        return with_starts(task, method)
+    except (IdentifiabilityError, DataError):
+        return None
+
+
+def _or_from_starts(task: Task, method: IV, plain: Begun) -> Begun:
+    """Return instruments, or those with effects from the start on where these explain more."""
+    doubtful = _unexplained(plain) or _below(plain) > BEYOND_CHANCE
+    if doubtful and task.job.share < 1.0:
+        raise IdentifiabilityError.at("stretches", "leave too much unexplained", "look at all samples")
+    found = _from_starts(task, method) if task.checks.drift_check and doubtful else None
     if found is None:
         return plain
     # what is impossible explains rows by terms that cancel each other, of which little is left
@@ -219,10 +238,11 @@ def _unexplained(one: Begun) -> bool:
 
 def _explained(task: Task, method: IV) -> Begun:
     """Return a task with instruments run, and what the residual says."""
-    # stretches of long records were looked at
-    if not task.checks.drift_check or long(task.job):
+    if not task.checks.drift_check:
         return run_method(task, method)
     step("looking for what the model lacks")
+    if long(task.job):
+        return explained_by_stretches(task, method, partial(_explained, method=method))
     begun = run_method(task, method)
     fit = begun.found.fit
     return begun_with(begun.task, explained(task.job, found_by(task.job, begun.found.observation, fit), fit))

@@ -1,6 +1,6 @@
 """What becomes of the default is decided on stretches of long records, and estimated on all of their samples.
 
-Which cut-off, which method, what the model lacks, and what that may move: effects that all of a record has,
+Which method, what the model lacks, and what that may move: effects that all of a record has,
 its stretches have as well, and 65,000 samples show them as a million do.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.identification.explanation.explain_residual import timing_moves
-from modelgen.runtime.identification.explanation.explained import Begun, Explained, begun_with
+from modelgen.runtime.identification.explanation.explained import Begun, Explained, begun_with, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, WLS, Method
 from modelgen.runtime.identification.task import Task
@@ -32,7 +32,9 @@ def long(job: Job) -> bool:
     return any(record.n > SEARCHED for record in job.records)
 
 
-def decided_by_stretches(task: Task, decide: Callable[[Task], Begun]) -> Begun:
+def decided_by_stretches(
+    task: Task, chosen: Task, decide: Callable[[Task], Begun], checked: Callable[[Begun], Begun]
+) -> Begun:
     """Return what a task becomes by what stretches of its long records say.
 
     The method that the stretches take is run on all samples, from their estimate on, with the effects that
@@ -40,38 +42,76 @@ def decided_by_stretches(task: Task, decide: Callable[[Task], Begun]) -> Begun:
 
     Parameters
     ----------
-    task : Task
+    task, chosen : Task
+        As it is given, and with the cut-off that serves all of it.
     decide : callable
         Takes a task to its method, run, and what the residual says.
+    checked : callable
+        Takes that of all samples to what these say of it.
 
     Raises
     ------
     DataError
     IdentifiabilityError
         When neither stretches nor the whole records give an estimate.
+
+    Notes
+    -----
+    Where stretches find nothing, or leave more unexplained than noise adds, the whole records decide.
     """
-    stretches, record_of = _task_of_stretches(task)
+    stretches, record_of = _task_of_stretches(chosen)
     try:
         begun = decide(stretches)
     except (IdentifiabilityError, DataError):
         return decide(task)
-    whole = _on_all(task, begun, record_of)
-    told, method = begun.found, whole.method
-    plain = _from_near(whole.job, told.fit, method)
+    whole, told = _on_all(chosen, begun, record_of), begun.found
+    plain = _from_near(whole.job, told.fit, whole.method)
     if told.fit.columns != plain.fit.columns:  # stretches answer less than all of a record
         return decide(task)
-    if not told.effects or not isinstance(method, IV):
-        return begun_with(whole, replace(_noted(plain, told), drift=told.drift, advice=told.advice))
-    effects = _of_records(told.effects, record_of, len(task.records))
-    job = whole.job
+    found = _with_effects(whole, plain, told, record_of)
+    fit = replace(found.fit, notes=(told.fit.notes[0], *found.fit.notes))
+    return checked(begun_with(whole, replace(found, fit=fit, advice=told.advice)))
+
+
+def explained_by_stretches(task: Task, method: IV, explain: Callable[[Task], Begun]) -> Begun:
+    """Return instruments run on all samples, with what stretches of long records show.
+
+    Parameters
+    ----------
+    task : Task
+    method : IV
+    explain : callable
+        Takes a task to instruments, and what the residual says.
+
+    Raises
+    ------
+    DataError
+    IdentifiabilityError
+        When the whole records give no estimate.
+    """
+    stretches, record_of = _task_of_stretches(task)
+    try:
+        told = explain(stretches).found
+    except (IdentifiabilityError, DataError):
+        return run_method(task, method)
+    task = replace(task, method=method)
+    plain = _from_near(task.job, told.fit, method)
+    if told.fit.columns != plain.fit.columns:
+        return Begun(task, plain)
+    return begun_with(task, replace(_with_effects(task, plain, told, record_of), advice=told.advice))
+
+
+def _with_effects(task: Task, plain: Explained, told: Explained, record_of: list[int]) -> Explained:
+    """Return the fit of whole records with the effects of their stretches, and what else may move it."""
+    if not told.effects or not isinstance(task.method, IV):
+        return replace(plain, drift=told.drift)
+    effects, job = _of_records(told.effects, record_of, len(task.records)), task.job
     try:
         effects, freed = fit_in_shape(job.setting(), job.calm, plain.fit, effects, (), job.sharpened)
     except (IdentifiabilityError, DataError):
         move = told.fit.solution.x - plain.fit.solution.x
-        moved = told.drift + np.outer(move, move)
-        return begun_with(whole, replace(_noted(plain, told), drift=moved, advice=told.advice))
-    found = Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, told.advice)
-    return begun_with(whole, _noted(found, told))
+        return replace(plain, drift=told.drift + np.outer(move, move))
+    return Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, ())
 
 
 def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
@@ -95,7 +135,8 @@ def _task_of_stretches(task: Task) -> tuple[Task, list[int]]:
     job, record_of = _in_stretches(task.job)
     every, taken = (sum(record.n for record in one.records) for one in (task.job, job))
     job = replace(job, share=taken / every)
-    return replace(task, records=job.records, choice=job.choice, job=job), record_of
+    filters = replace(task.filters, cutoff_hz=job.choice.cutoff_hz)
+    return replace(task, records=job.records, choice=job.choice, job=job, filters=filters), record_of
 
 
 def _in_stretches(job: Job) -> tuple[Job, list[int]]:
@@ -136,11 +177,6 @@ def _from_near(job: Job, fit: Fit, method: Method) -> Explained:
             found = None
     observation, whole = found or method.run(job)
     return Explained(observation, whole, (), (), np.zeros((len(whole.columns),) * 2), ())
-
-
-def _noted(found: Explained, told: Explained) -> Explained:
-    """Return what was found with what is said of the method that was taken."""
-    return replace(found, fit=replace(found.fit, notes=(told.fit.notes[0], *found.fit.notes)))
 
 
 def _of_records(effects: tuple[Effect, ...], record_of: list[int], records: int) -> tuple[Effect, ...]:
