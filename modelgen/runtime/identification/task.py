@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import ModuleType
@@ -121,12 +121,9 @@ def prepared(
     # what reads files at the same time takes memory of its own
     files = any(one.source is not one for one in every)
     at_once = checks.hold_out is not None or bool(checks.period_s)
-    period_s: Callable[[], Mapping[str, float]] = dict[str, float]
-    if checks.tests or checks.period_s:
-        period_s = meanwhile(partial(periods_of, model, every, checks.period_s), files or at_once)
+    period_s = _periods(model, every, checks, files or at_once)
     kept, unseen = held_apart(every, checks.hold_out, period_s() if at_once else {})
-    used = [one for one in every if one.name in {record.name for record in kept}]
-    told = meanwhile(lambda: tuple(text for one in used for text in contents(one, model.channels)), files)
+    told = meanwhile(partial(_contents, model, every, {record.name for record in kept}), files)
     step("choosing filters")
     doubts = meanwhile(partial(suspicions, model, kept), files) if checks.tests else tuple[Advice, ...]
     with told_on_failure(doubts):
@@ -164,6 +161,20 @@ def prepared(
         guessed=tuple(nearest),
     )
     return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job, filters, told)
+
+
+def _contents(model: Model, records: Sequence[Record], used: Collection[str]) -> tuple[str, ...]:
+    """Return the contents of the records of these names."""
+    return tuple(text for one in records if one.name in used for text in contents(one, model.channels))
+
+
+def _periods(
+    model: Model, records: Sequence[Record], checks: CheckOptions, here: bool
+) -> Callable[[], Mapping[str, float]]:
+    """Return what gives the periods of records, found by another thread unless `here`."""
+    if not checks.tests and not checks.period_s:
+        return dict[str, float]
+    return meanwhile(partial(periods_of, model, records, checks.period_s), here)
 
 
 def _method_problems(model: Model, method: Method) -> list[Problem]:
