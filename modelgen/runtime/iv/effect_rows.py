@@ -131,7 +131,7 @@ def _over_records(
     every = list(indices)
     if min((records[index].n for index in every), default=0) < WORTH_A_THREAD:
         return map(work, every)
-    return each(work, every)
+    return each(work, every, len(every))
 
 
 def _seen_in(model: Model, changes: Changes) -> tuple[tuple[int, ...], Changes]:

@@ -21,15 +21,17 @@ def usable_threads() -> int:
     return os.cpu_count() or 1
 
 
-def each(work: Callable[[Item], Found], items: Iterable[Item]) -> Iterator[Found]:
-    """Yield what a function makes of each item, in their order; several threads take an item each."""
-    every = list(items)
-    workers = min(usable_threads(), len(every))
+def each(work: Callable[[Item], Found], items: Iterable[Item], count: int) -> Iterator[Found]:
+    """Yield what a function makes of each of `count` items, in their order; several threads take one each.
+
+    No item is kept once it has been worked on.
+    """
+    workers = min(usable_threads(), count)
     if workers <= 1:
-        yield from map(work, every)
+        yield from map(work, items)
         return
     with ThreadPoolExecutor(workers) as pool:
-        yield from pool.map(work, every)
+        yield from pool.map(work, items)
 
 
 def meanwhile(work: Callable[[], Found], here: bool = False) -> Callable[[], Found]:

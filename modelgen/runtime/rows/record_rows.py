@@ -72,7 +72,7 @@ class RecordRows:
 
     def over_chunks(self, work: Callable[[Chunk], Found]) -> Iterator[Found]:
         """Yield what a function makes of each chunk, in their order; several threads take a chunk each."""
-        return each(work, self.chunks())
+        return each(work, self.chunks(), sum(1 for _ in self.chunks()))
 
     def lines(self) -> tuple[FloatArray, ...]:
         """Return the rows at all samples kept, masked or not: the columns that each touches and y in lines.
