@@ -17,7 +17,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.optional_library import optional_library
 from modelgen.runtime.model.arm_functions import base_factors
-from modelgen.runtime.parameters.thresholds import HELD, SMALLEST_CURVATURE, SOLVER_TOLERANCE
+from modelgen.runtime.parameters.thresholds import HELD, SMALLEST_CURVATURE, SOLVER_GAP, SOLVER_TOLERANCE
 
 #: The ten parameters of a link, in the order in which `consistent_links` takes their names.
 LINK = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
@@ -144,7 +144,14 @@ def nearest_bodies(
     largest = np.max(np.abs(rows / size), axis=1)
     largest[counts[0] :] = np.repeat(np.max(largest[counts[0] :].reshape(-1, 10), axis=1, initial=0.0), 10)
     rows, level = rows / size / largest[:, None], level / largest
-    found, forces = _solved(clarabel, curvature, -scaled.T @ (whitening @ estimate), rows, level, counts)
+    # the move from parameters that make the estimate: by itself it is a few deviations, where the parameters
+    # are many thousands of them, of which the solver's tolerance is more than one
+    free = np.linalg.lstsq(factors / size, estimate, rcond=None)[0]
+    left = whitening @ (factors @ (free / size) - estimate)
+    level = level + rows @ free
+    unit = max(1.0, float(np.max(np.abs(level))))
+    move, forces = _solved(clarabel, curvature, scaled.T @ left / unit, rows, level / unit, counts)
+    found, forces = free + unit * move, unit * forces
     # what each bound pulls parameters by, in deviations that they would have if all others were known
     pulls = rows * forces[:, None]
     zero = tuple(n for n, pull in zip(bodies.nonnegative, pulls, strict=False) if np.max(np.abs(pull)) > HELD)
@@ -214,6 +221,9 @@ def _solved(
     settings.verbose = False
     settings.max_threads = 1
     settings.tol_feas = SOLVER_TOLERANCE
+    settings.tol_gap_abs = settings.tol_gap_rel = SOLVER_GAP
+    # what Clarabel adds to its equations is less than the curvature of what nothing sees (1e-8 by itself)
+    settings.static_regularization_constant = 0.1 * SMALLEST_CURVATURE
     solver = clarabel.DefaultSolver(
         csc_matrix(np.triu(curvature)), slope, csc_matrix(-rows), level, kinds, settings
     )

@@ -69,9 +69,11 @@ STEADY_BAND = 1.0 / 20.0
 
 # Curvature added to an arm's least squares in columns of unit length: what no base parameter sees stays near
 # zero, and the others move by less than a thousandth of a standard deviation.
-SMALLEST_CURVATURE = 1e-10
+SMALLEST_CURVATURE = 1e-9
 # By how much Clarabel may leave the cones, relative to the parameters in those units.
 SOLVER_TOLERANCE = 1e-10
+# Duality gap, relative to the square of the largest parameter in these units, thousands of deviations.
+SOLVER_GAP = 1e-11
 
 # A bound holds a parameter, or a link, that it moves by so many standard deviations.
 HELD = 1e-2
