@@ -208,8 +208,7 @@ def _lines(found: FleetEstimate) -> list[str]:
     lines: list[str] = []
     for start in range(0, len(found.pooled), PARAMETERS_A_TABLE):
         shown_here = found.pooled[start : start + PARAMETERS_A_TABLE]
-        heads = [f">{one.name} [{one.unit}]" if one.unit else f">{one.name}" for one in shown_here]
-        lines.append(_line("", heads))
+        lines.append(_line("", [_heading(one) for one in shown_here]))
         for machine, estimate in found.machines.items():
             cells = [
                 _cell(estimate["params"].get(one.name), estimate["bse"].get(one.name)) for one in shown_here
@@ -240,7 +239,7 @@ def _printed(found: FleetEstimate) -> list[Any]:
     """Return what the page shows: one table of all parameters, and the lines below it."""
     from modelgen.cli.tables import table
 
-    heads = [f">{one.name} [{one.unit}]" if one.unit else f">{one.name}" for one in found.pooled]
+    heads = [f">{_heading(one)}" for one in found.pooled]
     rows = [
         [machine, *(_cell(e["params"].get(one.name), e["bse"].get(one.name)) for one in found.pooled)]
         for machine, e in found.machines.items()
@@ -275,6 +274,10 @@ def _cell(value: float | None, std: float | None) -> str:
     if std is None or not math.isfinite(std):
         return f"{value:.5g}"
     return f"{value:.5g} +- {1.96 * std:.2g}"
+
+
+def _heading(one: Any) -> str:
+    return f"{one.name} [{one.unit}]" if one.unit else str(one.name)
 
 
 def _verdict(one: Any) -> str:

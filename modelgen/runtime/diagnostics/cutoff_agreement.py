@@ -210,4 +210,4 @@ def _difference(fit: Fit, other: Fit, decimation: Sequence[int]) -> FloatArray:
         joined[shift - first : shift - first + len(that)] = that
         joined[-first : -first + len(mine)] -= mine
         series.append(joined)
-    return long_run_covariance(series)
+    return long_run_covariance(series, grown=False)

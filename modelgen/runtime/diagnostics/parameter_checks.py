@@ -93,9 +93,10 @@ def _null_rows(
 def null_columns(fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice) -> dict[str, str]:
     """Return the columns of a chain's rows that a fit leaves without meaning, with the reason.
 
-    Such a row does not hold for what was recorded, and no interval holds what that moves.
+    Such a row does not hold for what was recorded, and no interval holds what that moves. Rows without a body
+    are not judged: differentiated further, they leave most of a wide band and count elsewhere.
     """
-    if model.is_arm:
+    if model.is_arm or model.composites:
         return {}
     found: dict[str, str] = {}
     for index, left in _null_rows(fit, model, records, choice):

@@ -114,7 +114,7 @@ def fit_with_effects(
         if not np.all(np.isfinite(steps)):
             raise diverged("its estimate is not finite", plain, setting.model)
         refuse_runaway(plain.columns, x, plain, setting.model)
-        spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))
+        spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger, grown=False)), 0.0))
         moves = np.r_[x - plain.solution.x, steps[: len(late)], steps[len(late) :] - left]
         size = np.r_[np.abs(x), np.full(len(late), SMALLEST_STEP * sample / EFFECT_CHANGE), np.abs(sizes)]
         small = np.maximum(EFFECT_MOVE * spread, EFFECT_CHANGE * size)
@@ -195,7 +195,7 @@ def _alone(
 ) -> tuple[Fit, tuple[float, ...]]:
     """Return the fit to the columns alone, `delays` moved, and the standard deviations of the effects."""
     c, late = len(plain.columns), len(delays)
-    spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger)), 0.0))[c:].tolist()
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(larger, grown=False)), 0.0))[c:].tolist()
     moved = [delay + move for delay, move in zip(delays.values(), moves.tolist(), strict=False)]
     found = tuple(zip(delays, moved, spread, strict=False))
     fit = _without(larger, plain, grown, larger.solution.x[c + late :])

@@ -94,7 +94,7 @@ def scores(
     r = span.apart(fit.weighted_residual)
     told = span.compared(grown, r)
     seen = np.flatnonzero(told.power > LEAST_OWN_SHARE * told.whole)
-    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
     critical = normal_beyond(0.5 * LEVEL / max(len(seen), 1))
     largest = span.largest_overlooked
     found = []
@@ -242,4 +242,5 @@ def _deviation(fit: Fit, r: FloatArray, own: FloatArray, size: float, power: flo
         first, last = last, last + len(block.place)
         psi = series.setdefault(block.record, np.zeros((block.grid, 1)))
         psi[block.place, 0] += own[first:last] * (r[first:last] - own[first:last] * size) / power
-    return float(np.sqrt(max(long_run_covariance(list(series.values()))[0, 0], 0.0)))
+    variance = long_run_covariance(list(series.values()), grown=False)
+    return float(np.sqrt(max(variance[0, 0], 0.0)))

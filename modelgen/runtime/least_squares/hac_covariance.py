@@ -41,7 +41,7 @@ def printed_covariance(fit: Fit, residual_dof: str = "r-c") -> tuple[float, Floa
     return float(np.sqrt(variance)), variance * fit.solution.inverse
 
 
-def hac_covariance(fit: Fit) -> FloatArray:
+def hac_covariance(fit: Fit, grown: bool = True) -> FloatArray:
     """Return the heteroskedasticity- and autocorrelation-consistent covariance, shape (c, c).
 
     As Newey and West (1987), but with Parzen's kernel: differentiated noise has its power at high frequencies
@@ -51,11 +51,11 @@ def hac_covariance(fit: Fit) -> FloatArray:
     delays have the same.
     """
     of = (fit.blocks, fit.weights, fit.residuals, fit.projected, fit.series, fit.carried)
-    known = vars(fit.solution)
-    if "long_run" not in known or not all(map(is_, known["long_run"][0], of)):
-        known["long_run"] = of, long_run_covariance(influence_parts(fit))
+    known, name = vars(fit.solution), "long_run" if grown else "shorter_run"
+    if name not in known or not all(map(is_, known[name][0], of)):
+        known[name] = of, long_run_covariance(influence_parts(fit), grown=grown)
     r = fit.count
-    return np.asarray(known["long_run"][1] * r / (r - len(fit.columns) - fit.lost))
+    return np.asarray(known[name][1] * r / (r - len(fit.columns) - fit.lost))
 
 
 def covariance_of_bandwidth(fit: Fit, series: Sequence[FloatArray], least: float) -> FloatArray:
@@ -64,7 +64,9 @@ def covariance_of_bandwidth(fit: Fit, series: Sequence[FloatArray], least: float
     return long_run_covariance(series, least) * r / (r - len(fit.columns) - fit.lost)
 
 
-def long_run_covariance(series: Sequence[Series | FloatArray], least: float = 1.0) -> FloatArray:
+def long_run_covariance(
+    series: Sequence[Series | FloatArray], least: float = 1.0, grown: bool = True
+) -> FloatArray:
     """Return the covariance of the sum over all instants and records, shape (c, c).
 
     Parzen's kernel is the triangle's with itself: its weighted sum over lags is the sum of squares of
@@ -77,9 +79,11 @@ def long_run_covariance(series: Sequence[Series | FloatArray], least: float = 1.
         One a record: its influence, shape (n, c), or what yields it in parts from the first instant on.
     least : float
         Instants, the least bandwidth.
+    grown : bool
+        Whether the bandwidth may grow (`scores_bandwidth`).
     """
     series = [kept(one) for one in series]
-    bandwidth = max(least, scores_bandwidth(series))
+    bandwidth = max(least, scores_bandwidth(series, grown))
     sums = [ParzenSums(bandwidth) for _ in series]
     for one, parzen in zip(series, sums, strict=True):
         for psi in in_parts(one):

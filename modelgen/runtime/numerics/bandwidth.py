@@ -42,7 +42,7 @@ LEAST_POWER = 1e-10
 KERNEL_SQUARED = 0.539
 
 
-def scores_bandwidth(series: Sequence[Series | FloatArray]) -> float:
+def scores_bandwidth(series: Sequence[Series | FloatArray], grown: bool = True) -> float:
     """Return the bandwidth of Parzen's kernel for the sum of some scores over all records, in instants.
 
     Three times that of Andrews (1991), eqs. (6.2), (6.4), from first-order autoregressions of the columns,
@@ -54,6 +54,9 @@ def scores_bandwidth(series: Sequence[Series | FloatArray]) -> float:
     ----------
     series : sequence of array or callable
         One a record: scores, shape (n, c), or what yields them in parts from the first instant on.
+    grown : bool
+        Whether longer windows are looked at. Not where causes of a residual, or settings, are compared: what is
+        to be explained by one of them would make its own window longer, and those of all others.
     """
     power = product = np.zeros(1)
     sums = []
@@ -69,7 +72,7 @@ def scores_bandwidth(series: Sequence[Series | FloatArray]) -> float:
         sums.append(blocks)
     longest = max((one.n for one in sums), default=0)
     start = bandwidth_from_moments(power, product, longest)
-    if not np.any(power > 0.0) or not np.all(np.isfinite(power)):
+    if not grown or not np.any(power > 0.0) or not np.all(np.isfinite(power)):
         return start
     return _grown([one for one in sums if one.n], start, longest)
 

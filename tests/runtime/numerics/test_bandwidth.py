@@ -37,6 +37,17 @@ def test_bandwidth_is_one_for_white_noise_and_grows_with_correlation() -> None:
     assert scores_bandwidth([np.zeros((10, 2))]) == 1.0
 
 
+def test_causes_of_a_residual_are_compared_behind_a_window_that_none_of_them_makes_longer() -> None:
+    rng = np.random.default_rng(3)
+    slow = np.repeat(rng.standard_normal(40), 100)  # what one cause would explain
+    series = [(rng.standard_normal(4000) + 0.5 * slow)[:, None]]
+    short, long = scores_bandwidth(series, grown=False), scores_bandwidth(series)
+    assert short < 0.5 * long
+    white = [rng.standard_normal((4000, 1))]
+    assert scores_bandwidth(white) == scores_bandwidth(white, grown=False)
+    assert long_run_covariance(series, grown=False)[0, 0] < 0.5 * long_run_covariance(series)[0, 0]
+
+
 def test_the_bandwidth_is_andrews_formula_written_out() -> None:
     power, product, n = np.array([4.0, 1.0, 0.0]), np.array([2.0, -0.3, 0.0]), 1000
     rho = [0.5, -0.3]

@@ -22,6 +22,7 @@ from modelgen.runtime.iv.physical.start_in_rows import start_in_rows
 from modelgen.runtime.iv.physical.starting_values import (
     cheap_starts,
     physical_starts,
+    vanished_names,
     with_shared_friction,
 )
 from modelgen.runtime.iv.thresholds import HELD_DELAY, HELD_PARTS, HELD_ROUNDS, HELD_STARTS
@@ -151,7 +152,8 @@ def _with_held_delays(
             found = fit_physical_iv(there, rows, {}, start, rules)
         except IdentifiabilityError:
             return None
-        if found.lost:
+        # beside a delay a body that vanished is none that the records know: the delay has taken its place
+        if found.lost or vanished_names(model, found.values(model)):
             return None
         step = step_from(setting, fit_matched(found.observation), Unknowns(found.p, delays), rules)
         moved, spread = step.x[c:], step.spread[c:]
