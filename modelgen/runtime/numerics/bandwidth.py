@@ -55,8 +55,8 @@ def scores_bandwidth(series: Sequence[Series | FloatArray], grown: bool = True) 
     series : sequence of array or callable
         One a record: scores, shape (n, c), or what yields them in parts from the first instant on.
     grown : bool
-        Whether longer windows are looked at. Not where causes of a residual, or settings, are compared: what is
-        to be explained by one of them would make its own window longer, and those of all others.
+        Whether longer windows are looked at. Not where causes of a residual, or settings, are compared: what
+        one of them is to explain would make its own window longer, and those of all others.
     """
     power = product = np.zeros(1)
     sums = []
