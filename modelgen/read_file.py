@@ -27,7 +27,7 @@ SORTS = (
 
 
 @dataclass(frozen=True)
-class Kind:
+class InputKind:
     """A kind of input: the bytes it may have, what to do where it cannot be read, and the error to raise."""
 
     largest: int
@@ -35,33 +35,33 @@ class Kind:
     error: type[ModelgenError] = DataError
 
 
-SPEC = Kind(1_000_000, "check the path, or start one with modelgen new", SpecError)
+SPEC = InputKind(1_000_000, "check the path, or start one with modelgen new", SpecError)
 # a humanoid has 0.2
-URDF = Kind(10_000_000, "check the path under urdf; it is looked for next to the TOML file", SpecError)
+URDF = InputKind(10_000_000, "check the path under urdf; it is looked for next to the TOML file", SpecError)
 # a chain of a thousand bodies gives 3.6 million
-MODULE = Kind(5_000_000, "give the path of a module that modelgen generate has written")
-MAPPING = Kind(1_000_000, "check the path; modelgen import FILE writes one")
-CONTROLLER = Kind(100_000, "give a controller's TOML file")
-INSTRUMENTS = Kind(100_000, "give a TOML file of candidate instruments")
-ESTIMATE = Kind(32_000_000, "give a file that modelgen identify -o wrote")
-PROJECT = Kind(1_000_000, "give a project's TOML file; modelgen new NAME --project starts one")
-LOCK = Kind(10_000_000, "remove it: modelgen run makes it again, of the files as they are then")
-OUTPUT = Kind(200_000_000, "move it away, or name another file")
+MODULE = InputKind(5_000_000, "give the path of a module that modelgen generate has written")
+MAPPING = InputKind(1_000_000, "check the path; modelgen import FILE writes one")
+CONTROLLER = InputKind(100_000, "give a controller's TOML file")
+INSTRUMENTS = InputKind(100_000, "give a TOML file of candidate instruments")
+ESTIMATE = InputKind(32_000_000, "give a file that modelgen identify -o wrote")
+PROJECT = InputKind(1_000_000, "give a project's TOML file; modelgen new NAME --project starts one")
+LOCK = InputKind(10_000_000, "remove it: modelgen run makes it again, of the files as they are then")
+OUTPUT = InputKind(200_000_000, "move it away, or name another file")
 # a line has some ten kB
-HISTORY = Kind(200_000_000, "give what modelgen run wrote; a line that was damaged can be removed")
-CHECKPOINT = Kind(64_000_000, "remove it: its machine is then identified again")
-CERTIFICATE = Kind(1_000_000, "give a PEM file: see --tls-ca-file, --tls-cert and --tls-key")
-TEMPLATE = Kind(1_000_000, "give a folder of readable templates", RenderError)
-GENERATED = Kind(100_000_000, "move it away or choose another folder with -o", RenderError)
+HISTORY = InputKind(200_000_000, "give what modelgen run wrote; a line that was damaged can be removed")
+CHECKPOINT = InputKind(64_000_000, "remove it: its machine is then identified again")
+CERTIFICATE = InputKind(1_000_000, "give a PEM file: see --tls-ca-file, --tls-cert and --tls-key")
+TEMPLATE = InputKind(1_000_000, "give a folder of readable templates", RenderError)
+GENERATED = InputKind(100_000_000, "move it away or choose another folder with -o", RenderError)
 # 1e8 samples of ten channels are a legitimate record, also as arrays; they are held in memory
-DATA = Kind(8_000_000_000, "check the path and the file")
+DATA = InputKind(8_000_000_000, "check the path and the file")
 # as text they take more
-TEXT_DATA = Kind(32_000_000_000, "check the path and the file")
+TEXT_DATA = InputKind(32_000_000_000, "check the path and the file")
 # what is read in stretches may be as long as disks are
-STRETCHES = Kind(100_000_000_000_000, "check the path and the file")
+STRETCHES = InputKind(100_000_000_000_000, "check the path and the file")
 
 
-def open_file(path: str | os.PathLike[str], kind: Kind) -> BinaryIO:
+def open_file(path: str | os.PathLike[str], kind: InputKind) -> BinaryIO:
     """Open a regular file for reading its bytes.
 
     Raises
@@ -91,7 +91,7 @@ def open_file(path: str | os.PathLike[str], kind: Kind) -> BinaryIO:
         raise
 
 
-def check_file(path: str | os.PathLike[str], kind: Kind) -> None:
+def check_file(path: str | os.PathLike[str], kind: InputKind) -> None:
     """Refuse what `open_file` would, and a file without content, for libraries that open it by its name."""
     with open_file(path, kind) as file:
         empty = os.fstat(file.fileno()).st_size == 0  # also where a system makes the content up
@@ -99,7 +99,7 @@ def check_file(path: str | os.PathLike[str], kind: Kind) -> None:
         raise kind.error.at(os.fspath(path), "is empty", kind.remedy)
 
 
-def read_bytes(path: str | os.PathLike[str], kind: Kind) -> bytes:
+def read_bytes(path: str | os.PathLike[str], kind: InputKind) -> bytes:
     """Return a file's content, see `open_file`."""
     where = os.fspath(path)
     try:
@@ -111,7 +111,7 @@ def read_bytes(path: str | os.PathLike[str], kind: Kind) -> bytes:
     return content
 
 
-def read_text(path: str | os.PathLike[str], kind: Kind) -> str:
+def read_text(path: str | os.PathLike[str], kind: InputKind) -> str:
     """Return a UTF-8 file's text, see `open_file`."""
     return utf8_text(read_bytes(path, kind), os.fspath(path), kind.error)
 
@@ -161,13 +161,13 @@ def mostly_high(content: bytes) -> bool:
     return those_of_ebcdic > digits or 2 * len(piece.translate(None, bytes(range(128)))) > len(piece)
 
 
-def _check_sort(where: str, mode: int, kind: Kind) -> None:
+def _check_sort(where: str, mode: int, kind: InputKind) -> None:
     if not stat.S_ISREG(mode):
         sort = next((name for holds, name in SORTS if holds(mode)), "no regular file")
         raise kind.error.at(where, f"cannot be read (it is {sort})", kind.remedy)
 
 
-def _check_size(where: str, size: int, kind: Kind) -> None:
+def _check_size(where: str, size: int, kind: InputKind) -> None:
     if size > kind.largest:
         raise kind.error.at(where, f"is larger than {kind.largest / 1e6:.6g} MB", kind.remedy)
 

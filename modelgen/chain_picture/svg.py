@@ -25,7 +25,7 @@ from modelgen.chain_picture.symbols import (
     wall,
     width,
 )
-from modelgen.chain_picture.tree import Node, branches
+from modelgen.chain_picture.tree import TreeNode, branches
 
 COLUMNS = 5  # bodies side by side before a chain goes on in the next line
 HIGH = 46.0  # of a body
@@ -63,13 +63,13 @@ class _Grid:
     floors: tuple[float, ...]
     wide: float
 
-    def left(self, node: Node) -> float:
+    def left(self, node: TreeNode) -> float:
         return self.places[id(node)][0]
 
-    def right(self, node: Node) -> float:
+    def right(self, node: TreeNode) -> float:
         return self.left(node) + (0.0 if node.is_ground else self.body)
 
-    def y(self, node: Node) -> float:
+    def y(self, node: TreeNode) -> float:
         """Return the height of a body's middle."""
         return self.places[id(node)][1]
 
@@ -112,7 +112,7 @@ def _page(diagram: ChainDiagram, wide: float, high: float, pieces: Sequence[str]
     return "\n".join([head, title, f"<style>{STYLE}</style>", paper, *pieces, "</svg>", ""])
 
 
-def _grid(diagram: ChainDiagram, nodes: Sequence[Node]) -> _Grid:
+def _grid(diagram: ChainDiagram, nodes: Sequence[TreeNode]) -> _Grid:
     body = max([96.0, *map(_body_width, diagram.bodies)])
     link = max([112.0, *map(_link_width, diagram.links), *map(_sensed, diagram.deflections)])
     lines = max(len(entry.sensors) for entry in diagram.bodies)
@@ -170,7 +170,7 @@ def _rubbing(body: DrawnBody) -> str:
     return ", ".join((*body.friction, *constant))
 
 
-def _body(grid: _Grid, node: Node, body: DrawnBody) -> str:
+def _body(grid: _Grid, node: TreeNode, body: DrawnBody) -> str:
     left, middle = grid.left(node), grid.y(node)
     top, centre = middle - 0.5 * HIGH, left + 0.5 * grid.body
     pieces = [box(left, top, grid.body, HIGH)]
@@ -191,7 +191,7 @@ def _body(grid: _Grid, node: Node, body: DrawnBody) -> str:
     return "".join(pieces)
 
 
-def _link(grid: _Grid, node: Node, parent: Node, link: DrawnLink) -> str:
+def _link(grid: _Grid, node: TreeNode, parent: TreeNode, link: DrawnLink) -> str:
     """Return the link from a node to its parent, whose row, or line of the picture, may be another."""
     start, end = (grid.right(parent), grid.y(parent)), (grid.left(node), grid.y(node))
     inner = end[0] - grid.link + 10.0
@@ -231,7 +231,7 @@ def _elements(left: float, right: float, y: float, link: DrawnLink, first_left: 
     return "".join(pieces)
 
 
-def _deflection(grid: _Grid, child: Node, sensor: DrawnDeflection) -> str:
+def _deflection(grid: _Grid, child: TreeNode, sensor: DrawnDeflection) -> str:
     """Return a sensor of the deflection of the link to a child, below that link."""
     right, y = grid.left(child) - 3.0, grid.y(child) + 40.0
     left = right - grid.link + 16.0
@@ -241,7 +241,7 @@ def _deflection(grid: _Grid, child: Node, sensor: DrawnDeflection) -> str:
 
 
 def _around(
-    grid: _Grid, one: Node, other: Node, lane: float, item: DrawnLink | DrawnDeflection
+    grid: _Grid, one: TreeNode, other: TreeNode, lane: float, item: DrawnLink | DrawnDeflection
 ) -> tuple[str, float]:
     """Return what ties two bodies that do not stand side by side: a line below all of them, and its end."""
     kind = "sensor" if isinstance(item, DrawnDeflection) else "line"

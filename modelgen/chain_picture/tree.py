@@ -9,14 +9,14 @@ from modelgen.chain_picture.diagram import GROUND, ChainDiagram, DrawnLink
 
 
 @dataclass(eq=False)
-class Node:
+class TreeNode:
     """A body, or the ground at the end of one link; `up` is the link to the parent."""
 
     name: str
     depth: int
     up: DrawnLink | None = None
-    parent: Node | None = None
-    children: list[Node] = field(default_factory=list)
+    parent: TreeNode | None = None
+    children: list[TreeNode] = field(default_factory=list)
     row: int = 0
 
     @property
@@ -25,7 +25,7 @@ class Node:
         return self.name == GROUND
 
 
-def branches(diagram: ChainDiagram) -> tuple[list[Node], list[DrawnLink]]:
+def branches(diagram: ChainDiagram) -> tuple[list[TreeNode], list[DrawnLink]]:
     """Return all nodes, parents first, and the links that close loops.
 
     A branch begins at a body with an actuator, else at the first that is left. Bodies of one branch follow
@@ -36,7 +36,7 @@ def branches(diagram: ChainDiagram) -> tuple[list[Node], list[DrawnLink]]:
         for end in {link.first, link.second} - {GROUND}:
             links[end].append(link)
     driven = [body.name for body in diagram.bodies if body.actuator]
-    nodes: list[Node] = []
+    nodes: list[TreeNode] = []
     loops: dict[int, DrawnLink] = {}
     seen: dict[str, None] = {}
     first_row = 0
@@ -52,9 +52,9 @@ def branches(diagram: ChainDiagram) -> tuple[list[Node], list[DrawnLink]]:
 
 def _branch(
     start: str, links: dict[str, list[DrawnLink]], seen: dict[str, None], loops: dict[int, DrawnLink]
-) -> list[Node]:
+) -> list[TreeNode]:
     """Return the bodies that are reached from one, and the ground wherever one of them is tied to it."""
-    root = Node(start, 0)
+    root = TreeNode(start, 0)
     seen[start] = None
     found, queue, taken = [root], deque([root]), set[int]()
     while queue:
@@ -67,7 +67,7 @@ def _branch(
                 loops[id(link)] = link
                 continue
             taken.add(id(link))
-            child = Node(other, node.depth + 1, link, node)
+            child = TreeNode(other, node.depth + 1, link, node)
             node.children.append(child)
             found.append(child)
             if other != GROUND:
@@ -76,7 +76,7 @@ def _branch(
     return found
 
 
-def _rows(branch: list[Node], first: int) -> int:
+def _rows(branch: list[TreeNode], first: int) -> int:
     """Give every node its row, counted from `first`, and return how many rows there are.
 
     The longest branch goes straight on, so that a chain with a spring to the ground remains a line; the

@@ -52,7 +52,7 @@ class Match(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Line:
+class SkeletonLine:
     """One line of the skeleton, or two that belong together: fixed parts, and names of slots between them."""
 
     shown: str
@@ -80,7 +80,7 @@ class Place:
     """Where one of some lines stands: once (""), once or not at all ("?"), or any number of times ("*")."""
 
     mark: str
-    lines: tuple[Line, ...]
+    lines: tuple[SkeletonLine, ...]
 
     def match(self, text: str, at: int) -> Match | None:
         """Return the line that begins at `at` if it has one of the forms."""
@@ -150,8 +150,8 @@ def _places(block: str) -> tuple[Place, ...]:
     return tuple(found)
 
 
-def _line(source: str) -> Line:
-    return Line(source, tuple(_SLOT.split(f"{source}\n")))
+def _line(source: str) -> SkeletonLine:
+    return SkeletonLine(source, tuple(_SLOT.split(f"{source}\n")))
 
 
 @cache

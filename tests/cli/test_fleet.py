@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from generated import emps300_qm_qc
 from modelgen.cli.main import app
-from modelgen.read_file import Kind, read_text
+from modelgen.read_file import InputKind, read_text
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.simulation.simulate import simulate
 
@@ -67,7 +67,7 @@ def test_the_module_is_read_once_and_trusted_if_told(tmp_path: Path, monkeypatch
     module, reads = tmp_path / "edited.py", list[Path]()
     module.write_text(MODULE.read_text().replace("CHAIN = ", "CHAIN  = ", 1))
 
-    def counted(path: Path, kind: Kind) -> str:
+    def counted(path: Path, kind: InputKind) -> str:
         reads.append(Path(path))
         return read_text(path, kind)
 

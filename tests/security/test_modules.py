@@ -13,7 +13,7 @@ import pytest
 
 from modelgen.errors import DataError, RenderError
 from modelgen.generated_module.module_check import module_problems, seal
-from modelgen.read_file import MODULE, Kind
+from modelgen.read_file import MODULE, InputKind
 from modelgen.render.environment import environment
 from modelgen.render.writer import generate
 from modelgen.runtime.model.model import load_model, model_from_text
@@ -48,7 +48,7 @@ def test_nothing_outside_the_skeleton_is_ever_rendered(monkeypatch: pytest.Monke
 
 
 def test_a_chain_that_is_too_large_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("modelgen.generated_module.module_check.MODULE", Kind(1000, ""))
+    monkeypatch.setattr("modelgen.generated_module.module_check.MODULE", InputKind(1000, ""))
     with pytest.raises(
         RenderError, match=r"file: is larger than 0\.001 MB; describe the machine with fewer bodies"
     ):

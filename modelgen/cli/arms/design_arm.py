@@ -27,7 +27,7 @@ from modelgen.errors import DataError, Problem
 from modelgen.spec.arms.arm import ArmSpec
 
 if TYPE_CHECKING:
-    from modelgen.cli.arms.trajectory_options import TrajectoryOptions
+    from modelgen.cli.arms.trajectory_options import TrajectoryFlags
     from modelgen.cli.options import ResultOptions
     from modelgen.runtime.planning.arms.workspace import Box, PlannedJoint
     from modelgen.runtime.simulation.arms.fourier_trajectory import FourierTrajectory
@@ -50,7 +50,7 @@ FS_HZ, DURATION_S, MOST_SAMPLES = 1000.0, 10.0, 10_000_000
 
 
 def chain_unless_arm(
-    context: typer.Context, spec: str, trajectory: TrajectoryOptions, result: ResultOptions
+    context: typer.Context, spec: str, trajectory: TrajectoryFlags, result: ResultOptions
 ) -> ChainSpec | None:
     """Return the chain that a spec describes; of an arm, for which a trajectory is designed, None."""
     found = load_chain_or_arm(spec)
@@ -81,7 +81,7 @@ def refuse_options(context: typer.Context, spec: ChainSpec | ArmSpec) -> None:
 
 
 def design_arm(
-    arm: ArmSpec, trajectory: TrajectoryOptions, given: Mapping[str, Any], result: ResultOptions
+    arm: ArmSpec, trajectory: TrajectoryFlags, given: Mapping[str, Any], result: ResultOptions
 ) -> None:
     """Search for a trajectory with the options of the command, tell it, and write it where asked for."""
     from modelgen.render.arms.arm_writer import arm_module

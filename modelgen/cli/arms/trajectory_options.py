@@ -22,7 +22,7 @@ Seeds = Annotated[int, typer.Option(min=1, help="Of an arm: searches from differ
 
 
 @dataclass(frozen=True)
-class TrajectoryOptions:
+class TrajectoryFlags:
     """What a trajectory keeps to, and how it is searched for."""
 
     inside: Inside = None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from modelgen.cli.arms.trajectory_options import TrajectoryOptions
+from modelgen.cli.arms.trajectory_options import TrajectoryFlags
 from modelgen.cli.options import (
     Noise,
     ParameterSet,
@@ -90,7 +90,7 @@ def design(
     method: Method = None,
     monte_carlo: Draws = None,
     *,
-    trajectory: TrajectoryOptions,
+    trajectory: TrajectoryFlags,
     result: ResultOptions,
 ) -> None:
     """Predict the precision of every parameter for each sensor set, and rank the sets.

@@ -19,7 +19,7 @@ NOISE = {"q_m": 2e-5, "q_c": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}  # rad, rad, rad
 
 
 @dataclass(frozen=True, eq=False)
-class Experiment:
+class BenchExperiment:
     """One excitation of the bench: what is asked of the loop, and what the sensors of a set read."""
 
     excitation: Excitation
@@ -27,7 +27,7 @@ class Experiment:
     record: Record
 
 
-def bench(model: Model, true: Mapping[str, float]) -> list[Experiment]:
+def bench(model: Model, true: Mapping[str, float]) -> list[BenchExperiment]:
     """Return a chirp and a trapezoid as the sensors of this model would record them."""
     noise = {key: std for key, std in NOISE.items() if key in model.channels}
     chirp = default_excitation("chirp", model, true, FS_HZ, duration_s=DURATION_S, band_hz=CHIRP_BAND_HZ)
@@ -35,5 +35,5 @@ def bench(model: Model, true: Mapping[str, float]) -> list[Experiment]:
     found = []
     for seed, excitation in enumerate((chirp, trapezoid)):
         done = simulate(model, true, excitation, fs=FS_HZ, noise=noise, seed=seed)
-        found.append(Experiment(excitation, done.settings.controller, done.record))
+        found.append(BenchExperiment(excitation, done.settings.controller, done.record))
     return found

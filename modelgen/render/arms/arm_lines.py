@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from modelgen.errors import RenderError, listed
 from modelgen.render.arms.sensor_readings import from_sensors
-from modelgen.render.arms.straight_line import Output, StraightLine, straight_line
+from modelgen.render.arms.straight_line import KernelOutput, StraightLine, straight_line
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel
 from modelgen.symbolic.arms.expressions.graph import Ref, Symbol
 
@@ -69,8 +69,8 @@ def arm_lines(model: ArmBaseModel) -> ArmLines:
     number = {joint.name: n for n, joint in enumerate(spec.joints, start=1)}
     read = from_sensors(rows, [*(ref for *_, ref in kept), *_left_side(model)])
     sections = [f"joint {number[rows.owners[model.columns[k]]]}" for k, *_ in kept]
-    outputs = [Output(ref, section) for ref, section in zip(read.refs, sections, strict=False)]
-    measured = [Output(ref, "measured") for ref in read.refs[len(kept) :]]
+    outputs = [KernelOutput(ref, section) for ref, section in zip(read.refs, sections, strict=False)]
+    measured = [KernelOutput(ref, "measured") for ref in read.refs[len(kept) :]]
     entries, left = (
         straight_line(rows.graph, refs, read.names, lengths, read.speeds, read.angles)
         for refs in (outputs, measured)

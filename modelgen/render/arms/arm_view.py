@@ -23,7 +23,7 @@ SAFE_FILE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}\Z")
 
 
 @dataclass(frozen=True)
-class Kernel:
+class KernelView:
     """One function of straight lines: (comment, lines) of each section."""
 
     signals: tuple[str, ...]  # names in the kernel
@@ -48,8 +48,8 @@ class ArmView:
     block: int
     row_count: int
     column_count: int
-    entries: Kernel
-    measurement: Kernel
+    entries: KernelView
+    measurement: KernelView
     base_lines: tuple[str, ...]
 
 
@@ -86,12 +86,12 @@ def _base_source(factors: Mapping[str, float]) -> str:
     return weighted_sum((Fraction(factor), f'p["{name}"]') for name, factor in factors.items())
 
 
-def _kernel(signals: tuple[str, ...], line: StraightLine, outputs: int) -> Kernel:
+def _kernel(signals: tuple[str, ...], line: StraightLine, outputs: int) -> KernelView:
     sections: dict[str, list[str]] = {}
     for operation in line.operations:
         sections.setdefault(operation.section, []).append(_source(operation))
     named = tuple((section, tuple(lines)) for section, lines in sections.items())
-    return Kernel(signals, named, line.buffers, outputs)
+    return KernelView(signals, named, line.buffers, outputs)
 
 
 def _source(operation: Operation) -> str:

@@ -15,7 +15,7 @@ FUNCTIONS = {"cosine": "cos", "sine": "sin", "sign": "sign", "forward": "greater
 
 
 @dataclass(frozen=True)
-class Output:
+class KernelOutput:
     """What is computed: a reference, and the section that it belongs to."""
 
     ref: Ref
@@ -58,7 +58,7 @@ class StraightLine:
 
 def straight_line(
     graph: Graph,
-    outputs: Sequence[Output],
+    outputs: Sequence[KernelOutput],
     names: Mapping[int, str],
     lengths: Mapping[str, float],
     speeds: Mapping[str, Ref],
@@ -70,7 +70,7 @@ def straight_line(
     ----------
     graph : Graph
         Where they are.
-    outputs : sequence of Output
+    outputs : sequence of KernelOutput
         Output k is written to the array ok.
     names : mapping of int to str
         Names of nodes, all different; others are called v and a number. Positions and forces must have one.
@@ -206,7 +206,7 @@ class _Line:
             target = f"b{self._held[index]}"
         return Operation(self._name(index), function, operands, target, section)
 
-    def copy(self, output: Output, place: int, last: Mapping[int, int], step: int) -> Operation:
+    def copy(self, output: KernelOutput, place: int, last: Mapping[int, int], step: int) -> Operation:
         """Return what writes a value that is computed already, or its negative, to an output of its own."""
         constant, index = self.is_constant(output.ref), abs(output.ref)
         negative = not constant and self.stored(index) != output.ref

@@ -29,23 +29,23 @@ from modelgen.runtime.simulation.plant import body_order
 
 
 @dataclass(frozen=True)
-class Mode:
+class EraMode:
     """An elastic mode."""
 
     frequency_hz: float
     damping_ratio: float
 
 
-def modes_of_parameters(model: Model, parameters: Mapping[str, float]) -> tuple[Mode, ...]:
+def modes_of_parameters(model: Model, parameters: Mapping[str, float]) -> tuple[EraMode, ...]:
     """Return the elastic modes of the chain with these parameters (SI), lowest first."""
     return tuple(
-        Mode(one.frequency_hz.value, one.damping_ratio.value)
+        EraMode(one.frequency_hz.value, one.damping_ratio.value)
         for one in modes_at(model, parameters)
         if one.frequency_hz and one.damping_ratio and abs(one.damping_ratio.value) < MOST_DAMPED
     )
 
 
-def modes_of_record(model: Model, record: Record, highest_hz: float) -> tuple[Mode, ...]:
+def modes_of_record(model: Model, record: Record, highest_hz: float) -> tuple[EraMode, ...]:
     """Return the modes up to a frequency (Hz) that explain the sensors' velocities by the force.
 
     Raises
@@ -77,9 +77,9 @@ def modes_of_record(model: Model, record: Record, highest_hz: float) -> tuple[Mo
     return tuple(m for m in _modes(np.log(z) / dt) if m.frequency_hz < highest_hz and m.damping_ratio > 0.0)
 
 
-def _modes(poles: npt.NDArray[np.complex128]) -> tuple[Mode, ...]:
+def _modes(poles: npt.NDArray[np.complex128]) -> tuple[EraMode, ...]:
     found = [
-        Mode(float(abs(p)) / (2.0 * np.pi), float(-p.real / abs(p)))
+        EraMode(float(abs(p)) / (2.0 * np.pi), float(-p.real / abs(p)))
         for p in poles
         if p.imag > 0.0 and abs(p.real) < MOST_DAMPED * abs(p)
     ]

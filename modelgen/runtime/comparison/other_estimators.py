@@ -11,7 +11,7 @@ import numpy as np
 
 from modelgen.errors import DataError, ModelgenError
 from modelgen.progress import step
-from modelgen.runtime.comparison.era_modes import Mode, modes_of_parameters, modes_of_record
+from modelgen.runtime.comparison.era_modes import EraMode, modes_of_parameters, modes_of_record
 from modelgen.runtime.comparison.kalman_filter import filter_parameters
 from modelgen.runtime.comparison.thresholds import HIGHEST_MODE
 from modelgen.runtime.identification.identify import identify
@@ -39,7 +39,7 @@ class Measured:
     """All methods side by side, and elastic modes by source."""
 
     methods: tuple[Yardstick, ...]
-    modes: tuple[tuple[str, tuple[Mode, ...]], ...]
+    modes: tuple[tuple[str, tuple[EraMode, ...]], ...]
 
 
 def measure(model: Model, records: Sequence[Record]) -> Measured:
@@ -83,7 +83,7 @@ def measure(model: Model, records: Sequence[Record]) -> Measured:
 
 def _modes(
     model: Model, records: Sequence[Record], start: dict[str, float]
-) -> tuple[tuple[str, tuple[Mode, ...]], ...]:
+) -> tuple[tuple[str, tuple[EraMode, ...]], ...]:
     own = modes_of_parameters(model, start)
     if not own:
         return (("wls", own),)

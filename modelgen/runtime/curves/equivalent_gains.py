@@ -124,7 +124,7 @@ def equivalent_gains(plant: Plant, record: Record, cutoff_hz: float) -> Equivale
     at_hz = np.geomspace(lowest, cutoff_hz, GAIN_POINTS)
     shape = (len(plant.model.friction), GAIN_POINTS), (len(plant.model.cubic_springs), GAIN_POINTS)
     found = EquivalentGains(at_hz, np.zeros(shape[0]), np.zeros(shape[1]), np.full(shape[0][0], 0.5))
-    motions = [Motion(plant, part, cutoff_hz) for part in _parts(record)]
+    motions = [RecordMotion(plant, part, cutoff_hz) for part in _parts(record)]
     for _ in range(ROUNDS):
         after = _gains(plant, motions, found)
         moved = max(
@@ -147,7 +147,7 @@ def _change(after: FloatArray, before: FloatArray) -> float:
     return float(np.abs(after - before).max(initial=0.0) / (np.abs(after).max(initial=0.0) or 1.0))
 
 
-class Motion:
+class RecordMotion:
     """Velocities of bodies and deflections of springs during a record, measured or worked out."""
 
     def __init__(self, plant: Plant, record: Record, cutoff_hz: float) -> None:
@@ -227,7 +227,7 @@ def _measured_deflection(
     return zero_phase(np.sum(list(readings), axis=0), FILTER_ORDER, cutoff_hz, record.fs)
 
 
-def _gains(plant: Plant, motions: list[Motion], before: EquivalentGains) -> EquivalentGains:
+def _gains(plant: Plant, motions: list[RecordMotion], before: EquivalentGains) -> EquivalentGains:
     """Return the gains of one more round, those of several stretches averaged by their power."""
     at_hz = before.frequency_hz
     friction = np.zeros((*before.friction.shape, 2))

@@ -27,7 +27,7 @@ from modelgen.runtime.model.model import Model
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
+class FitCoordinates:
     """What a fit is compared in: parameters p near which its columns are X + slope (p' - p).
 
     `values` are p, shape (n,); `slope` has the shape (columns, n).
@@ -47,12 +47,12 @@ class Coordinates:
         return np.asarray(self.slope @ covariance @ self.slope.T)
 
 
-def own_columns(fit: Fit) -> Coordinates:
+def own_columns(fit: Fit) -> FitCoordinates:
     """Return the columns of a fit as they are."""
-    return Coordinates(fit.columns, fit.solution.x, np.eye(len(fit.columns)))
+    return FitCoordinates(fit.columns, fit.solution.x, np.eye(len(fit.columns)))
 
 
-def coordinates_of(fit: Fit, model: Model, at_zero: Collection[str] = ()) -> Coordinates:
+def coordinates_of(fit: Fit, model: Model, at_zero: Collection[str] = ()) -> FitCoordinates:
     """Return the physical parameters of a fit that was made in them, else its columns.
 
     `at_zero` are physical parameters that bounds hold at zero.
@@ -62,7 +62,7 @@ def coordinates_of(fit: Fit, model: Model, at_zero: Collection[str] = ()) -> Coo
         return own_columns(fit)
     values = {name: 0.0 if name in at_zero else value for name, value in values.items()}
     slope = model.base_jacobian(values)[[model.base_parameters.index(name) for name in fit.columns]]
-    return Coordinates(model.parameters, np.array(list(values.values())), slope)
+    return FitCoordinates(model.parameters, np.array(list(values.values())), slope)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ def all_disagreements(
     lowest_fs: float,
     again: Callable[[FilterChoice], Fit],
     directions: bool,
-    coordinates: Coordinates | None = None,
+    coordinates: FitCoordinates | None = None,
 ) -> tuple[Disagreement, ...]:
     """Fit at other cut-offs and compare.
 
@@ -129,7 +129,7 @@ def disagreements(
     fit: Fit,
     choice: FilterChoice,
     others: Sequence[tuple[FilterChoice, Fit]],
-    coordinates: Coordinates | None = None,
+    coordinates: FitCoordinates | None = None,
 ) -> tuple[Disagreement, ...]:
     """Compare a fit with those at other cut-offs, all of signals or all of directions.
 
@@ -143,7 +143,7 @@ def disagreements(
 
 
 def _disagreement(
-    fit: Fit, choice: FilterChoice, setting: FilterChoice, other: Fit, coordinates: Coordinates
+    fit: Fit, choice: FilterChoice, setting: FilterChoice, other: Fit, coordinates: FitCoordinates
 ) -> Disagreement:
     directions = setting.direction_cutoff_hz != choice.direction_cutoff_hz
     back = coordinates.inverse

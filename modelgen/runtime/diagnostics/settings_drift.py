@@ -30,10 +30,10 @@ from modelgen.runtime.least_squares.wls import solve_matched
 from modelgen.runtime.rows.observation import Observation
 
 Found = TypeVar("Found")  # a fit, of whatever kind
-Solution = TypeVar("Solution", bound="Solved")
+Solution = TypeVar("Solution", bound="SolvedColumns")
 
 
-class Solved(Protocol):
+class SolvedColumns(Protocol):
     """A solution and its columns: a fit, or what is found without keeping rows."""
 
     @property
@@ -91,7 +91,7 @@ class Attempts(Generic[Solution]):
 
 
 def cutoff_drift(
-    fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Solved]
+    fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], SolvedColumns]
 ) -> FloatArray:
     """Return the mean square of X's drift with the cut-off, shape (c, c); parameters as `other_cutoffs`."""
     others = other_cutoffs(choice, lowest_fs, lambda setting: _found(again(setting)))
@@ -129,7 +129,7 @@ def other_cutoffs(
 
 
 def direction_drift(
-    fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], Solved]
+    fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], SolvedColumns]
 ) -> FloatArray:
     """Return the square of X's drift with the cut-off of directions, shape (c, c); parameters as above."""
     others = other_direction(choice, lowest_fs, lambda setting: _found(again(setting)))
@@ -159,7 +159,7 @@ def load_row_drift(fit: Fit, observation: Observation) -> FloatArray:
     return _mean_square(fit, [_found(solve_matched(rows, names, share)) for share in shares])
 
 
-def _found(fit: Solved) -> tuple[tuple[str, ...], FloatArray]:
+def _found(fit: SolvedColumns) -> tuple[tuple[str, ...], FloatArray]:
     """Return columns and solution, shape (c,), of a fit, whose rows need not stay in memory."""
     return fit.columns, fit.solution.x
 

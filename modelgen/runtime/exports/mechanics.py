@@ -28,7 +28,7 @@ TRANSLATION = {"position": "m", "velocity": "m/s", "force": "N"}
 
 
 @dataclass(frozen=True)
-class Body:
+class MechanicalBody:
     """A body: the parameter of its inertia, how it moves, and its friction to the ground."""
 
     name: str
@@ -49,7 +49,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Spring:
+class MechanicalSpring:
     """A force against a deflection, the sum of lever times coordinate: its parameters; None for none."""
 
     lever: Lever
@@ -64,7 +64,7 @@ class Spring:
 
 
 @dataclass(frozen=True)
-class Reading:
+class MechanicalSensor:
     """A sensor: the `order`-th derivative of the sum of lever times coordinate."""
 
     key: str
@@ -74,7 +74,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Push:
+class MechanicalActuator:
     """An actuator and the body it acts on, by its place."""
 
     key: str
@@ -86,10 +86,10 @@ class Push:
 class Mechanics:
     """A chain as a mechanism; places of bodies are those of the model's state."""
 
-    bodies: tuple[Body, ...]
-    springs: tuple[Spring, ...]
-    readings: tuple[Reading, ...]
-    pushes: tuple[Push, ...]
+    bodies: tuple[MechanicalBody, ...]
+    springs: tuple[MechanicalSpring, ...]
+    readings: tuple[MechanicalSensor, ...]
+    pushes: tuple[MechanicalActuator, ...]
 
 
 def mechanics(model: Model) -> Mechanics:
@@ -100,11 +100,14 @@ def mechanics(model: Model) -> Mechanics:
         tuple(_body(model, name) for name in names),
         tuple(_springs(model, matrices)),
         tuple(_readings(model, len(names))),
-        tuple(Push(actuator.key, names.index(actuator.body), actuator.unit) for actuator in model.actuators),
+        tuple(
+            MechanicalActuator(actuator.key, names.index(actuator.body), actuator.unit)
+            for actuator in model.actuators
+        ),
     )
 
 
-def _body(model: Model, name: str) -> Body:
+def _body(model: Model, name: str) -> MechanicalBody:
     own = {
         role.role: parameter
         for parameter, role in model.roles.items()
@@ -119,10 +122,10 @@ def _body(model: Model, name: str) -> Body:
     motion: Literal["rotation", "translation"] = (
         "translation" if model.units[own["inertia"]] == "kg" else "rotation"
     )
-    return Body(name, own["inertia"], motion, ways, friction)
+    return MechanicalBody(name, own["inertia"], motion, ways, friction)
 
 
-def _springs(model: Model, matrices: ChainMatrices) -> Iterator[Spring]:
+def _springs(model: Model, matrices: ChainMatrices) -> Iterator[MechanicalSpring]:
     """Yield the springs and dampers; those of one lever are one."""
     found: dict[Lever, dict[str, str]] = {}
     for name, role in model.roles.items():
@@ -136,7 +139,7 @@ def _springs(model: Model, matrices: ChainMatrices) -> Iterator[Spring]:
         lever = _pointed(np.array([dict(spring.deflection).get(i, 0.0) for i in range(len(matrices.bodies))]))
         found.setdefault(lever, {})["stiffness3"] = spring.parameter
     for lever, names in found.items():
-        yield Spring(tuple(pair for pair in lever if pair[0] >= 0), **names)
+        yield MechanicalSpring(tuple(pair for pair in lever if pair[0] >= 0), **names)
 
 
 def _levers(model: Model, matrices: ChainMatrices, name: str, share: FloatArray) -> list[Lever]:
@@ -157,7 +160,7 @@ def _pointed(lever: FloatArray) -> Lever:
     return tuple((place, sign * factor) for place, factor in pairs)
 
 
-def _readings(model: Model, count: int) -> Iterator[Reading]:
+def _readings(model: Model, count: int) -> Iterator[MechanicalSensor]:
     felt = felt_accelerations(model)
     ones = dict.fromkeys((*model.parameters, *model.known), 1.0)
     space = model.state_space(ones, {entry.body: 1 for entry in model.friction})
@@ -167,4 +170,4 @@ def _readings(model: Model, count: int) -> Iterator[Reading]:
         # what equations were solved for has lost a few digits
         factors = [float(f"{c:.12g}") if sensor.order == 2 else float(c) for c in row]
         lever = tuple((i, c) for i, c in enumerate(factors) if abs(c) > NEGLIGIBLE * size)
-        yield Reading(sensor.key, sensor.order, lever, sensor.unit)
+        yield MechanicalSensor(sensor.key, sensor.order, lever, sensor.unit)

@@ -11,7 +11,7 @@ import numpy as np
 
 from modelgen.errors import DataError
 from modelgen.runtime.exports.case import Case, Written, per_sample
-from modelgen.runtime.exports.mechanics import Body, Lever
+from modelgen.runtime.exports.mechanics import Lever, MechanicalBody
 from modelgen.runtime.exports.plain_text import free_name, xml_attribute, xml_comment
 
 # MuJoCo's least mass is 1e-15; what a body has of the inertia, its joint's armature has not
@@ -73,7 +73,7 @@ def step_s(case: Case, values: Mapping[str, float]) -> float:
     return float(f"{min(LARGEST_STEP_S, 1.0 / max(STEPS_PER_RADIAN * fastest, 1e-9)):.1e}")
 
 
-def _body_lines(case: Case, values: Mapping[str, float], place: int, body: Body) -> Iterator[str]:
+def _body_lines(case: Case, values: Mapping[str, float], place: int, body: MechanicalBody) -> Iterator[str]:
     inertia = values[body.inertia]
     own = max(BODY_SHARE * inertia, LEAST_MASS)
     kind, axis = MOTION[body.motion]
@@ -99,7 +99,7 @@ def _body_lines(case: Case, values: Mapping[str, float], place: int, body: Body)
     yield "    </body>"
 
 
-def coulomb_of(body: Body, values: Mapping[str, float]) -> tuple[float, float]:
+def coulomb_of(body: MechanicalBody, values: Mapping[str, float]) -> tuple[float, float]:
     """Return a body's Coulomb friction forwards and backwards."""
     friction = body.friction
     if friction is None:
@@ -109,7 +109,7 @@ def coulomb_of(body: Body, values: Mapping[str, float]) -> tuple[float, float]:
     return plus, minus
 
 
-def steady_force(body: Body, values: Mapping[str, float]) -> float:
+def steady_force(body: MechanicalBody, values: Mapping[str, float]) -> float:
     """Return the constant part of a body's friction, once the mean Coulomb friction is taken off."""
     plus, minus = coulomb_of(body, values)
     offset = body.friction.offset if body.friction else None

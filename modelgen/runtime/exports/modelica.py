@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from modelgen.runtime.exports.case import Case, Written
-from modelgen.runtime.exports.mechanics import Body, Lever
+from modelgen.runtime.exports.mechanics import Lever, MechanicalBody
 from modelgen.runtime.exports.plain_text import free_name, quoted
 
 FRICTION_TIME_S = 1e-4  # speed that Coulomb friction alone gives the body in this time: there it is at 76 %
@@ -110,7 +110,7 @@ def _declarations(case: Case, names: _Names) -> Iterator[str]:
         yield f"Real {names.made(f'force_{number}')}(unit = {_unit(first.units['force'])});"
 
 
-def _rubbing(case: Case) -> list[Body]:
+def _rubbing(case: Case) -> list[MechanicalBody]:
     """Return the bodies with Coulomb friction, or friction that differs by direction."""
     return [
         body
@@ -119,7 +119,7 @@ def _rubbing(case: Case) -> list[Body]:
     ]
 
 
-def slow_speed(body: Body, values: Mapping[str, float]) -> float:
+def slow_speed(body: MechanicalBody, values: Mapping[str, float]) -> float:
     """Return the speed over which a body's Coulomb friction changes its sign, to two digits."""
     assert body.friction is not None
     names = (body.friction.coulomb_plus, body.friction.coulomb_minus)
@@ -161,7 +161,7 @@ def _sum(case: Case, names: _Names, lever: Lever, kind: str, form: str = "{}") -
     return text or "0"
 
 
-def _forces(case: Case, names: _Names, place: int, body: Body) -> str:
+def _forces(case: Case, names: _Names, place: int, body: MechanicalBody) -> str:
     parts = [names.of(push.key) for push in case.mechanics.pushes if push.body == place]
     speed = names.made(f"speed_{body.name}")
     forward, backward = (names.of(name) if name else None for name in body.viscous)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from modelgen.runtime.exports.case import Case, Written, per_sample
-from modelgen.runtime.exports.mechanics import Body
+from modelgen.runtime.exports.mechanics import MechanicalBody
 from modelgen.runtime.exports.mjcf import coulomb_of
 from modelgen.runtime.exports.plain_text import free_name, xml_attribute, xml_comment
 
@@ -61,7 +61,7 @@ def _lines(case: Case, values: Mapping[str, float]) -> Iterator[str]:
     yield "</robot>"
 
 
-def _body_lines(body: Body, values: Mapping[str, float], base: str) -> Iterator[str]:
+def _body_lines(body: MechanicalBody, values: Mapping[str, float], base: str) -> Iterator[str]:
     inertia = values[body.inertia]
     kind, axis = MOTION[body.motion]
     damping = sum(values[name] if name else 0.0 for name in body.viscous) / 2.0

@@ -25,7 +25,7 @@ from modelgen.runtime.files.mat_elements import (
     STRUCT,
     DamagedFile,
     Elements,
-    Values,
+    VariableValues,
     complex_of,
     field_names,
     name_of,
@@ -84,7 +84,7 @@ class MatFile:
             return _level4_value(variable, data)
         if variable.packed:
             data = _unpacked(data, self.order)
-        return Values(self.order).array(memoryview(data))
+        return VariableValues(self.order).array(memoryview(data))
 
 
 def open_variables(path: Path) -> MatFile:

@@ -39,7 +39,7 @@ class DamagedFile(ValueError):
 
 
 @dataclass(frozen=True)
-class Head:
+class ArrayHead:
     """The head of an array: its name, class and shape."""
 
     name: str
@@ -75,7 +75,7 @@ class Elements:
         self.place = min(len(self.data), start + size + -(start + size - self.place) % 8)
         return kind, self.data[start : start + size]
 
-    def head(self) -> Head:
+    def head(self) -> ArrayHead:
         """Return what stands before an array's values."""
         _, flags = self.next(_UINT32)
         if len(flags) != 8:
@@ -91,7 +91,7 @@ class Elements:
         if any(length < 0 for length in shape):
             raise DamagedFile(f"an array has the dimensions {shape}")
         _, name = self.next(_INT8, _UINT8, _UTF8)
-        return Head(name_of(name), kind, shape, bool(word & COMPLEX_FLAG))
+        return ArrayHead(name_of(name), kind, shape, bool(word & COMPLEX_FLAG))
 
 
 def name_of(data: memoryview) -> str:
@@ -104,7 +104,7 @@ def name_of(data: memoryview) -> str:
     return name
 
 
-class Values:
+class VariableValues:
     """The values of one variable, decoded; `order` is "<" or ">"."""
 
     def __init__(self, order: str) -> None:
@@ -130,7 +130,7 @@ class Values:
             return [self.array(elements.next(MATRIX)[1], depth + 1) for _ in range(head.size)]
         return None
 
-    def _numbers(self, elements: Elements, head: Head) -> npt.NDArray[Any]:
+    def _numbers(self, elements: Elements, head: ArrayHead) -> npt.NDArray[Any]:
         if head.size == 0:
             return np.empty(0, NUMERIC[head.kind])
         values = self._part(elements, head)
@@ -138,7 +138,7 @@ class Values:
             values = complex_of(values, self._part(elements, head))
         return values.reshape(head.shape, order="F")
 
-    def _part(self, elements: Elements, head: Head) -> npt.NDArray[Any]:
+    def _part(self, elements: Elements, head: ArrayHead) -> npt.NDArray[Any]:
         kind, data = elements.next(*_STORED)
         stored = np.dtype(self.order + _STORED[kind])
         wanted = np.dtype(NUMERIC[head.kind])
@@ -150,7 +150,7 @@ class Values:
         with np.errstate(over="ignore", invalid="ignore"):  # of doubles in an array of singles
             return np.frombuffer(data, stored).astype(wanted, copy=False)
 
-    def _text(self, elements: Elements, head: Head) -> Text:
+    def _text(self, elements: Elements, head: ArrayHead) -> Text:
         if head.size == 0:
             return ""
         kind, data = elements.next(*_CODECS)
@@ -161,7 +161,7 @@ class Values:
         rows = head.shape[0]  # of several lines the letters stand column by column
         return "".join(text[row::rows] for row in range(rows)) if 1 < rows <= len(text) else text
 
-    def _fields(self, elements: Elements, head: Head, depth: int) -> Fields:
+    def _fields(self, elements: Elements, head: ArrayHead, depth: int) -> Fields:
         names = field_names(elements)
         self._check_count(elements, head.size * len(names))
         fields: Fields = {name: [] for name in names}

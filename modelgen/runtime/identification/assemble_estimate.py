@@ -35,7 +35,7 @@ from modelgen.runtime.results.estimate_parts import (
     EstimatedParameters,
     RowDiagnostics,
 )
-from modelgen.runtime.results.source import Source
+from modelgen.runtime.results.source import EstimateSource
 from modelgen.runtime.rows.observation import Observation
 
 
@@ -123,7 +123,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
             {**model.absent, **solved.refused, **found.unanswered},
             others,
         ),
-        source=Source(model, solved.job.records, known),
+        source=EstimateSource(model, solved.job.records, known),
     )
 
 

@@ -21,7 +21,7 @@ from modelgen.runtime.diagnostics.cutoff_agreement import (
 from modelgen.runtime.diagnostics.noise_bias import less_noise
 from modelgen.runtime.diagnostics.settings_drift import (
     Attempts,
-    Solved,
+    SolvedColumns,
     cutoff_drift,
     direction_drift,
     load_row_drift,
@@ -108,7 +108,7 @@ class Solution:
             fit, _ = less_noise(job.model, job.records, other, fit)
         return self.treatment(fit)
 
-    def found_at(self, task: Task, other: FilterChoice) -> Solved:
+    def found_at(self, task: Task, other: FilterChoice) -> SolvedColumns:
         """Return the solution of that fit; of least squares without a second set of rows in memory."""
         job, plain = self.job, isinstance(task.method, WLS) and self.treatment == Treatment()
         if not plain or job.rows_for_tag is not None or self.plain.projected is not None:

@@ -31,7 +31,7 @@ PART = 1 << 12
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class RowPrediction:
     """How a row follows from `terms`, pairs (row, lag), at instants of the grid; `spread` is its error's."""
 
     terms: tuple[tuple[int, int], ...]
@@ -46,7 +46,7 @@ class JointWhitener:
 
     places: tuple[IntArray, ...]
     alone: tuple[Whitener, ...]
-    together: tuple[Prediction | None, ...]
+    together: tuple[RowPrediction | None, ...]
     floors: tuple[float, ...]
 
     @property
@@ -104,7 +104,9 @@ class JointWhitener:
             kept = left[found]
             white[found[kept]] = self.floors[row] * alone(samples[found], place[found])[kept]
 
-    def _predict(self, white: FloatArray, row: int, one: Prediction, samples: Sequence[FloatArray]) -> None:
+    def _predict(
+        self, white: FloatArray, row: int, one: RowPrediction, samples: Sequence[FloatArray]
+    ) -> None:
         for run in runs_of(one.instants):
             for begin in range(0, len(run), PART):
                 first = int(one.instants[run[begin]])
@@ -193,7 +195,7 @@ def _terms(row: int, related: Sequence[int], rises: Sequence[int], order: int) -
 
 def _prediction(
     row: int, related: Sequence[int], rises: Sequence[int], series: FloatArray, reach: IntArray, least: float
-) -> Prediction | None:
+) -> RowPrediction | None:
     """Return how a row follows from itself and related rows; None where too few samples say that."""
     share = len(_terms(row, related, rises, JOINT_ORDER)) / JOINT_ORDER
     order = min(JOINT_ORDER, int(np.sum(reach[row] > 0) / (SAMPLES_A_COEFFICIENT * share)))
@@ -211,7 +213,7 @@ def _prediction(
     ridge = np.sqrt(n * floor) * np.eye(c, c + 1)
     R = triangle_of(np.concatenate([triangle, ridge]))
     shares = np.asarray(np.linalg.lstsq(R[:c, :c], R[:c, c], rcond=None)[0], dtype=float)
-    return Prediction(tuple(terms), shares, float(np.sqrt(R[c, c] ** 2 / n + floor)), instants)
+    return RowPrediction(tuple(terms), shares, float(np.sqrt(R[c, c] ** 2 / n + floor)), instants)
 
 
 def _complete(terms: Sequence[tuple[int, int]], reach: IntArray) -> BoolArray:

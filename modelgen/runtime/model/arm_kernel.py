@@ -112,7 +112,7 @@ class ArmKernel:
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class CandidateSignals:
     """Signals and features that an entry may be made of, at random samples: shape (N,) each.
 
     `summed` are independent of each other: entries are sums of them, or else a multiple of one of `alone`.
@@ -121,9 +121,9 @@ class Candidates:
     summed: Mapping[str, FloatArray]
     alone: Mapping[str, FloatArray]
 
-    def also(self, further: Mapping[str, FloatArray]) -> Candidates:
+    def also(self, further: Mapping[str, FloatArray]) -> CandidateSignals:
         """Return the same with further ones to be summed, shape (n,) each."""
-        return Candidates({**self.summed, **further}, self.alone)
+        return CandidateSignals({**self.summed, **further}, self.alone)
 
     def sums(self, lines: FloatArray) -> list[Sum | None]:
         """Return each line, shape (lines, N), as terms of candidates, None where it is none."""

@@ -14,7 +14,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.arm_channels import ArmChannels, also_read, arm_channels
 from modelgen.runtime.model.arm_functions import ArmFunctions
-from modelgen.runtime.model.arm_kernel import SAMPLES_A_CANDIDATE, ArmKernel, Candidates, Sum
+from modelgen.runtime.model.arm_kernel import SAMPLES_A_CANDIDATE, ArmKernel, CandidateSignals, Sum
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.deflected_rows import deflected_rows
 
@@ -92,7 +92,7 @@ def _lines(
     still = {**signals, **dict.fromkeys(forces, np.zeros(len(signals[module.SIGNALS[0]])))}
     known = np.asarray(module.measurement(still)).T
     pushed = np.asarray(module.measurement(signals)).T - known
-    of_forces = Candidates(pushing, {}).sums(pushed)
+    of_forces = CandidateSignals(pushing, {}).sums(pushed)
     of_known = candidates.sums(known)
     entries = {f"entry {line}": line for line, terms in enumerate(found) if terms is None}
     left = {f"known {row}": row for row, terms in enumerate(of_known) if terms is None}
@@ -119,7 +119,7 @@ def _kernel_features(kernel: ArmKernel | DeflectedKernel) -> tuple[dict[str, Any
 
 def _candidates(
     module: Any, channels: ArmChannels, rng: np.random.Generator
-) -> tuple[Candidates, dict[str, FloatArray], tuple[dict[str, Any], ...]]:
+) -> tuple[CandidateSignals, dict[str, FloatArray], tuple[dict[str, Any], ...]]:
     """Return what entries may be sums of at random samples, the module's signals there, and all features."""
     speeds = (*channels.speeds, *channels.given)
     count = SAMPLES_A_CANDIDATE * (len(module.SIGNALS) + 8 * len(speeds) + 1)
@@ -144,7 +144,7 @@ def _candidates(
         features += [] if one in channels.given else made  # no sensor reads those
     moving = {key: value for key, value in summed.items() if value.any()}
     still = {key: value for key, value in alone.items() if value.any()}
-    return Candidates(moving, still), signals, tuple(features)
+    return CandidateSignals(moving, still), signals, tuple(features)
 
 
 def _feature(key: str, function: str, of: str, times: str | None) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from modelgen.runtime.parameters.thresholds import (
 
 
 @dataclass(frozen=True)
-class Combination:
+class ParameterSum:
     """A sum of parameters that the records see: `terms` pairs of coefficient and name, its value, its std."""
 
     terms: tuple[tuple[float, str], ...]
@@ -68,7 +68,7 @@ class Dependence:
 
     columns: tuple[str, ...]
     condition_index: float
-    combinations: tuple[Combination, ...]
+    combinations: tuple[ParameterSum, ...]
 
     @property
     def text(self) -> str:
@@ -197,7 +197,7 @@ def _dependence(
         terms = tuple((float(gradient[place]), fit.columns[place]) for place in np.flatnonzero(gradient))
         variance = float(gradient @ covariance @ gradient)
         combinations.append(
-            Combination(terms, float(gradient @ fit.solution.x), float(np.sqrt(max(variance, 0.0))))
+            ParameterSum(terms, float(gradient @ fit.solution.x), float(np.sqrt(max(variance, 0.0))))
         )
     names = tuple(fit.columns[int(column)] for column in columns)
     return Dependence(names, index, tuple(combinations))

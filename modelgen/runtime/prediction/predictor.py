@@ -178,12 +178,12 @@ def predicted_readings(
     u = np.column_stack([every[a.key] for a in plant.model.actuators])
     z = np.column_stack([record.signals[key] for key in keys])
     chain = SampledChain(plant, record.dt, u)
-    filtering = Filtering(chain, rows, z, start, float(np.std(force)))
+    filtering = FilteredRecord(chain, rows, z, start, float(np.std(force)))
     read = filtering.ahead(filtering.run(filtering.best_gain(record.fs, horizon), len(z)), horizon)
     return {key: read[:, i] for i, key in enumerate(keys)}
 
 
-class Filtering:
+class FilteredRecord:
     """A record filtered by a chain, under disturbances of a size that is looked for.
 
     `rows` are the sensors that read `z`, shape (n, rows), and `force` the size of the measured force.

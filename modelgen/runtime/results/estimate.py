@@ -34,7 +34,7 @@ from modelgen.runtime.results.estimate_parts import (
     EstimatedParameters,
 )
 from modelgen.runtime.results.formats import data_frame, latex_table, markdown_table
-from modelgen.runtime.results.source import Source
+from modelgen.runtime.results.source import EstimateSource
 from modelgen.runtime.results.summary import summary_text
 from modelgen.runtime.results.verdict import Verdict, verdict
 
@@ -74,7 +74,7 @@ class Estimate:
     parameters: EstimatedParameters
     checks: Checks = field(default_factory=Checks)
     modal: Modes = field(default_factory=Modes)
-    source: Source | None = field(default=None, repr=False)
+    source: EstimateSource | None = field(default=None, repr=False)
     contents: tuple[str, ...] = field(default=(), repr=False)
 
     # plot.bode(), plot.fit(), plot.residuals(), plot.parameters(): curves with their intervals

@@ -12,7 +12,7 @@ from modelgen.runtime.records.record import Record
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class EstimateSource:
     """The model and the records (directions found, known delays compensated) behind an estimate.
 
     `known` is what the fit knows of all parameters, refused ones too, and what gives it near other values;

@@ -29,7 +29,7 @@ from modelgen.runtime.rows.thresholds import DIFFERENCE_MARGIN, ROUNDING
 FEW = 101
 
 
-class Stretch(Protocol):
+class PaddedStretch(Protocol):
     """A stretch of a record and what lies around it, continued beyond the ends of the record."""
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
@@ -96,15 +96,15 @@ class SignalPlan:
     fast: bool
     kernel: KernelLines | None = None
 
-    def table(self, stretch: Stretch, channel: str, start: int, count: int) -> FloatArray:
+    def table(self, stretch: PaddedStretch, channel: str, start: int, count: int) -> FloatArray:
         """Return the derivatives of a channel at samples kept from `start` on, shape (count, derivatives)."""
         return self._filtered(stretch, channel, self.operators[channel], start, count)
 
-    def feature(self, stretch: Stretch, feature: Feature, start: int, count: int) -> FloatArray:
+    def feature(self, stretch: PaddedStretch, feature: Feature, start: int, count: int) -> FloatArray:
         """Return a feature, formed at full rate, filtered, at samples kept from `start`, shape (count,)."""
         return self.filtered_feature(stretch, feature, self.feature_operator, start, count)[:, 0]
 
-    def kernel_features(self, stretch: Stretch, start: int, count: int) -> dict[str, FloatArray]:
+    def kernel_features(self, stretch: PaddedStretch, start: int, count: int) -> dict[str, FloatArray]:
         """Return the features of the kernel at samples kept from `start` on, shape (count,) each."""
         assert self.kernel is not None  # a feature of it was asked for
 
@@ -115,7 +115,7 @@ class SignalPlan:
 
         return self.kernel.at(filtered, start, count)
 
-    def direction(self, stretch: Stretch, key: str, start: int, stop: int) -> FloatArray:
+    def direction(self, stretch: PaddedStretch, key: str, start: int, stop: int) -> FloatArray:
         """Return a velocity whose sign is a direction of motion, at the full rate, shape (stop - start,)."""
         channel, operator = self.directions[key]
         if operator is not None:
@@ -123,7 +123,7 @@ class SignalPlan:
         return self._checked(stretch, channel, start, stop)
 
     def _filtered(
-        self, stretch: Stretch, channel: str, operator: FusedOperator, start: int, count: int
+        self, stretch: PaddedStretch, channel: str, operator: FusedOperator, start: int, count: int
     ) -> FloatArray:
         """Return what an operator makes of a channel, shape (count, derivatives)."""
         before, behind = operator.margins
@@ -136,7 +136,7 @@ class SignalPlan:
         return found
 
     def filtered_feature(
-        self, stretch: Stretch, feature: Feature, operator: FusedOperator, start: int, count: int
+        self, stretch: PaddedStretch, feature: Feature, operator: FusedOperator, start: int, count: int
     ) -> FloatArray:
         """Return what an operator makes of a feature, formed at the full rate, shape (count, derivatives)."""
         before, behind = operator.margins
@@ -148,7 +148,7 @@ class SignalPlan:
             samples = self._feature(feature, stretch, low, high)
         return operator.apply(samples, before, count, signs)
 
-    def _checked(self, stretch: Stretch, channel: str, start: int, stop: int) -> FloatArray:
+    def _checked(self, stretch: PaddedStretch, channel: str, start: int, stop: int) -> FloatArray:
         """Return samples of a channel as they are."""
         samples = stretch.read(channel, start, stop)
         if not largest(samples) <= LARGEST:
@@ -163,7 +163,7 @@ class SignalPlan:
         if largest(found[::FEW]) <= rounding and largest(found) <= rounding:
             found[:] = 0.0
 
-    def _feature(self, feature: Feature, stretch: Stretch, start: int, stop: int) -> FloatArray:
+    def _feature(self, feature: Feature, stretch: PaddedStretch, start: int, stop: int) -> FloatArray:
         """Return a feature at the full rate, from directions and unfiltered signals."""
         factor = 1.0 if feature.times is None else self._raw(feature.times, stretch, start, stop)
         if not isinstance(feature.of, str):
@@ -178,7 +178,7 @@ class SignalPlan:
             value = (velocity > 0.0 if feature.function == "forward" else velocity < 0.0).astype(float)
         return value if feature.times is None else np.asarray(value * factor)
 
-    def _raw(self, key: str, stretch: Stretch, start: int, stop: int) -> FloatArray:
+    def _raw(self, key: str, stretch: PaddedStretch, start: int, stop: int) -> FloatArray:
         signal = next(signal for signal in self.model.signals if signal.key == key)
         stencil = self.filtering.stencil
         margin = DIFFERENCE_MARGIN * len(stencil) * signal.derivative

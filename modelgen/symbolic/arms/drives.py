@@ -21,7 +21,7 @@ Direction = Literal["sign", "forward", "backward"]
 
 
 @dataclass(frozen=True)
-class Drive:
+class JointDrive:
     """The drive of a joint, or the motor of coupled ones.
 
     Attributes
@@ -53,13 +53,13 @@ def coordinates(spec: ArmSpec) -> tuple[str, ...]:
     return (*names, *(motor_coordinate(joint) for joint in spec.moving if joint.elastic))
 
 
-def drives(spec: ArmSpec) -> Iterator[Drive]:
+def drives(spec: ArmSpec) -> Iterator[JointDrive]:
     """Yield the drive of every joint that moves, and behind each that of its motor if that is coupled."""
     for joint in spec.moving:
-        yield Drive(joint, joint.name, ((motor_coordinate(joint), Fraction(1)),), "")
+        yield JointDrive(joint, joint.name, ((motor_coordinate(joint), Fraction(1)),), "")
         lever = motor_lever(spec, joint)
         if len(lever) > 1:
-            yield Drive(joint, joint.name + COUPLED, lever, COUPLED)
+            yield JointDrive(joint, joint.name + COUPLED, lever, COUPLED)
 
 
 def motor_lever(spec: ArmSpec, joint: Joint) -> tuple[tuple[str, Fraction], ...]:
@@ -84,7 +84,7 @@ def gain_column(graph: Graph, spec: ArmSpec, joint: Joint) -> dict[str, Ref]:
     return {moved: graph.scale(-ratio, signal) for moved, ratio in motor_lever(spec, joint)}
 
 
-def drive_columns(graph: Graph, drive: Drive) -> Iterator[tuple[str, Ref]]:
+def drive_columns(graph: Graph, drive: JointDrive) -> Iterator[tuple[str, Ref]]:
     """Yield (parameter, what it is multiplied by) of a drive, at a lever of one."""
     joint = drive.joint
     if joint.rotor_inertia:
@@ -120,14 +120,14 @@ def deflected(graph: Graph, joint: Joint, order: int) -> Ref:
     )
 
 
-def moved_by(graph: Graph, drive: Drive, order: int) -> Ref:
+def moved_by(graph: Graph, drive: JointDrive, order: int) -> Ref:
     """Return the position of a drive, differentiated so many times."""
     return graph.total(
         graph.scale(ratio, graph.symbol(Symbol("position", name, order))) for name, ratio in drive.lever
     )
 
 
-def direction_of(graph: Graph, drive: Drive, of: Direction) -> Ref:
+def direction_of(graph: Graph, drive: JointDrive, of: Direction) -> Ref:
     """Return the sign of a drive's speed, or 1 while it moves forward or backward and else 0.
 
     The symbol is that of the speed's positive node (`speed_node`): that of -x is that of x, reversed.
@@ -139,7 +139,7 @@ def direction_of(graph: Graph, drive: Drive, of: Direction) -> Ref:
     return -symbol if of == "sign" else symbol
 
 
-def speed_node(graph: Graph, drive: Drive) -> Ref:
+def speed_node(graph: Graph, drive: JointDrive) -> Ref:
     """Return the speed of a drive, or its negative where that is the node: whose direction the symbol is."""
     return abs(moved_by(graph, drive, 1))
 

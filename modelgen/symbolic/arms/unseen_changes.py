@@ -64,7 +64,7 @@ def unseen_changes(
 
 
 @dataclass(frozen=True)
-class Step:
+class FrameStep:
     """From a parent's frame to a joint's: with lengths as elements of the field; `axis` is the joint's z."""
 
     parent: str
@@ -73,11 +73,11 @@ class Step:
     axis: Direction
 
 
-def _place(joint: Joint, lengths: Mapping[str, Any]) -> Step:
+def _place(joint: Joint, lengths: Mapping[str, Any]) -> FrameStep:
     place = placement(joint)
     x, y, z = (_value(component, lengths) for component in place.offset)
     axis = (place.rotation[0][2], place.rotation[1][2], place.rotation[2][2])
-    return Step(joint.parent or BASE, place.rotation, (x, y, z), axis)
+    return FrameStep(joint.parent or BASE, place.rotation, (x, y, z), axis)
 
 
 def _value(component: Mapping[str, Fraction], lengths: Mapping[str, Any]) -> Any:
@@ -190,7 +190,7 @@ def _unseen_among_drives(spec: ArmSpec, spins: Mapping[str, Mapping[str, Any]]) 
             yield {**change, named[dependent][0]: Fraction(1)}
 
 
-def _rotor_as_link(joint: Joint, place: Step, parent: Freedom, own: Freedom) -> Iterator[Change]:
+def _rotor_as_link(joint: Joint, place: FrameStep, parent: Freedom, own: Freedom) -> Iterator[Change]:
     """Yield the change of a rotor's inertia into parameters of a link that moves as the rotor does."""
     one, rotor = Fraction(1), ("", joint.rotor_inertia or f"rotor of {joint.name}")
     if joint.kind == "revolute" and parent.turning != "many" and not _along(place.axis, parent.axis):
@@ -206,7 +206,7 @@ def _rotor_as_link(joint: Joint, place: Step, parent: Freedom, own: Freedom) -> 
 
 
 def _spins(
-    spec: ArmSpec, steps: Mapping[str, Step], parents: Mapping[str, Freedom]
+    spec: ArmSpec, steps: Mapping[str, FrameStep], parents: Mapping[str, Freedom]
 ) -> dict[str, Mapping[str, Any]]:
     """Return speeds of links about their own axis that are a sum of joint speeds in every posture."""
     joints = {joint.name: joint for joint in spec.joints}
@@ -219,7 +219,7 @@ def _spin(
     link: str,
     direction: Direction,
     joints: Mapping[str, Joint],
-    steps: Mapping[str, Step],
+    steps: Mapping[str, FrameStep],
     parents: Mapping[str, Freedom],
 ) -> dict[str, Any] | None:
     """Return a link's speed about a direction of its frame by the joints; None where that varies."""

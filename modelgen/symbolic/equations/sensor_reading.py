@@ -11,7 +11,7 @@ from modelgen.spec.load import ChainSpec
 from modelgen.spec.units import force_unit, signal_unit
 from modelgen.symbolic.equations.newton import deflection
 from modelgen.symbolic.equations.row import Feature, KeyTerm, NeededSignal, Row
-from modelgen.symbolic.equations.sensor_span import Combination, Reading, Sensing
+from modelgen.symbolic.equations.sensor_span import Combination, Sensing, SensorTerm
 from modelgen.symbolic.equations.signals import DIRECTIONS, Exact, Signal, Term, differentiate
 
 TIMES = {0: "", 1: ", differentiated once", 2: ", differentiated twice"}
@@ -106,12 +106,12 @@ class Reader:
         else:
             yield from self._directed(parameter, signal, coefficient)
 
-    def _readings(self, combination: Combination, order: int) -> tuple[Reading, ...]:
+    def _readings(self, combination: Combination, order: int) -> tuple[SensorTerm, ...]:
         readings = self.sensing.read(combination, order)
         assert readings is not None, "a row is only read after enough differentiations"
         return readings
 
-    def _key(self, reading: Reading) -> str:
+    def _key(self, reading: SensorTerm) -> str:
         key = f"d{reading.derivative}_{reading.sensor}" if reading.derivative else reading.sensor
         self.signals[key] = NeededSignal(key, reading.sensor, None, reading.derivative)
         return key

@@ -24,7 +24,7 @@ HIGHEST_SENSOR_ORDER = 2
 Combination = Mapping[str, Exact]
 
 
-class Reading(NamedTuple):
+class SensorTerm(NamedTuple):
     """coefficient * (reading of `sensor` differentiated `derivative` times)."""
 
     coefficient: Exact
@@ -45,7 +45,7 @@ class Sensing:
         links = {link.bodies: dict(deflection(link)) for link in reversed(spec.links)}
         return cls(sensors, tuple(_combination(sensor, links) for sensor in sensors))
 
-    def read(self, combination: Combination, order: int) -> tuple[Reading, ...] | None:
+    def read(self, combination: Combination, order: int) -> tuple[SensorTerm, ...] | None:
         """Return how to read a combination of coordinates at an order of differentiation.
 
         The fewest differentiations come first (an accelerometer added to an encoder saves two), then the
@@ -72,7 +72,7 @@ class Sensing:
                 return times
         return None
 
-    def velocity(self, body: str) -> Reading | None:
+    def velocity(self, body: str) -> SensorTerm | None:
         """Return the reading of a body's velocity by one sensor, for its sign; None if there is none."""
         readings = self.read({body: 1}, 1)
         if readings is None or len(readings) != 1 or readings[0].coefficient < 0:
@@ -94,13 +94,13 @@ class Sensing:
             indices.sort(key=lambda index: -ORDER[self.sensors[index].measures])
         return table
 
-    def _whole(self, combination: Combination, order: int) -> tuple[Reading, ...] | None:
+    def _whole(self, combination: Combination, order: int) -> tuple[SensorTerm, ...] | None:
         """One sensor reads a multiple of the whole combination."""
         for index in self._by_support.get(frozenset(combination), ()):
             own, lowest = self.combinations[index], ORDER[self.sensors[index].measures]
             factors = {quotient(value, own[body]) for body, value in combination.items()}
             if len(factors) == 1 and lowest <= order:
-                return (Reading(factors.pop(), self.sensors[index].key, order - lowest),)
+                return (SensorTerm(factors.pop(), self.sensors[index].key, order - lowest),)
         return None
 
     @cached_property
@@ -119,19 +119,19 @@ class Sensing:
         """Return per body the lowest order that a sensor of its own reads."""
         return {body: own[-1][0] for body, own in self._of_body.items()}
 
-    def _body_by_body(self, combination: Combination, order: int) -> tuple[Reading, ...] | None:
+    def _body_by_body(self, combination: Combination, order: int) -> tuple[SensorTerm, ...] | None:
         """Every body of the combination has a sensor of its own."""
         readings = []
         for body, coefficient in combination.items():
             for lowest, key in self._of_body.get(body, ()):
                 if lowest <= order:
-                    readings.append(Reading(coefficient, key, order - lowest))
+                    readings.append(SensorTerm(coefficient, key, order - lowest))
                     break
             else:
                 return None
         return tuple(readings)
 
-    def _solve(self, combination: Combination, order: int) -> tuple[Reading, ...] | None:
+    def _solve(self, combination: Combination, order: int) -> tuple[SensorTerm, ...] | None:
         """Combine the sensors that can be used, preferring those that need fewer differentiations."""
         usable = [i for i, sensor in enumerate(self.sensors) if ORDER[sensor.measures] <= order]
         usable.sort(key=lambda i: -ORDER[self.sensors[i].measures])
@@ -140,7 +140,7 @@ class Sensing:
             return None
         chosen = [(usable[n], weight) for n, weight in sorted(weights.items())]
         return tuple(
-            Reading(weight, self.sensors[i].key, order - ORDER[self.sensors[i].measures])
+            SensorTerm(weight, self.sensors[i].key, order - ORDER[self.sensors[i].measures])
             for i, weight in chosen
         )
 

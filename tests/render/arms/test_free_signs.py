@@ -7,7 +7,7 @@ import random
 import numpy as np
 import pytest
 
-from modelgen.render.arms.straight_line import Output, StraightLine, straight_line
+from modelgen.render.arms.straight_line import KernelOutput, StraightLine, straight_line
 from modelgen.symbolic.arms.expressions.evaluation import sampled
 from modelgen.symbolic.arms.expressions.graph import Graph, Ref, Symbol
 
@@ -51,7 +51,7 @@ def test_outputs_are_what_the_graph_says(seed: int) -> None:
         for name in JOINTS
         for order in (0, 1)
     }
-    line = straight_line(graph, [Output(ref, "all") for ref in refs], names, {}, {})
+    line = straight_line(graph, [KernelOutput(ref, "all") for ref in refs], names, {}, {})
     rng = np.random.default_rng(seed)
     motion = {(name, order): rng.standard_normal(5) for name in JOINTS for order in (0, 1)}
     values = {f"q{order}{name}": array for (name, order), array in motion.items()}
@@ -69,5 +69,5 @@ def test_a_difference_is_turned_round_and_what_is_named_keeps_its_sign() -> None
         ({}, ["multiply", "subtract"]),
         ({difference: "w"}, ["multiply", "subtract", "negative"]),
     ):
-        line = straight_line(graph, [Output(-difference, "all")], {**names, **kept}, {}, {})
+        line = straight_line(graph, [KernelOutput(-difference, "all")], {**names, **kept}, {}, {})
         assert [operation.function for operation in line.operations] == functions

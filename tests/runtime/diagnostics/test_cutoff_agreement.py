@@ -7,8 +7,8 @@ import pytest
 
 from generated import two_mass_bench_qm_qc
 from modelgen.runtime.diagnostics.cutoff_agreement import (
-    Coordinates,
     Disagreement,
+    FitCoordinates,
     disagreement_notes,
     disagreements,
     significant_drift,
@@ -101,7 +101,7 @@ def test_the_bench_agrees_over_periods_and_names_its_model_error(bench: Record) 
 def test_a_drift_of_physical_parameters_is_not_seen_through() -> None:
     # three composites of two parameters; only one of the composites moves noticeably
     slope = np.array([[1.0, 0.0], [0.0, 1.0], [2.0, -1.0]])
-    seen = Coordinates(("p", "q"), np.array([3.0, 4.0]), slope)
+    seen = FitCoordinates(("p", "q"), np.array([3.0, 4.0]), slope)
     np.testing.assert_allclose(seen.inverse @ slope, np.eye(2), atol=1e-12)
     noise = slope @ np.diag([1e-6, 1e-6]) @ slope.T
     moved = Disagreement(10.0, np.array([0.02, 0.0]), np.full(2, 1e-3), seen.values)

@@ -49,7 +49,7 @@ class Unknowns:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class GaussNewtonStep:
     """One Gauss-Newton step: rows in base columns at p, instruments, J, and the white linearised fits.
 
     `linear` is that of all columns, without bounds; `white` lacks the columns of what is at zero.
@@ -82,7 +82,9 @@ class Step:
         return spread
 
 
-def step_from(setting: Setting, plain: Fit, now: Unknowns, rules: Rules, white: bool = True) -> Step:
+def step_from(
+    setting: Setting, plain: Fit, now: Unknowns, rules: Rules, white: bool = True
+) -> GaussNewtonStep:
     """Linearise rows at p, make them white, and solve them with the instruments of a simulation at p.
 
     Without `white` each row has one weight only.
@@ -115,7 +117,7 @@ def step_from(setting: Setting, plain: Fit, now: Unknowns, rules: Rules, white: 
         stacked.append(white_of(np.column_stack([z @ slope, -rate]), block.place))
     names = (*model.parameters, *(f"delay of {channel}" for channel in now.delays))
     linear = replace(fit, columns=names, blocks=tuple(whitened))
-    return Step(fit, Z, slope, *_solved(two_stage(linear, tuple(stacked)), model, rules))
+    return GaussNewtonStep(fit, Z, slope, *_solved(two_stage(linear, tuple(stacked)), model, rules))
 
 
 def _with_instruments(
@@ -157,7 +159,7 @@ def _weighed(fit: Fit, rules: Rules) -> tuple[Fit, tuple[str, ...]]:
     return found, huber_notes(weights)
 
 
-def in_base_columns(step: Step, delays: Mapping[str, float], rounds: int) -> Fit:
+def in_base_columns(step: GaussNewtonStep, delays: Mapping[str, float], rounds: int) -> Fit:
     """Return the fit in base columns: their covariance is that of the physical parameters, carried over."""
     white, parameters = step.white, step.slope.shape[1]
     free = [place for place in step.free if place < parameters]

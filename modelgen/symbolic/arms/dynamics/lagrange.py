@@ -13,7 +13,7 @@ from random import Random
 
 from modelgen.spec.arms.arm import ArmSpec, Joint
 from modelgen.symbolic.arms.drives import (
-    Drive,
+    JointDrive,
     coordinates,
     deflected,
     direction_of,
@@ -107,7 +107,7 @@ def _spring(graph: Graph, joint: Joint) -> tuple[Ref, Ref]:
     return graph.add(energies[0], energies[1]), energies[2]
 
 
-def _dissipation(graph: Graph, drive: Drive) -> Ref:
+def _dissipation(graph: Graph, drive: JointDrive) -> Ref:
     """Return Rayleigh's function of a drive: its derivative by the speed is friction."""
     joint, speed = drive.joint, moved_by(graph, drive, 1)
     total = ZERO

@@ -21,7 +21,7 @@ from modelgen.symbolic.arms.expressions.graph import Graph
 from modelgen.symbolic.arms.row_parts import RowParts
 from modelgen.symbolic.arms.sensed.felt_rows import felt_rows
 from modelgen.symbolic.arms.sensed.readable_rows import ReadRows, readable_rows
-from modelgen.symbolic.arms.sensed.sensing import Sensing
+from modelgen.symbolic.arms.sensed.sensing import ArmSensing
 
 #: Behind the name of a joint: the row that its link's, or its motor's, position is made of.
 DEFLECTED, DRIVEN = " deflected", " driven"
@@ -70,7 +70,7 @@ def sensed_rows(
     ModelError
         If there is no row; with the sensors that would give one.
     """
-    sensing = Sensing(spec, sensors)
+    sensing = ArmSensing(spec, sensors)
     hidden = _hidden(spec, sensing, sensors)
     unseen = {one.joint.name if one.behind else motor_coordinate(one.joint) for one in hidden}
     felt = felt_rows(graph, spec, parts, sensors, unseen)
@@ -81,10 +81,12 @@ def sensed_rows(
     every = (*sensors, *(one.sensor for one in hidden))
     said = {sensor.key for _, sensor in felt}
     others = tuple(sensor for sensor in every if sensor.key not in said)
-    seen = readable_rows(graph, spec, parts, [*rows, *(row for row, _ in felt)], Sensing(spec, others), where)
+    seen = readable_rows(
+        graph, spec, parts, [*rows, *(row for row, _ in felt)], ArmSensing(spec, others), where
+    )
     try:
         # what feels positions that springs give is in rows of its own, and in no other
-        linear = readable_rows(graph, spec, parts, rows, Sensing(spec, others[: -len(hidden)]), where)
+        linear = readable_rows(graph, spec, parts, rows, ArmSensing(spec, others[: -len(hidden)]), where)
     except ModelError:
         linear = ReadRows((), (), ())
     names = {row.name for row in linear.rows}
@@ -105,7 +107,7 @@ def sensed_rows(
     return ReadRows(chosen, often, reversals, channels, seen.lost, seen.lacking), every, estimated
 
 
-def _hidden(spec: ArmSpec, sensing: Sensing, sensors: Sequence[ArmSensor]) -> tuple[_Hidden, ...]:
+def _hidden(spec: ArmSpec, sensing: ArmSensing, sensors: Sequence[ArmSensor]) -> tuple[_Hidden, ...]:
     """Return the joints whose links no sensor sees; if there is none, those whose motors none sees."""
     soft = [joint for joint in spec.moving if joint.elastic and joint.stiffness3 is None]
     sides = {

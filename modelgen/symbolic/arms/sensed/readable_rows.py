@@ -13,7 +13,7 @@ from modelgen.symbolic.arms.drives import motor_coordinate
 from modelgen.symbolic.arms.expressions.derivative import time_derivatives
 from modelgen.symbolic.arms.expressions.graph import Graph, Ref, Symbol
 from modelgen.symbolic.arms.row_parts import RowParts
-from modelgen.symbolic.arms.sensed.sensing import Sensing
+from modelgen.symbolic.arms.sensed.sensing import ArmSensing
 
 #: Kind, name and order of a symbol that sensors give.
 Channel = Symbol
@@ -58,7 +58,7 @@ def as_they_are(rows: Sequence[Balance]) -> ReadRows:
 
 
 def readable_rows(
-    graph: Graph, spec: ArmSpec, parts: RowParts, rows: Sequence[Balance], sensing: Sensing, where: str
+    graph: Graph, spec: ArmSpec, parts: RowParts, rows: Sequence[Balance], sensing: ArmSensing, where: str
 ) -> ReadRows:
     """Return the rows that can be read from sensors, each differentiated as few times as possible.
 
@@ -137,7 +137,7 @@ def _needed(graph: Graph, row: Balance, parts: RowParts, turned: Sequence[str]) 
     return list(found)
 
 
-def _read(sensing: Sensing, symbol: Channel) -> Channels | None:
+def _read(sensing: ArmSensing, symbol: Channel) -> Channels | None:
     if symbol.kind == "torque":
         return ((sensing.torques[symbol.name], symbol.order, Fraction(1)),)
     if symbol.kind == "reading":

@@ -20,7 +20,7 @@ STILL: Turning = ({}, {}, {})
 ORDERS = {"position": 0, "velocity": 1, "acceleration": 2}
 
 
-class Reading(NamedTuple):
+class SensedSum(NamedTuple):
     """A sum of channels that is a sum of coordinates, all differentiated `order` times."""
 
     order: int
@@ -28,7 +28,7 @@ class Reading(NamedTuple):
     channels: Sum
 
 
-class Sensing:
+class ArmSensing:
     """Which coordinates, how often differentiated, the sensors of a set give, and by which channels."""
 
     def __init__(self, spec: ArmSpec, sensors: tuple[ArmSensor, ...]) -> None:
@@ -102,7 +102,7 @@ def _subtract(
             del made[number]
 
 
-def reading_of(spec: ArmSpec, sensor: ArmSensor) -> Reading:
+def reading_of(spec: ArmSpec, sensor: ArmSensor) -> SensedSum:
     """Return what a sensor of a position, a speed or an acceleration reads."""
     joint = next(joint for joint in spec.moving if joint.name == sensor.joint)
     motor, one = motor_coordinate(joint), Fraction(1)
@@ -112,10 +112,10 @@ def reading_of(spec: ArmSpec, sensor: ArmSensor) -> Reading:
     elif sensor.side == "motor":
         ratios = zip(spec.moving, spec.transmission[spec.moving.index(joint)], strict=True)
         coordinates = {motor_coordinate(other): Fraction(ratio) for other, ratio in ratios if ratio}
-    return Reading(ORDERS[sensor.measures], coordinates, {sensor.key: one})
+    return SensedSum(ORDERS[sensor.measures], coordinates, {sensor.key: one})
 
 
-def _gyro_readings(spec: ArmSpec, sensors: tuple[ArmSensor, ...]) -> Iterator[Reading]:
+def _gyro_readings(spec: ArmSpec, sensors: tuple[ArmSensor, ...]) -> Iterator[SensedSum]:
     """Yield the speeds of joints that gyros in front of and behind them give.
 
     The component along a joint's axis is the same in both frames, so no angle of the arm is needed.
@@ -128,7 +128,7 @@ def _gyro_readings(spec: ArmSpec, sensors: tuple[ArmSensor, ...]) -> Iterator[Re
             less = _total(
                 (turning[joint.name][2], Fraction(1)), *((before[k], -rotation[k][2]) for k in range(3))
             )
-            yield Reading(1, {joint.name: Fraction(1)}, less)
+            yield SensedSum(1, {joint.name: Fraction(1)}, less)
 
 
 def _turning(spec: ArmSpec, sensors: tuple[ArmSensor, ...]) -> dict[str, Turning]:
