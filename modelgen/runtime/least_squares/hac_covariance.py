@@ -86,7 +86,7 @@ def long_run_covariance(
     bandwidth = max(least, scores_bandwidth(series, grown))
     sums = [ParzenSums(bandwidth) for _ in series]
     for one, parzen in zip(series, sums, strict=True):
-        for psi in in_parts(one):
+        for psi in in_parts(one, least=2 * parzen.width):
             parzen.add(psi)
     return joined_covariance([one.result() for one in sums], bandwidth, sum(one.n for one in sums))
 
@@ -95,18 +95,18 @@ class ParzenSums:
     """The sum over lags l of Parzen's kernel times psi_t psi_(t+l)^T, of an influence in parts."""
 
     def __init__(self, bandwidth: float) -> None:
-        self._width = window_width(bandwidth)
-        self._root = float(np.sqrt(window_power(self._width)))
+        self.width = window_width(bandwidth)
+        self._root = float(np.sqrt(window_power(self.width)))
         self._tails: list[FloatArray] = []
         self._total = np.zeros(1)
         # neighbours within half a window say the same
-        self._kept = EveryFew(max(1, self._width // 2))
+        self._kept = EveryFew(max(1, self.width // 2))
         self.n = 0
 
     def add(self, psi: FloatArray) -> None:
         """Take in the next instants, shape (n, c)."""
         if not self._tails:  # before the record there is nothing
-            self._tails = [np.zeros((self._width - 1, psi.shape[1]), order="F") for _ in range(2)]
+            self._tails = [np.zeros((self.width - 1, psi.shape[1]), order="F") for _ in range(2)]
         self.n += len(psi)
         self._add(psi)
 
@@ -114,7 +114,7 @@ class ParzenSums:
         for place, tail in enumerate(self._tails):
             joined = np.concatenate([tail, psi])
             self._tails[place] = joined[len(joined) - len(tail) :]
-            psi = moving_sum(joined, self._width)
+            psi = moving_sum(joined, self.width)
         psi = psi / self._root
         self._total = self._total + psi.T @ psi
         self._kept.add(psi)
@@ -122,7 +122,7 @@ class ParzenSums:
     def result(self) -> KernelSums:
         """Return the sums over what was taken in; to be called once."""
         # the moving sums that begin within the record and end behind it
-        self._add(np.zeros((2 * (self._width - 1), self._tails[0].shape[1])))
+        self._add(np.zeros((2 * (self.width - 1), self._tails[0].shape[1])))
         return KernelSums(self._total, self._kept.result(), self._kept.stride)
 
 

@@ -12,12 +12,15 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.numerics.decorrelation import principal_directions
 
 # scores of the instants of one record, shape (n, c) each, from the first on
 Series = Callable[[], Iterator[FloatArray]]
 
 # Numbers of a series that are held at a time.
 PART = 1 << 16
+# Numbers that additions one after the other work on at a time: they stay in a cache.
+CACHED = 1 << 15
 # Up to so many numbers are kept between passes, else computed again.
 KEPT = 1 << 22
 # As sums over blocks of instants, fewer are enough.
@@ -36,8 +39,6 @@ CERTAIN_GROWTH = 3.1
 LONGEST_WINDOW = 0.2
 # A window is made of at least so many sums over 1, 2, 4, .. instants.
 FINEST = 8
-# Directions with less than this share of the largest power (of columns of even power) are rounding.
-LEAST_POWER = 1e-10
 # Integral of the square of Parzen's kernel, both sides: relative variance of a variance, over b / 2.
 KERNEL_SQUARED = 0.539
 
@@ -77,11 +78,11 @@ def scores_bandwidth(series: Sequence[Series | FloatArray], grown: bool = True) 
     return _grown([one for one in sums if one.n], start, longest)
 
 
-def in_parts(series: Series | FloatArray) -> Iterator[FloatArray]:
-    """Yield a series in parts, shape (n, c) each."""
+def in_parts(series: Series | FloatArray, least: int = 1) -> Iterator[FloatArray]:
+    """Yield a series in parts, shape (n, c) each; of an array at least so many instants at a time."""
     if callable(series):
         return series()
-    step = max(1, PART // series.shape[1])
+    step = max(least, PART // series.shape[1])
     return (series[start : start + step] for start in range(0, len(series), step))
 
 
@@ -187,12 +188,10 @@ def _behind_window(blocks: Sequence[FloatArray], width: int) -> FloatArray:
 
 def _unit_directions(smooth: FloatArray) -> FloatArray:
     """Return the directions, shape (c, k), in which the sums of products of a series are the unit matrix."""
-    products = smooth.T @ smooth
-    size = np.sqrt(np.diag(products))
+    size = np.sqrt(np.einsum("nc,nc->c", smooth, smooth))
     size[size == 0.0] = np.inf
-    power, directions = np.linalg.eigh(products / np.outer(size, size))
-    alive = power > LEAST_POWER * power[-1]
-    return np.asarray(directions[:, alive] / np.sqrt(power[alive]) / size[:, None])
+    power, directions = principal_directions(smooth / size)
+    return np.asarray(directions / np.sqrt(power) / size[:, None])
 
 
 def _unevenness(unit: FloatArray) -> float:
@@ -216,8 +215,15 @@ def window_power(width: int) -> float:
 def moving_sum(series: FloatArray, width: int) -> FloatArray:
     """Return the sums over `width` neighbours, shape (n - width + 1, c), of a series of shape (n, c).
 
-    They are put together from sums over powers of two: few additions, and nothing large is subtracted.
+    They are put together from sums over powers of two: few additions, and nothing large is subtracted. Few
+    columns at a time stay in a cache.
     """
+    columns = max(1, CACHED // max(1, len(series)))
+    if columns < series.shape[1]:
+        found = np.empty((len(series) - width + 1, series.shape[1]), order="F")
+        for at in range(0, series.shape[1], columns):
+            found[:, at : at + columns] = moving_sum(series[:, at : at + columns], width)
+        return found
     count, behind, size = len(series) - width + 1, 0, 1
     result, power = None, series
     while True:

@@ -6,6 +6,9 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 
+# Directions with less than this share of the largest power (of columns of even power) are rounding.
+LEAST_POWER = 1e-10
+
 
 def whitening(covariance: FloatArray, smallest: float) -> FloatArray:
     """Return V with V C V^T = 1, shape (n, n), except where C is next to nothing: there V stays bounded.
@@ -17,3 +20,17 @@ def whitening(covariance: FloatArray, smallest: float) -> FloatArray:
     values, vectors = np.linalg.eigh(covariance / np.outer(spread, spread))
     floor = smallest**2 * max(float(values[-1]), 1.0)
     return np.asarray((vectors / np.sqrt(np.maximum(values, floor))).T / spread)
+
+
+def principal_directions(series: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the eigenvalues of S^T S that are not rounding, shape (k,), and their vectors, shape (c, k).
+
+    `series` is S, shape (n, c); of S^T S and S S^T the smaller matrix is taken apart.
+    """
+    few = len(series) < series.shape[1]
+    power, directions = np.linalg.eigh(series @ series.T if few else series.T @ series)
+    alive = power > LEAST_POWER * power[-1]
+    power, directions = power[alive], directions[:, alive]
+    if few:
+        directions = series.T @ (directions / np.sqrt(power))
+    return power, directions

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.numerics.decorrelation import principal_directions
 
 # Numbers of a record that are kept to see on how many instants a variance rests; directions with less than
 # this share of the largest variance, where rounding would show, grow by the mean of the others' factors.
@@ -86,17 +87,17 @@ def joined_covariance(sums: Sequence[KernelSums], bandwidth: float, n: int) -> F
     known = powers > WITHOUT_DIRECTION * powers[-1]
     root = np.sqrt(powers[known])
     series = [(one.kept / scale) @ (vectors[:, known] / root) for one in sums]
-    # sum of |z|^2 z z^T over instants
-    fourth = sum(
-        one.stride * (z.T * np.einsum("nc,nc->n", z, z)) @ z for z, one in zip(series, sums, strict=True)
+    # eigenvectors of the sum of |z|^2 z z^T over instants
+    roots = [np.sqrt(one.stride) * np.linalg.norm(z, axis=1) for z, one in zip(series, sums, strict=True)]
+    _, own = principal_directions(
+        np.concatenate([root[:, None] * z for z, root in zip(series, roots, strict=True)])
     )
-    own = np.linalg.eigh(fourth)[1]
     instants = _instants([z @ own for z in series], sums, n)
     more = np.array([fixed_b_factor(bandwidth, count) - 1.0 for count in instants.tolist()])
-    rest = vectors[:, ~known] * np.sqrt(np.maximum(powers[~known], 0.0))
-    directions = scale[:, None] * np.column_stack([(vectors[:, known] * root) @ own, rest])
-    more = np.append(more, np.full(rest.shape[1], np.mean(more)))
-    return np.asarray(result + (directions * more) @ directions.T)
+    # all others, those that the kept instants do not reach among them, grow by the mean
+    directions = scale[:, None] * ((vectors[:, known] * root) @ own)
+    mean = float(np.mean(more))
+    return np.asarray(result * (1.0 + mean) + (directions * (more - mean)) @ directions.T)
 
 
 def _instants(series: Sequence[FloatArray], sums: Sequence[KernelSums], n: int) -> FloatArray:

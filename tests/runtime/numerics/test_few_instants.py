@@ -59,6 +59,19 @@ def test_every_direction_has_instants_of_its_own() -> None:
         assert not found[2].any()
 
 
+def test_directions_that_no_kept_instant_reaches_grow_as_the_others_do() -> None:
+    psi = np.random.default_rng(9).normal(size=(400, 40))
+    unreached = np.linalg.svd(psi[::25])[2][16:]
+    growth = []
+    for order in (np.arange(40), np.arange(40)[::-1]):
+        sums = KernelSums(psi[:, order].T @ psi[:, order], psi[::25, order], 25)
+        found = joined_covariance([sums], 100.0, 400)
+        along = unreached[:, order]
+        growth.append(np.diag(along @ found @ along.T) / np.diag(along @ sums.total @ along.T))
+    # rounding, which another order of the columns changes, does not tell one of them from another
+    assert np.ravel(growth) == pytest.approx(np.full(48, growth[0][0]), rel=1e-9)
+
+
 def test_sums_that_nearly_cancel_grow_no_more_than_their_parts() -> None:
     common = RNG.normal(size=(300, 1)) * (np.arange(300) < 30)[:, None]
     psi = common + 1e-2 * RNG.normal(size=(300, 2))
