@@ -11,6 +11,7 @@ import numpy as np
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.least_squares.thresholds import (
     FEW_ROWS,
+    HALVED,
     NULL_SHARE,
     POWERS,
     RANK_TOLERANCE,
@@ -83,9 +84,7 @@ def polished(
     matter. Singular values below the share `tolerance` of the largest count as zero.
     """
     c = triangle.shape[1] - 1
-    scale = _lengths(triangle[:c, :c])
-    inner = inverse_of(triangle[:c, :c] / scale, tolerance)
-    x = inner.inverse @ triangle[:c, c] / scale
+    x, inner, scale = _solved(triangle, tolerance)
     inverse = inner.inverse @ inner.inverse.T / np.outer(scale, scale)
     null = inner.null
     undetermined = np.any(np.abs(null) > NULL_SHARE, axis=0)
@@ -103,6 +102,19 @@ def polished(
         if count <= FEW_ROWS or rounding > ROUNDING:
             x = refined(parts, x, inverse)
     return LeastSquares(x, inverse, undetermined, null, scale, triangle[:c, :c])
+
+
+def rough_solution(triangle: FloatArray) -> FloatArray:
+    """Return X alone of R = `triangle` of [W Y], shape (c,), with what rounding has moved."""
+    return _solved(triangle, RANK_TOLERANCE)[0]
+
+
+def _solved(triangle: FloatArray, tolerance: float) -> tuple[FloatArray, TriangleInverse, FloatArray]:
+    """Return X, the inverse of the triangle with columns of unit length, and the lengths that they had."""
+    c = triangle.shape[1] - 1
+    scale = _lengths(triangle[:c, :c])
+    inner = inverse_of(triangle[:c, :c] / scale, tolerance)
+    return inner.inverse @ triangle[:c, c] / scale, inner, scale
 
 
 def _lengths(triangle: FloatArray) -> FloatArray:
@@ -132,7 +144,7 @@ def inverse_of(triangle: FloatArray, tolerance: float) -> TriangleInverse:
     may be small; elsewhere two of them, to a few per cent, from powers of the triangle and of its inverse.
     """
     if np.min(np.abs(np.diag(triangle)), initial=1.0) * REFINABLE > 1.0:
-        inverse = np.asarray(np.linalg.inv(triangle), dtype=float)
+        inverse = _inverse(triangle)
         # by their norms nothing is near a limit
         bound = float(np.linalg.norm(triangle) * np.linalg.norm(inverse))
         if bound < REFINABLE and bound * tolerance < 1.0:
@@ -142,6 +154,20 @@ def inverse_of(triangle: FloatArray, tolerance: float) -> TriangleInverse:
     kept = s > tolerance * s[0]
     inverse = (Vt[kept].T / s[kept]) @ U[:, kept].T
     return TriangleInverse(inverse, Vt[~kept], float(s[0]), float(s[-1]))
+
+
+def _inverse(triangle: FloatArray) -> FloatArray:
+    """Return the inverse of an upper triangle; of a large one from those of its halves."""
+    half = len(triangle) // 2
+    if half < HALVED:
+        return np.asarray(np.linalg.inv(triangle), dtype=float)
+    result = np.zeros_like(triangle)
+    result[:half, :half], result[half:, half:] = (
+        _inverse(triangle[:half, :half]),
+        _inverse(triangle[half:, half:]),
+    )
+    result[:half, half:] = -result[:half, :half] @ triangle[:half, half:] @ result[half:, half:]
+    return result
 
 
 def _stretch(matrix: FloatArray) -> float:

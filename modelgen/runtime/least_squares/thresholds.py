@@ -36,6 +36,9 @@ ROUNDING = 1e-11
 FEW_ROWS = 5000
 REFINABLE = 1e6
 
+# Triangles of twice so many columns are inverted by halves.
+HALVED = 32
+
 # Powers of a triangle that its largest singular value is worked out from.
 POWERS = 6
 

@@ -23,7 +23,12 @@ from modelgen.runtime.least_squares.fit import (
     triangle_rows,
     weighted_parts,
 )
-from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares, least_squares, polished
+from modelgen.runtime.least_squares.orthogonal_solution import (
+    LeastSquares,
+    least_squares,
+    polished,
+    rough_solution,
+)
 from modelgen.runtime.least_squares.thresholds import (
     LOAD_ROW_SHARE,
     RUNAWAY_SHRINKAGE,
@@ -76,7 +81,7 @@ def solve_matched(
     """
     used, columns, _ = _used_with_force([row.summary for row in rows], names)
     weights, _ = _matched_weights(used, len(columns), load_row_share)
-    return MatchedSolution(columns, _weighted(used, weights, len(columns)))
+    return MatchedSolution(columns, polished(_triangle(used, weights, len(columns)), ()))
 
 
 def _matched_weights(
@@ -86,14 +91,14 @@ def _matched_weights(
     scales = _force_scales(rows)
     if len(rows) == 1:
         return (1.0,), scales
-    rms = _rms(rows, _weighted(rows, [1.0 / scale for scale in scales], c).x)
+    rms = _rms(rows, rough_solution(_triangle(rows, [1.0 / scale for scale in scales], c)))
     smallest = [
         SMALLEST_RESIDUAL * scale if row.has_force else max(one / load_row_share, SMALLEST_RESIDUAL * scale)
         for row, scale, one in zip(rows, scales, rms, strict=True)
     ]
     for _ in range(WEIGHTING_ROUNDS - 1):
         weights = tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True))
-        rms = _rms(rows, _weighted(rows, weights, c).x)
+        rms = _rms(rows, rough_solution(_triangle(rows, weights, c)))
     return tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True)), scales
 
 
@@ -233,10 +238,9 @@ class _Weighted(Sequence[tuple[Regressor, FloatArray]]):
         return Regressor(weight * part.W, block.touched, None, self._columns), weight * part.Y
 
 
-def _weighted(rows: Sequence[RowTriangle], weights: Sequence[float], columns: int) -> LeastSquares:
-    """Return the solution of the weighted rows, from their triangles; rounding is not undone."""
-    triangle = np.asarray(np.linalg.qr(triangle_rows(rows, weights, columns), mode="r"))
-    return polished(triangle, ())
+def _triangle(rows: Sequence[RowTriangle], weights: Sequence[float], columns: int) -> FloatArray:
+    """Return the triangle of the weighted rows, from their own."""
+    return np.asarray(np.linalg.qr(triangle_rows(rows, weights, columns), mode="r"))
 
 
 def _rms(rows: Sequence[RowTriangle], x: FloatArray) -> list[float]:
@@ -264,7 +268,7 @@ def _runaway_notes(fit: Fit, scales: list[float]) -> tuple[str, ...]:
         1.0 / max(rms, SMALLEST_RESIDUAL * scale)
         for rms, scale in zip(_rms(rows, fit.solution.x), scales, strict=True)
     )
-    probe = _weighted(rows, freely, len(fit.columns)).x
+    probe = rough_solution(_triangle(rows, freely, len(fit.columns)))
     return tuple(
         f"{block.record_name}, row {block.row_name} holds no force and, weighted by its residual, would bias "
         "its parameters towards zero; its weight is bounded, but noise of the sensors biases what it decides"

@@ -22,6 +22,9 @@ from modelgen.runtime.stick_slip.root_finding import when_negative
 
 Mode = tuple[int, ...]
 
+# From so many states on products of matrices cost more than passes over the samples: groups of 2^5 steps.
+MANY_STATES, GROUPED = 40, 5
+
 
 @dataclass(frozen=True)
 class CoulombBody:
@@ -154,19 +157,41 @@ class ModeMotion:
         """Return the states after each step, shape (steps, 2n), and how many steps come before an event.
 
         The recursion runs as a scan: pass s adds what happened 2^s steps earlier, so that log2(steps) matrix
-        products replace a loop over the steps. `x` is the state before, shape (2n,); `w` has shape
-        (steps + 1, m).
+        products replace a loop over the steps. Of many states only the ends of groups of 2^GROUPED steps are
+        scanned: within the groups a loop takes two products a step. `x` is the state before, shape (2n,); `w`
+        has shape (steps + 1, m).
         """
         with np.errstate(over="ignore", invalid="ignore"):
             path = w[:-1] @ self._G0 + w[1:] @ self._G1 + self._constant
-            path[0] += x @ self._powers[0]
-            shift, s = 1, 0
-            while shift < len(path):
-                if s == len(self._powers):
-                    self._powers.append(self._powers[-1] @ self._powers[-1])
-                path[shift:] += path[:-shift] @ self._powers[s]
-                shift, s = 2 * shift, s + 1
+            path[0] += x @ self._power(0)
+            if len(x) < MANY_STATES:
+                self._scan(path, 0)
+            else:
+                size = 1 << GROUPED
+                # place k of each group
+                for k in range(1, size):
+                    path[k::size] += path[k - 1 :: size][: len(path[k::size])] @ self._power(0)
+                ends = path[size - 1 :: size]
+                self._scan(ends, GROUPED)
+                before = ends
+                for k in range(size - 1):
+                    before = before @ self._power(0)
+                    later = path[size + k :: size]
+                    later += before[: len(later)]
             return path, self._calm_steps(np.vstack((x, path)), w)
+
+    def _scan(self, path: FloatArray, s: int) -> None:
+        """Add to states that are 2^s steps apart, shape (n, 2n), what the ones before them become."""
+        shift = 1
+        while shift < len(path):
+            path[shift:] += path[:-shift] @ self._power(s)
+            shift, s = 2 * shift, s + 1
+
+    def _power(self, s: int) -> FloatArray:
+        """Return what takes states 2^s steps on, shape (2n, 2n)."""
+        while s >= len(self._powers):
+            self._powers.append(self._powers[-1] @ self._powers[-1])
+        return self._powers[s]
 
     def _calm_steps(self, x: FloatArray, w: FloatArray) -> int:
         """Count the steps before the first one within which a guard may turn negative.
