@@ -29,6 +29,8 @@ from modelgen.runtime.iv.thresholds import (
     WEIGHTING_ROUNDS,
 )
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.further_columns import joined_blocks
+from modelgen.runtime.least_squares.wls import weighed_by_residuals
 
 
 def further_masses(
@@ -119,23 +121,14 @@ class _Rows:
 
     def left(self, effects: Sequence[Effect]) -> _Left:
         """Return what is left with effects as further columns, each block weighted by what it leaves."""
-        blocks, c = self.fit.dense().blocks, len(self.fit.columns)
         grown = (*self.others, *effect_rows(self.fit, self.setting, self.simulated, effects))
-        rows = [
-            np.column_stack([block.W, *(parts[index] for parts in grown)])
-            for index, block in enumerate(blocks)
-        ]
-        tiny = float(np.finfo(float).tiny)
-        scale = np.sqrt(sum(np.sum(part**2, axis=0) for part in rows)) + tiny
-        weights, x, shares = self.fit.weights, np.zeros(len(scale)), np.ones(len(rows))
-        for _ in range(WEIGHTING_ROUNDS):
-            A = np.concatenate([weight * part for weight, part in zip(weights, rows, strict=True)]) / scale
-            y = np.concatenate([weight * block.Y for weight, block in zip(weights, blocks, strict=True)])
-            x = np.linalg.lstsq(A, y, rcond=None)[0] / scale
-            left = [block.Y - part @ x for block, part in zip(blocks, rows, strict=True)]
-            norms = np.array([np.linalg.norm(one) for one in left]) + tiny
-            weights = tuple((np.sqrt([block.count for block in blocks]) / norms).tolist())
-            shares = norms / np.array([block.size(x[:c]) or 1.0 for block in blocks])
+        rows = [block.summary for block in joined_blocks(self.fit, grown)]
+        c, tiny = len(self.fit.columns), float(np.finfo(float).tiny)
+        begun = [1.0 / weight for weight in self.fit.weights]
+        x, rms = weighed_by_residuals(rows, begun, [tiny] * len(rows), WEIGHTING_ROUNDS, c + len(grown))
+        misfit = sum(
+            block.count * float(np.log(np.sqrt(block.count) * max(left, tiny) / (block.size(x[:c]) or 1.0)))
+            for block, left in zip(self.fit.blocks, rms, strict=True)
+        )
         sizes = tuple(x[len(x) - len(effects) :].tolist())
-        misfit = float(np.array([block.count for block in blocks]) @ np.log(shares))
         return _Left(misfit if all(size > 0.0 for size in sizes[:1]) else np.inf, sizes)

@@ -16,6 +16,7 @@ from modelgen.runtime.least_squares.fit import Fit, regressed_rows, residuals_of
 from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
 from modelgen.runtime.numerics.qr_triangle import triangle_of
 from modelgen.runtime.numerics.regressor import Regressors
+from modelgen.runtime.rows.row_block import RowBlock
 
 
 def with_columns(
@@ -42,13 +43,17 @@ def with_columns(
     elif Z.mix is not None and len(Z.mix) == c:
         # as many columns as are mixed: what they span, and the solution, is the same
         Z = replace(Z, mix=None)
+    joined = Z.joined(further or extra)
+    return two_stage(replace(fit, columns=fit.columns + names, blocks=joined_blocks(fit, extra)), joined)
+
+
+def joined_blocks(fit: Fit, extra: Sequence[Sequence[FloatArray]]) -> tuple[RowBlock, ...]:
+    """Return the blocks of a fit with further columns behind its own, one array a block each."""
     W = replace(fit, projected=None).regressors.joined(extra)
-    blocks = tuple(
+    return tuple(
         replace(block.kept(), W=samples, touched=places)
         for block, samples, places in zip(fit.blocks, W.samples, W.places, strict=True)
     )
-    joined = Z.joined(further or extra)
-    return two_stage(replace(fit, columns=fit.columns + names, blocks=blocks), joined)
 
 
 def without_columns(larger: Fit, fit: Fit) -> Fit:

@@ -91,15 +91,28 @@ def _matched_weights(
     scales = _force_scales(rows)
     if len(rows) == 1:
         return (1.0,), scales
-    rms = _rms(rows, rough_solution(_triangle(rows, [1.0 / scale for scale in scales], c)))
+    rms: Sequence[float] = _rms(rows, rough_solution(_triangle(rows, [1.0 / scale for scale in scales], c)))
     smallest = [
         SMALLEST_RESIDUAL * scale if row.has_force else max(one / load_row_share, SMALLEST_RESIDUAL * scale)
         for row, scale, one in zip(rows, scales, rms, strict=True)
     ]
-    for _ in range(WEIGHTING_ROUNDS - 1):
-        weights = tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True))
-        rms = _rms(rows, rough_solution(_triangle(rows, weights, c)))
+    _, rms = weighed_by_residuals(rows, rms, smallest, WEIGHTING_ROUNDS - 1, c)
     return tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True)), scales
+
+
+def weighed_by_residuals(
+    rows: Sequence[RowTriangle], rms: Sequence[float], smallest: Sequence[float], rounds: int, columns: int
+) -> tuple[FloatArray, Sequence[float]]:
+    """Return X, shape (columns,), and the rms residual of each row, which the next round weighs it by.
+
+    `rms` are those to begin with, and none counts as less than `smallest`.
+    """
+    x = np.zeros(columns)
+    for _ in range(rounds):
+        weights = [1.0 / max(pair) for pair in zip(rms, smallest, strict=True)]
+        x = rough_solution(_triangle(rows, weights, columns))
+        rms = _rms(rows, x)
+    return x, rms
 
 
 def fit_at(observation: Observation, start: Fit) -> Fit:
