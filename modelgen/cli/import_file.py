@@ -16,7 +16,7 @@ from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import SEPARATOR, open_record, paths_of
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import unit_from_text
-from modelgen.runtime.records.faults import Finding, clock_faults, time_faults, zero_faults
+from modelgen.runtime.records.faults import Finding, clock_faults, reading_faults, time_faults, zero_faults
 from modelgen.runtime.records.mapping_file import Proposed, mapping_text
 from modelgen.runtime.records.propose_mapping import propose
 from modelgen.runtime.records.read_record import read
@@ -178,7 +178,7 @@ def _findings(
         unit = unit_from_text(entry.stated or "")
         signals[entry.key] = columns[str(entry.column)] * (unit.factor if unit else 1.0)
         units[entry.key] = unit.si if unit else entry.unit
-    return (*findings, *zero_faults(signals, units))
+    return (*findings, *reading_faults(signals, units), *zero_faults(signals, units))
 
 
 def _would_fail(source: Source, proposed: tuple[Proposed, ...], findings: tuple[Finding, ...]) -> list[str]:

@@ -15,7 +15,9 @@ import typer
 
 from modelgen.errors import DataError
 
-MEND_HELP = "What to mend: duplicates, gaps, fill, uneven, clocks or offset=KEY; repeatable."
+MEND_HELP = (
+    "What to mend: duplicates, gaps, fill, uneven, clocks, unwrap=KEY, repeats=KEY, offset=KEY; repeatable."
+)
 
 # what a command answers, and what it may do
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of tables.")]

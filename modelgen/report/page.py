@@ -32,6 +32,7 @@ from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild
 from modelgen.runtime.curves.responses import moving_forces, responses
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.modes import posture_ranges
+from modelgen.runtime.parameters.grouped_reasons import grouped_reasons
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.read_record import Reading
 from modelgen.runtime.records.record import Record
@@ -89,6 +90,7 @@ def report_page(
             model=model,
             verdict=estimate.verdict,
             asked=asked_for(estimate),
+            refused=grouped_reasons(estimate.not_identifiable),
             modes=estimate.modes(),
             ranges=posture_ranges(estimate.modes()),
             style=Markup(style),

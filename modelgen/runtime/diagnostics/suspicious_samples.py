@@ -30,6 +30,7 @@ from modelgen.runtime.diagnostics.thresholds import (
 )
 from modelgen.runtime.diagnostics.unit_errors import unlike_units
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.faults import reading_problems
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.record_facts import Extent
 from modelgen.runtime.records.thresholds import WHOLE
@@ -54,10 +55,28 @@ def suspicions(model: Model, records: Iterable[Record]) -> tuple[Advice, ...]:
     return tuple(problem for record in records for problem in _suspicions(model, record))
 
 
+def misread(model: Model, record: Record, held: Sequence[str]) -> list[Problem]:
+    """Return the readings of sensors and forces that no estimate stands; of a long record, where it moves.
+
+    `held` are forces that are commands behind a zero-order hold.
+    """
+    units = {key: unit for key, unit in _units(model).items() if key in record.signals}
+    found: dict[str, Problem] = {}
+    for number in range(len(record.facts.parts)):
+        part = {key: record.facts.stretches(key)[number] for key in units}
+        for problem in reading_problems(record.name, part, units, held):
+            found.setdefault(problem.remedy, problem)
+    return list(found.values())
+
+
+def _units(model: Model) -> dict[str, str]:
+    units = {sensor.key: sensor.unit for sensor in model.sensors}
+    return units | {actuator.key: actuator.unit for actuator in model.actuators}
+
+
 def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
     measures = {sensor.key: sensor.measures for sensor in model.sensors}
-    units = {sensor.key: sensor.unit for sensor in model.sensors}
-    units |= {actuator.key: actuator.unit for actuator in model.actuators}
+    units = _units(model)
     used = [key for key in units if key in record.signals]
     extents = {key: record.facts.extent(key) for key in used}
     acts = any(extents[key].span > 0.0 for key in used if key not in measures)

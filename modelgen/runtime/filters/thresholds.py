@@ -44,3 +44,13 @@ JUMP_ORDER, MEDIAN_OF_NORMAL = 16, 0.6745
 # 500 Hz thirty. It is no less than this share of the signal's standard deviation, and jumps are a small share
 # of the samples.
 JUMP, LEAST_JUMP, MOST_JUMPS = 10.0, 1e-3, 0.1
+
+# A reading that begins again after a turn jumps by more than this share of its range, and its other steps
+# are no larger than that; with the turns added, no second difference is so many times the largest elsewhere.
+WRAP_SHARE, ORDINARY_STEP, SMOOTH_ACROSS = 0.5, 0.25, 2.0
+
+# Readings come every so many samples, at most, where this share of them changes in step: of changes at random
+# half of them do. Fewer readings do not tell, nor those that differ by less than so many steps of their
+# resolution (median): a slow motion repeats these.
+MOST_REPEATS, IN_STEP = 64, 0.98
+FEWEST_READINGS, STEPS_OF_READINGS, ENOUGH_READINGS = 50, 3.0, 20_000

@@ -24,6 +24,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.dependence import dependences
+from modelgen.runtime.parameters.grouped_reasons import grouped_reasons
 from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX, LARGEST_INDEX
 from modelgen.runtime.parameters.unanswered_columns import (
     columns_that_vanish,
@@ -94,7 +95,7 @@ def late_refusals(
 def all_refused(refused: Mapping[str, str]) -> IdentifiabilityError:
     """Return the error that says that no parameter gets a number, with every reason."""
     remedy = "record another motion, or sense more"
-    return IdentifiabilityError(*(Problem(name, reason, remedy) for name, reason in refused.items()))
+    return IdentifiabilityError(*(Problem(one.who, one.why, remedy) for one in grouped_reasons(refused)))
 
 
 def dependent_columns(
@@ -111,18 +112,16 @@ def dependent_columns(
     covariance = hac_covariance(fit) + drift
     found: dict[str, str] = {}
     for group in dependences(fit, covariance, HIGHEST_INDEX) if lost else ():
-        for name in group.columns:
-            if name in lost:
-                told = "; ".join(part for part in ("W is short of rank", group.known_with(name)) if part)
-                found[name] = f"cannot be told from {group.others(name)} ({told})"
+        why = group.inseparable("W is short of rank")
+        found |= {name: why for name in group.columns if name in lost}
     for group in dependences(fit, covariance):
+        why = group.inseparable(group.index_said)
         for name in group.columns:
             index = fit.columns.index(name)
             spread = 100.0 * float(np.sqrt(max(covariance[index, index], 0.0)))
             uncertain = spread > WITHOUT_NUMBER_PERCENT * abs(float(fit.solution.x[index]))
             if uncertain and name not in otherwise and name not in lost:
-                told = "; ".join(part for part in (group.index_said, group.known_with(name)) if part)
-                found[name] = f"cannot be told from {group.others(name)} in these records ({told})"
+                found[name] = why
     return found
 
 

@@ -14,7 +14,7 @@ from modelgen.progress import step
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.hold_out import held_apart
 from modelgen.runtime.diagnostics.periods import periods_of
-from modelgen.runtime.diagnostics.suspicious_samples import suspicions, told_on_failure
+from modelgen.runtime.diagnostics.suspicious_samples import misread, suspicions, told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.identification.job import Change, Job
 from modelgen.runtime.identification.methods import IV, WLS, Auto, Method, Pham2002
@@ -117,7 +117,7 @@ def prepared(
     if isinstance(method, (IV, Auto)) and all_from_composites(model):
         nearest = nearest_sources(model, every, filters.directions)
         filters = replace(filters, directions={**filters.directions, **nearest})
-    _check(model, every, problems, filters.directions)
+    _check(model, every, problems, filters.directions, method.held)
     # what reads files at the same time takes memory of its own
     files = any(one.source is not one for one in every)
     at_once = checks.hold_out is not None or bool(checks.period_s)
@@ -244,7 +244,11 @@ def _is_channels(one: object) -> bool:
 
 
 def _check(
-    model: Model, records: Sequence[Record], problems: list[Problem], directions: Mapping[str, str]
+    model: Model,
+    records: Sequence[Record],
+    problems: list[Problem],
+    directions: Mapping[str, str],
+    held: Sequence[str],
 ) -> None:
     """Raise one DataError for what is wrong with the options and with the records' channels."""
     problems += direction_problems(model, records, directions)
@@ -259,6 +263,7 @@ def _check(
             for key, peak in peaks.items()
             if 0.0 < peak < SMALLEST
         ]
+        problems += misread(model, record, held)
     problems += _unmoved(model, records)
     if problems:
         raise DataError(*problems)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import IdentifiabilityError
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.magnitudes import is_usable
 from modelgen.runtime.iv.thresholds import LEFT_OF_FORCE, SAMPLES_AN_UNKNOWN
 from modelgen.runtime.least_squares.fit import Fit
@@ -48,6 +48,13 @@ def diverged(what: str, fit: Fit | None = None, model: Model | None = None) -> I
     lacking = [LACKING[role] for role in roles] or [OTHERWISE]
     remedy = f"{CHANNELS}; if so, {', '.join(lacking)}"
     return IdentifiabilityError.at("method iv", f"does not converge: {told}", remedy)
+
+
+def simulation_failed(error: DataError, fit: Fit, model: Model) -> IdentifiabilityError:
+    """Return the error of instruments whose simulation fails."""
+    problem = error.problems[0]
+    where = "" if problem.where == "simulation" else f"{problem.where} "
+    return diverged(f"its simulation fails ({where}{problem.what})", fit, model)
 
 
 def refuse_few(fit: Fit, further: int, model: Model) -> None:

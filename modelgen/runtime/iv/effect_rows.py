@@ -11,7 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.iv.companion_simulation import Simulated, possible, simulated_beside
-from modelgen.runtime.iv.divergence import diverged
+from modelgen.runtime.iv.divergence import simulation_failed
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.pushed_chain import Pushed
@@ -56,7 +56,7 @@ def simulated_with(values: Mapping[str, float], fit: Fit, setting: Setting) -> t
     try:
         found = tuple(_over_records(of, range(len(setting.records)), setting.records))
     except DataError as error:
-        raise diverged(f"its simulation fails ({error.problems[0].what})", fit, model) from error
+        raise simulation_failed(error, fit, model) from error
     slow = _LowSpeeds(found)
     return tuple(replace(one, slow=slow) for one in found)
 

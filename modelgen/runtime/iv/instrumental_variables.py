@@ -17,7 +17,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
-from modelgen.runtime.iv.divergence import diverged, refuse_few, refuse_runaway
+from modelgen.runtime.iv.divergence import diverged, refuse_few, refuse_runaway, simulation_failed
 from modelgen.runtime.iv.thresholds import (
     EXACTNESS,
     FORESEEN,
@@ -147,7 +147,7 @@ def simulated(fit: Fit, setting: Setting, values: Mapping[str, float]) -> Mappin
             for index in dict.fromkeys(block.record for block in fit.blocks)
         }
     except DataError as error:
-        raise diverged(f"its simulation fails ({error.problems[0].what})", fit, model) from error
+        raise simulation_failed(error, fit, model) from error
 
 
 def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple[FloatArray, ...]:

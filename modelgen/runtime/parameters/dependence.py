@@ -15,6 +15,7 @@ from statistics import NormalDist
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
+from modelgen.errors import listed
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.parameters.thresholds import (
@@ -25,6 +26,9 @@ from modelgen.runtime.parameters.thresholds import (
     SMALLEST_SHARE,
     VARIANCE_SHARE,
 )
+
+INSEPARABLE = "cannot be told apart in these records"
+LISTED = 6  # columns of a group
 
 
 @dataclass(frozen=True)
@@ -73,30 +77,25 @@ class Dependence:
     @property
     def text(self) -> str:
         """What is seen of the columns, in words and numbers."""
-        listed = joined(self.columns)
+        columns = joined(self.columns)
         if not self.combinations:
-            return f"{listed} cannot be told apart"
+            return f"{columns} cannot be told apart"
         verb = "is" if len(self.combinations) == 1 else "are"
         seen = joined(
             [f"{c.text} = {c.value:.4g} (standard deviation {c.std:.2g})" for c in self.combinations]
         )
-        return f"{listed} move together: only {seen} {verb} seen"
+        return f"{columns} move together: only {seen} {verb} seen"
 
     @property
     def index_said(self) -> str:
         """The condition index in words, to two digits: more of them are rounding where it is large."""
         return f"condition index {float(f'{self.condition_index:.2g}'):.0f}"
 
-    def known_with(self, name: str) -> str:
-        """The sums with this column that are known well, in words; empty where there are none."""
-        sums = [
-            one.said for one in self.combinations if one.known and name in [term for _, term in one.terms]
-        ]
-        return f"known is {joined(sums)}" if sums else ""
-
-    def others(self, name: str) -> str:
-        """The other columns, in words."""
-        return joined([column for column in self.columns if column != name])
+    def inseparable(self, because: str) -> str:
+        """Why its columns have no numbers of their own, and the sums of them that are known well."""
+        known = [one.said for one in self.combinations if one.known]
+        told = "; ".join([because, *([f"known is {joined(known)}"] if known else [])])
+        return f"{listed(self.columns, most=LISTED)} {INSEPARABLE} ({told})"
 
 
 def dependences(fit: Fit, covariance: FloatArray, largest_index: float = LARGEST_INDEX) -> list[Dependence]:

@@ -1,17 +1,20 @@
-"""What is wrong with the times and zeros of a file's channels, each with its size; changes nothing."""
+"""What is wrong with the times, readings and zeros of channels, each with its size; changes nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.errors import Problem
+from modelgen.runtime.filters.readings import modulus, repeats
 from modelgen.runtime.records.thresholds import GAP, NOTED_OFFSET, UNIFORM
 
 POSITIONS = ("rad", "m")
 ACCELERATIONS = ("rad/s^2", "m/s^2")
+FORCES = ("N m", "N")
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,51 @@ def clock_faults(times: Mapping[str, FloatArray]) -> tuple[Finding, ...]:
         what = f"{key} starts {shift:.6g} s after {keys[0]}, steps by {steps[1]:.6g} s against {steps[0]:.6g}"
         findings.append(Finding("clocks", f"{what}, {lengths}"))
     return tuple(findings)
+
+
+def reading_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> tuple[Finding, ...]:
+    """Return positions whose reading begins again after a turn, and channels that repeat their readings.
+
+    Channels have shape (n,), in SI; those without a unit are not judged.
+    """
+    findings = []
+    for key, samples in signals.items():
+        if key not in units or samples.dtype.kind not in "iuf" or not np.isfinite(samples).all():
+            continue
+        numbers = samples.astype(float)
+        size = modulus(numbers) if units[key] in POSITIONS else None
+        if size is not None:
+            count = np.count_nonzero(np.round(np.diff(numbers) / size))
+            what = f"{key} jumps {count} time(s) by {size:.6g} {units[key]} across its range: its reading"
+            findings.append(Finding(f"unwrap={key}", f"{what} begins again after every turn"))
+        found = repeats(numbers)
+        if found is not None:
+            what = f"{key} has a new reading only every {found[0]} samples, and repeats it meanwhile"
+            findings.append(Finding(f"repeats={key}", what))
+    return tuple(findings)
+
+
+def reading_problems(
+    where: str,
+    signals: Mapping[str, FloatArray],
+    units: Mapping[str, str],
+    held: Collection[str] | None = None,
+) -> list[Problem]:
+    """Return the `reading_faults` that no estimate stands, with what to do.
+
+    A force that repeats may be a command that is held so long; it is judged where `held` says which are.
+    """
+    problems = []
+    for finding in reading_faults(signals, units):
+        key = finding.kind.partition("=")[2]
+        force = units[key] in FORCES
+        if force and (held is None or key in held):
+            continue
+        remedy = f"mend it (--mend {finding.kind})"
+        if force:
+            remedy += f" if the recorder or its bus repeats it; name it if it is a command (--held {key})"
+        problems.append(Problem(where, finding.what, remedy))
+    return problems
 
 
 def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> tuple[Finding, ...]:

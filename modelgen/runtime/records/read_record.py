@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
@@ -22,13 +22,22 @@ from modelgen.runtime.records.faults import (
     Finding,
     clock_faults,
     common_samples,
+    reading_problems,
     same_clock,
     time_faults,
     zero_faults,
 )
 from modelgen.runtime.records.picked_columns import Pick, pick_columns, taken_for, unit_problems
 from modelgen.runtime.records.record import Record, missing_name
-from modelgen.runtime.records.repair import Track, check_mends, join_clocks, mend_offsets, mend_times
+from modelgen.runtime.records.repair import (
+    Track,
+    check_mends,
+    join_clocks,
+    mend_offsets,
+    mend_repeats,
+    mend_times,
+    mend_turns,
+)
 from modelgen.runtime.records.sampling_frequency import sampling_frequency
 
 
@@ -147,26 +156,29 @@ def read(
     loaded = _load(source, picks, [c for c in clocks.values() if c], time is None and stated is not None)
     _check_magnitudes(path, loaded)
     signals = {pick.key: _in_si(loaded[pick.column], pick.factor) for pick in picks}
+    turned = mend_turns(signals, mend)
     factor = _time_factor(source, time_unit, next(iter(clocks.values()), None))
     as_float: Columns = {}  # once a column of times, however many channels have it
     times = {
         key: _times(source, loaded, as_float, c, signals[key], time is not None) for key, c in clocks.items()
     }
-    track, findings = _together(source, clocks, times, factor, signals, mend)
+    track, findings = _together(source, clocks, times, factor, turned.signals, mend)
+    track = mend_repeats(replace(track, said=(*turned.said, *track.said)), mend)
+    if problems := reading_problems(str(path), track.signals, units):
+        raise DataError(*problems)
     si_units = {pick.key: pick.unit.si for pick in picks if pick.unit} | dict(units)
-    offsets = mend_offsets(track.signals, si_units, mend) if mend else track
+    findings += zero_faults(track.signals, si_units)
+    track = mend_offsets(track, si_units, mend)
     label = next((c for c in clocks.values() if c), None)
     where = f"{path}: column {label}" if track.times.size else str(path)
     rate = sampling_frequency(where, stated, track.times if track.times.size else None)
     record = Record(
-        offsets.signals,
+        track.signals,
         rate,
         name=name or source.name or source.path.stem,
         tag=source.tag if tag is None else tag,
     )
-    findings += zero_faults(track.signals, si_units)
-    mended = track.said if offsets is track else (*track.said, *offsets.said)
-    return Reading(record, taken_for(source, picks), findings, mended)
+    return Reading(record, taken_for(source, picks), findings, track.said)
 
 
 def _load(source: Source, picks: Sequence[Pick], clocks: Sequence[str], optional: bool) -> Columns:

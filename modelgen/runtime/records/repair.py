@@ -5,6 +5,8 @@
 - fill: interpolate linearly across gaps;
 - uneven: interpolate (cubic) onto equal steps;
 - clocks: interpolate (cubic) channels with times of their own onto those of the fastest;
+- unwrap=KEY: add the turns after which a position's reading begins again;
+- repeats=KEY: interpolate (cubic) between new readings of a channel that repeats each for some samples;
 - offset=KEY: subtract a position's first reading, or any other channel's mean.
 """
 
@@ -17,11 +19,13 @@ import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import DataError, Problem, listed
+from modelgen.runtime.filters.readings import between_readings, modulus, repeats, unwrapped
 from modelgen.runtime.records.faults import POSITIONS
 from modelgen.runtime.records.thresholds import GAP
 
 MENDS = ("duplicates", "gaps", "fill", "uneven", "clocks")
-OFFSET = "offset="
+UNWRAP, REPEATS, OFFSET = "unwrap=", "repeats=", "offset="
+OF_CHANNELS = (UNWRAP, REPEATS, OFFSET)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +42,12 @@ def check_mends(mends: Iterable[str], keys: Iterable[str]) -> None:
     known = list(keys)
     problems = []
     for mend in mends:
-        if mend.startswith(OFFSET):
-            if mend.removeprefix(OFFSET) not in known:
+        if mend.startswith(OF_CHANNELS):
+            if mend.partition("=")[2] not in known:
                 remedy = f"name a channel: {listed(known)}"
                 problems.append(Problem(f"--mend {mend}", "names no channel of the record", remedy))
         elif mend not in MENDS:
-            remedy = f"choose from {', '.join(MENDS)}, {OFFSET}KEY"
+            remedy = f"choose from {', '.join((*MENDS, *(f'{one}KEY' for one in OF_CHANNELS)))}"
             problems.append(Problem(f"--mend {mend}", "is no mend", remedy))
     if problems:
         raise DataError(*problems)
@@ -63,17 +67,42 @@ def mend_times(track: Track, mends: Iterable[str]) -> Track:
     return track
 
 
-def mend_offsets(signals: Mapping[str, FloatArray], units: Mapping[str, str], mends: Iterable[str]) -> Track:
-    """Return the channels, shape (n,) each, in SI, without the offsets asked for; no times are returned."""
+def mend_turns(signals: Mapping[str, FloatArray], mends: Iterable[str]) -> Track:
+    """Return the channels, shape (n,) each, with the turns asked for added; no times are returned."""
     mended, said = dict(signals), []
-    for mend in mends:
-        if mend.startswith(OFFSET):
-            key = mend.removeprefix(OFFSET)
-            position = units.get(key) in POSITIONS
-            offset = float(mended[key][0] if position else np.mean(mended[key]))
-            mended[key] = mended[key] - offset
-            said.append(f"{'first reading' if position else 'mean'} {offset:.6g} taken off {key}")
+    for key in _channels(mends, UNWRAP):
+        size = modulus(mended[key])
+        if size is not None:
+            mended[key] = unwrapped(mended[key], size)
+            count = np.count_nonzero(np.round(np.diff(signals[key]) / size))
+            said.append(f"{key} begins again after {size:.6g}: turns added at {count} samples")
     return Track(np.empty(0), mended, tuple(said))
+
+
+def mend_repeats(track: Track, mends: Iterable[str]) -> Track:
+    """Return the track with channels interpolated that repeat their readings, as far as asked for."""
+    mended, said = dict(track.signals), list(track.said)
+    for key in _channels(mends, REPEATS):
+        found = repeats(mended[key])
+        if found is not None:
+            mended[key] = between_readings(mended[key], *found)
+            said.append(f"{key} interpolated between its readings, which came every {found[0]} samples")
+    return Track(track.times, mended, tuple(said))
+
+
+def _channels(mends: Iterable[str], kind: str) -> list[str]:
+    return [mend.removeprefix(kind) for mend in mends if mend.startswith(kind)]
+
+
+def mend_offsets(track: Track, units: Mapping[str, str], mends: Iterable[str]) -> Track:
+    """Return the track, in SI, without the offsets asked for."""
+    mended, said = dict(track.signals), list(track.said)
+    for key in _channels(mends, OFFSET):
+        position = units.get(key) in POSITIONS
+        offset = float(mended[key][0] if position else np.mean(mended[key]))
+        mended[key] = mended[key] - offset
+        said.append(f"{'first reading' if position else 'mean'} {offset:.6g} taken off {key}")
+    return Track(track.times, mended, tuple(said))
 
 
 def join_clocks(tracks: Mapping[str, tuple[FloatArray, FloatArray]]) -> Track:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from modelgen.errors import listed, shortened, visible
 from modelgen.runtime.modes.mode_values import PairValues
 from modelgen.runtime.modes.modes import Antiresonance, Mode, cells, peak_hz, posture_ranges, shown
+from modelgen.runtime.parameters.grouped_reasons import grouped_reasons
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.results.thresholds import COLUMNS, MANY, REASON
@@ -147,22 +148,11 @@ def _frequency(one: PairValues) -> str:
 
 def refused_lines(estimate: Estimate) -> list[str]:
     """Return what has no number: names with one kind of reason share a line, with the reason of the first."""
-    kinds: dict[str, dict[str, str]] = {}
-    for name, why in estimate.not_identifiable.items():
-        kinds.setdefault(_kind(why), {})[name] = shortened(why, REASON)
-    lines = []
-    for reasons in kinds.values():
-        (first, why), *others = reasons.items()
-        alike = listed([first, *(name for name, other in others if other == why)])
-        likewise = [name for name, other in others if other != why]
-        further = f" ({listed(likewise)} likewise)" if likewise else ""
-        lines += _wrapped(f"No number for {alike}{further}: {why}", "  ")
-    return lines
-
-
-def _kind(why: str) -> str:
-    """Return how a reason begins; reasons of one kind differ in bodies, records and figures."""
-    return re.sub(r"\d\S*", "#", re.split(r"[:;,(]| of | in ", why, maxsplit=1)[0])
+    return [
+        line
+        for one in grouped_reasons(estimate.not_identifiable)
+        for line in _wrapped(f"No number for {one.who}: {shortened(one.why, REASON)}", "  ")
+    ]
 
 
 def _sentence(text: str) -> str:

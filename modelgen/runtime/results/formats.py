@@ -7,6 +7,8 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from modelgen.runtime.parameters.grouped_reasons import grouped_reasons
+
 if TYPE_CHECKING:
     from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.parameters.parameter import Parameter
@@ -52,7 +54,8 @@ def markdown_table(estimate: Estimate) -> str:
     rows = [[_markdown(cell) for cell in row] for row in _rows(estimate)]
     lines = ["| " + " | ".join(HEADINGS) + " |", "|---|---|" + "---:|" * 5]
     lines += ["| " + " | ".join(row) + " |" for row in rows]
-    refused = [f"- {_markdown(name)}: {_markdown(why)}" for name, why in estimate.not_identifiable.items()]
+    grouped = grouped_reasons(estimate.not_identifiable)
+    refused = [f"- {_markdown(one.who)}: {_markdown(one.why)}" for one in grouped]
     return "\n".join([*lines, *(["", "Not identifiable:", "", *refused] if refused else [])]) + "\n"
 
 

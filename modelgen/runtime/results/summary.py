@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from modelgen.errors import listed
+from modelgen.runtime.parameters.grouped_reasons import grouped_reasons
 from modelgen.runtime.results.check_tables import CheckTable, check_tables
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ def _refused(estimate: Estimate) -> list[str]:
         ]
         reasons = {name: reason for name, reason in reasons.items() if name not in grouped}
         lines = [f"by themselves: {', '.join(grouped)}"] if grouped else []
-    lines += [f"{name}: {reason}" for name, reason in reasons.items()]
+    lines += [f"{one.who}: {one.why}" for one in grouped_reasons(reasons)]
     return _sentences("Not identifiable", lines)
 
 

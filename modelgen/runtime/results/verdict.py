@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from modelgen.errors import listed
 from modelgen.runtime.diagnostics.parameter_checks import REMEDIES
+from modelgen.runtime.parameters.dependence import INSEPARABLE
 from modelgen.runtime.results.thresholds import EXPLAINED, WIDE_PERCENT
 
 if TYPE_CHECKING:
@@ -131,7 +132,7 @@ def _action(name: str, why: str, estimate: Estimate) -> str:
             return advice.remedy
     if UNRELATED in why:
         return ZEROS
-    if why.startswith(TOGETHER):
+    if why.startswith(TOGETHER) or INSEPARABLE in why:
         return APART
     return REMEDIES.get(estimate.model.roles.get(name, ""), OTHERWISE)
 

@@ -9,6 +9,7 @@ from generated import emps300_qm_ac, emps300_qm_qc
 from modelgen.runtime.diagnostics import parameter_checks
 from modelgen.runtime.diagnostics.parameter_checks import (
     negative_values,
+    null_columns,
     null_solution,
     slowest_mode_hz,
     uncertain_parameters,
@@ -156,3 +157,19 @@ def test_a_load_row_that_noise_pulls_to_zero_is_named(monkeypatch: pytest.Monkey
         found = null_solution(by_instruments, TWO_MASS, records, CHOICE)
         assert len(found) == (not drowns)
         assert all("iv" not in one.remedy.split() for one in found)
+
+
+def test_the_columns_of_a_row_that_explains_nothing_have_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    from modelgen.runtime.least_squares.wls import fit_paper
+
+    rows = observation()
+    records = (Record({"q_m": np.zeros(9)}, FS, "run"),) * 2
+    monkeypatch.setattr(parameter_checks, "_drowned", lambda *_: False)
+    assert null_columns(fit_paper(rows), TWO_MASS, records, CHOICE) == {}
+    random = np.random.default_rng(4)
+    load = rows.blocks[1]
+    unlike = replace(load, W=random.standard_normal(load.W.shape) * (load.W != 0.0))
+    found = null_columns(fit_paper(replace(rows, blocks=(rows.blocks[0], unlike))), TWO_MASS, records, CHOICE)
+    assert set(found) == {TWO_MASS.base_parameters[column] for column in TWO_MASS.regressor_columns[load.row]}
+    assert {"J_m", "F_vm"}.isdisjoint(found)
+    assert all(why.startswith("row c leaves ") and "(sign, unit, faults)" in why for why in found.values())

@@ -3,42 +3,35 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from generated import emps300_qm_ac, emps300_qm_qc, emps_rigid_qm, three_mass_va_vb_vc, two_mass_bench_qm_qc
-from generated import tree_positions as tree
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.stuck_readings import equal_runs
-from modelgen.runtime.diagnostics.suspicious_samples import suspicions
-from modelgen.runtime.diagnostics.unit_errors import low_frequency_ratio, unlike_nominal
+from modelgen.runtime.diagnostics.suspicious_samples import misread, suspicions
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
-from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime import measured_records
-
-FloatArray = npt.NDArray[np.float64]
-Fault = Callable[[FloatArray], FloatArray]
-
-RIGID, BENCH = model_from_module(emps_rigid_qm), model_from_module(two_mass_bench_qm_qc)
-QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)
-VELOCITIES, TREE = model_from_module(three_mass_va_vb_vc), model_from_module(tree)
-NOISE = {"q_m": 2e-5, "q_c": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
-
-
-def simulated(model: Model, kind: str, noise: bool = False, **options: Any) -> Record:
-    values = next(iter(model.parameter_sets.values()))
-    levels = {key: std for key, std in NOISE.items() if noise and key in model.channels}
-    return simulate(model, values, kind, fs=5000.0, duration_s=2.0, noise=levels, **options).record
+from tests.runtime.faulty_records import (
+    AC,
+    BENCH,
+    QC,
+    RIGID,
+    TREE,
+    VELOCITIES,
+    FloatArray,
+    clipped,
+    cut_off,
+    faulty,
+    held,
+    only,
+    simulated,
+)
 
 
 @pytest.fixture(scope="module")
@@ -49,43 +42,6 @@ def trapezoid() -> Record:
 @pytest.fixture(scope="module")
 def chirp() -> Record:
     return simulated(AC, "chirp", noise=True)
-
-
-def faulty(record: Record, key: str, fault: Fault) -> Record:
-    signals = {name: samples.copy() for name, samples in record.signals.items()}
-    signals[key] = fault(signals[key])
-    return Record(signals, record.fs, record.name)
-
-
-def held(first: int, count: int) -> Fault:
-    def fault(samples: FloatArray) -> FloatArray:
-        samples[first : first + count] = samples[first]
-        return samples
-
-    return fault
-
-
-def cut_off(first: int, count: int) -> Fault:
-    def fault(samples: FloatArray) -> FloatArray:
-        samples[first : first + count] = 0.0
-        return samples
-
-    return fault
-
-
-def clipped(low: float, high: float) -> Fault:
-    """Clip at shares of the range, 0 its least and 1 its largest reading."""
-
-    def fault(samples: FloatArray) -> FloatArray:
-        least, span = samples.min(), np.ptp(samples)
-        return np.clip(samples, least + low * span, least + high * span)
-
-    return fault
-
-
-def only(model: Model, record: Record) -> Advice:
-    (found,) = suspicions(model, [record])
-    return found
 
 
 # Good records -------------------------------------------------------------------------------------
@@ -267,61 +223,26 @@ def test_a_wrong_reading_leaps_alone(bench: Record) -> None:
     assert (rest.where, rest.what) == ("bench, samples 31998 to 40002", "holds 2 more leaps")
 
 
-@pytest.mark.parametrize("factor", [1e3, 1e-3])
-@pytest.mark.parametrize("kind", ["chirp", "trapezoid"])
-@pytest.mark.parametrize("model", [QC, AC], ids=["qm_qc", "qm_ac"])
-def test_millimetres_beside_metres_are_told(model: Model, kind: str, factor: float) -> None:
-    key = model.sensors[1].key
-    record = faulty(simulated(model, kind), key, lambda samples: factor * samples)
-    found = only(model, record)
-    assert (found.kind, found.where) == ("unit", f"{kind}, channel {key}, samples 0 to {record.n - 1}")
-    assert "what q_m says at low frequencies: one of them has another unit" in found.what
-    ratio = low_frequency_ratio(record, *model.sensors)
-    assert ratio is not None
-    assert 0.5 < ratio / factor < 2.0
+# Readings that no estimate stands -------------------------------------------------------------------
 
 
-def test_gears_are_allowed_for() -> None:
-    record = simulated(TREE, "chirp")
-    motor, load = (next(s for s in TREE.sensors if s.body == body) for body in ("m", "b"))
-    ratio = low_frequency_ratio(record, motor, load)
-    assert ratio is not None
-    assert ratio == pytest.approx(0.05, rel=0.2)  # the gear's
+def every_fourth(samples: FloatArray) -> FloatArray:
+    return samples[np.arange(samples.size) // 4 * 4]
 
 
-def test_sensors_that_do_not_move_together_are_not_compared() -> None:
-    random = np.random.default_rng(3)
-    signals = {"q_m": random.normal(size=4000), "q_c": 1e4 * random.normal(size=4000)}
-    record = Record({**signals, "i": random.normal(size=4000)}, 1000.0)
-    assert low_frequency_ratio(record, *BENCH.sensors) is None
-
-
-def test_a_stroke_of_hundreds_of_metres_is_in_millimetres(emps: Record) -> None:
-    found = only(RIGID, faulty(emps, "q_m", lambda samples: 1000.0 * samples))
-    assert (found.kind, found.what) == ("unit", "spans 246.4 m, more than machines do (100 m)")
+def test_repeated_readings_are_refused_but_commands_that_are_held(chirp: Record) -> None:
+    assert misread(AC, chirp, ()) == []
+    for key, remedy in (("a_c", "(--mend repeats=a_c)"), ("Gamma_m", "(--held Gamma_m)")):
+        repeated = faulty(chirp, key, every_fourth)
+        (problem,) = misread(AC, repeated, ())
+        assert problem.what.startswith(f"{key} has a new reading only every 4 samples")
+        assert remedy in problem.remedy
+        assert len(misread(AC, repeated, ("Gamma_m",))) == (key == "a_c")
+    with pytest.raises(DataError, match="--mend repeats=a_c"):
+        identify(AC, faulty(chirp, "a_c", every_fourth))
 
 
 # In the result ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("key", "factor"), [("F", 1e3), ("F", 1e-3), ("q_m", 1e-3)])
-def test_an_estimate_far_from_every_parameter_set_is_told(emps: Record, key: str, factor: float) -> None:
-    estimate = identify(
-        RIGID, faulty(emps, key, lambda samples: factor * samples), **values_of(drift_check=False)
-    )
-    (found,) = unlike_nominal(RIGID, estimate.physical, estimate.records)
-    assert found in estimate.checks.advice
-    assert found.kind == "unit"
-    assert "what the spec's parameter sets say (published_2019)" in found.what
-
-
-def test_values_near_a_parameter_set_or_unlike_each_other_are_not_told() -> None:
-    table = dict(AC.parameter_sets["table_1"])
-    assert unlike_nominal(AC, table, ["a"]) == ()
-    assert unlike_nominal(AC, {name: 150.0 * value for name, value in table.items()}, ["a"]) == ()
-    assert unlike_nominal(AC, {**table, "K": 1e4 * table["K"]}, ["a"]) == ()
-    (found,) = unlike_nominal(AC, {name: 1000.0 * value for name, value in table.items()}, ["a", "b"])
-    assert found.where == "a, b, channels q_m, a_c, Gamma_m"
 
 
 def test_suspicions_stand_in_summary_and_json(emps: Record) -> None:

@@ -8,15 +8,18 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.diagnostics.unit_errors import unlike_units
+from modelgen.runtime.diagnostics.unit_errors import low_frequency_ratio, unlike_nominal, unlike_units
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.faulty_records import AC, BENCH, QC, RIGID, TREE, faulty, only, simulated
 from tests.runtime.iv.physical.test_composite_iv import model_of
 from tests.runtime.iv.physical.test_friction_rows import SERVO, TRUTH
 
 BOTH = SERVO + 'q_l = { body = "l", measures = "position" }\n'
+ACCELERATION = SERVO + 'a_l = { body = "l", measures = "acceleration" }\n'
 TO_GROUND = BOTH.replace("links = [", 'links = [{ bodies = ["l", "ground"], stiffness = "K_g" },')
 
 
@@ -63,7 +66,74 @@ def test_nothing_is_told_of_right_channels_or_other_factors() -> None:
     assert said(with_load(-1.0), held) == said(with_load(180.0 / np.pi), held) == []
 
 
+def test_a_motion_that_ends_elsewhere_is_not_told_to_be_reversed() -> None:
+    # the transform of such a position is that of its drift, which (j omega)^2 made a motion of its own
+    model = model_of(ACCELERATION, "motor")
+    times = np.arange(3000) / 1000.0
+    rates = 2.0 * np.pi * np.array([0.4, 1.1, 2.3, 5.0])
+    position = 4.0 * times**2 + sum(np.sin(rate * times) / rate for rate in rates)
+    acceleration = 8.0 - sum(rate * np.sin(rate * times) for rate in rates)
+    signals = {"q_m": position, "a_l": acceleration, "torque": acceleration}
+    for sign, kinds in ((1.0, []), (-1.0, ["swapped"])):
+        record = Record({**signals, "a_l": sign * acceleration}, 1000.0, "drifts")
+        assert [one.kind for one in unlike_units(model, record, ("q_m", "a_l"))] == kinds
+
+
 def test_a_sensor_that_reads_one_number_is_refused_beside_one_that_moves() -> None:
     model, record = clean()
     with pytest.raises(DataError, match="it does not say how l moves"):
         identify(model, record.edited({"q_l": np.full(record.n, 0.5)}))
+
+
+def test_a_stroke_of_hundreds_of_metres_is_in_millimetres(emps: Record) -> None:
+    found = only(RIGID, faulty(emps, "q_m", lambda samples: 1000.0 * samples))
+    assert (found.kind, found.what) == ("unit", "spans 246.4 m, more than machines do (100 m)")
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+@pytest.mark.parametrize("kind", ["chirp", "trapezoid"])
+@pytest.mark.parametrize("model", [QC, AC], ids=["qm_qc", "qm_ac"])
+def test_millimetres_beside_metres_are_told(model: Model, kind: str, factor: float) -> None:
+    key = model.sensors[1].key
+    record = faulty(simulated(model, kind), key, lambda samples: factor * samples)
+    found = only(model, record)
+    assert (found.kind, found.where) == ("unit", f"{kind}, channel {key}, samples 0 to {record.n - 1}")
+    assert "what q_m says at low frequencies: one of them has another unit" in found.what
+    ratio = low_frequency_ratio(record, *model.sensors)
+    assert ratio is not None
+    assert 0.5 < ratio / factor < 2.0
+
+
+def test_gears_are_allowed_for() -> None:
+    record = simulated(TREE, "chirp")
+    motor, load = (next(s for s in TREE.sensors if s.body == body) for body in ("m", "b"))
+    ratio = low_frequency_ratio(record, motor, load)
+    assert ratio is not None
+    assert ratio == pytest.approx(0.05, rel=0.2)  # the gear's
+
+
+def test_sensors_that_do_not_move_together_are_not_compared() -> None:
+    random = np.random.default_rng(3)
+    signals = {"q_m": random.normal(size=4000), "q_c": 1e4 * random.normal(size=4000)}
+    record = Record({**signals, "i": random.normal(size=4000)}, 1000.0)
+    assert low_frequency_ratio(record, *BENCH.sensors) is None
+
+
+@pytest.mark.parametrize(("key", "factor"), [("F", 1e3), ("F", 1e-3), ("q_m", 1e-3)])
+def test_an_estimate_far_from_every_parameter_set_is_told(emps: Record, key: str, factor: float) -> None:
+    estimate = identify(
+        RIGID, faulty(emps, key, lambda samples: factor * samples), **values_of(drift_check=False)
+    )
+    (found,) = unlike_nominal(RIGID, estimate.physical, estimate.records)
+    assert found in estimate.checks.advice
+    assert found.kind == "unit"
+    assert "what the spec's parameter sets say (published_2019)" in found.what
+
+
+def test_values_near_a_parameter_set_or_unlike_each_other_are_not_told() -> None:
+    table = dict(AC.parameter_sets["table_1"])
+    assert unlike_nominal(AC, table, ["a"]) == ()
+    assert unlike_nominal(AC, {name: 150.0 * value for name, value in table.items()}, ["a"]) == ()
+    assert unlike_nominal(AC, {**table, "K": 1e4 * table["K"]}, ["a"]) == ()
+    (found,) = unlike_nominal(AC, {name: 1000.0 * value for name, value in table.items()}, ["a", "b"])
+    assert found.where == "a, b, channels q_m, a_c, Gamma_m"

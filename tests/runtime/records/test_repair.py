@@ -99,3 +99,31 @@ def test_a_mend_that_is_none(tmp_path: Path) -> None:
     with pytest.raises(DataError) as caught:
         read(save(tmp_path, T), mend=("everything", "offset=z"))
     assert [problem.where for problem in caught.value.problems] == ["--mend everything", "--mend offset=z"]
+
+
+def table(folder: Path, **columns: np.ndarray) -> Path:
+    path = folder / "run.csv"
+    lines = [",".join(f"{value:.12g}" for value in row) for row in zip(T, *columns.values(), strict=True)]
+    path.write_text("\n".join([",".join(["t", *columns]), *lines]), encoding="utf-8")
+    return path
+
+
+def test_an_encoder_that_begins_again_is_refused_and_mended(tmp_path: Path) -> None:
+    path, units = table(tmp_path, q=8.0 * wave(T) % (2.0 * np.pi)), {"q": "rad"}
+    with pytest.raises(DataError, match=r"q jumps \d+ time.*by 6.28319 rad.*--mend unwrap=q"):
+        read(path, units=units)
+    reading = read(path, mend=("unwrap=q",), units=units)
+    assert reading.mended[0].startswith("q begins again after 6.28319: turns added at ")
+    np.testing.assert_allclose(reading.record.signals["q"], 8.0 * wave(T), atol=1e-9)
+
+
+def test_a_sensor_that_repeats_its_readings_is_refused_and_mended(tmp_path: Path) -> None:
+    held = wave(T)[np.arange(N) // 4 * 4]
+    path, units = table(tmp_path, q=held, tau=held), {"q": "rad", "tau": "N m"}
+    with pytest.raises(DataError, match=r"q has a new reading only every 4 .*--mend repeats=q") as caught:
+        read(path, units=units)
+    assert len(caught.value.problems) == 1  # a force may be a command
+    reading = read(path, mend=("repeats=q", "repeats=tau"), units=units)
+    assert len(reading.mended) == 2
+    for key in units:
+        np.testing.assert_allclose(reading.record.signals[key][:-8], wave(T)[:-8], atol=1e-4)

@@ -1,0 +1,110 @@
+"""Readings that are not what a sensor saw at each sample: begun again after every turn, or held for several.
+
+An encoder that counts modulo so many counts jumps from one end of its range to the other; a slow bus, or a
+slow part of a controller, repeats a reading until the next one comes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.filters.thresholds import (
+    ENOUGH_READINGS,
+    FEWEST_READINGS,
+    IN_STEP,
+    MOST_REPEATS,
+    ORDINARY_STEP,
+    SMOOTH_ACROSS,
+    STEPS_OF_READINGS,
+    WRAP_SHARE,
+)
+
+# A turn, in rad, degrees and revolutions, and counters of so many bits.
+TURNS = (2.0 * np.pi, 360.0, 1.0, *(2.0**bits for bits in range(8, 33)))
+
+
+def modulus(samples: FloatArray) -> float | None:
+    """Return by how much a position jumps where its reading begins again; None where it does not.
+
+    Parameters
+    ----------
+    samples : array, shape (n,)
+        In any unit.
+
+    Returns
+    -------
+    float or None
+        In the unit of the samples. One jump alone counts only if it is a turn, or a power of two: a machine
+        may have moved while nothing was recorded.
+    """
+    steps = np.diff(samples)
+    span = float(np.ptp(samples))
+    far = np.abs(steps) > WRAP_SHARE * span
+    if span == 0.0 or not far.any() or far.all():
+        return None
+    usual = float(np.abs(steps[~far]).max())
+    jumped = np.abs(steps[far])
+    if not 0.0 < usual <= ORDINARY_STEP * span or jumped.min() < span - 2.0 * usual:
+        return None
+    alone = np.flatnonzero(far[1:-1] & ~far[:-2] & ~far[2:]) + 1
+    if not alone.size:
+        return None
+    sizes = np.abs(steps[alone] - 0.5 * (steps[alone - 1] + steps[alone + 1]))
+    found, bent = float(np.median(sizes)), _bends(samples, steps, far)
+    turns = [turn for turn in TURNS if abs(turn - found) <= bent]
+    if not turns and len(alone) == 1:
+        return None
+    size = min(turns, key=lambda turn: abs(turn - found)) if turns else found
+    across = np.abs(np.diff(unwrapped(samples, size), 2))
+    smooth = bool(across.max() <= SMOOTH_ACROSS * bent)
+    return size if smooth and span <= size + 2.0 * usual else None
+
+
+def _bends(samples: FloatArray, steps: FloatArray, far: np.ndarray) -> float:
+    """Return the largest second difference apart from jumps, and no less than what rounding makes of one."""
+    bends = np.abs(np.diff(steps))[~(far[1:] | far[:-1])]
+    rounding = 4.0 * float(np.finfo(float).eps * np.abs(samples).max())
+    return max(float(bends.max(initial=0.0)), rounding)
+
+
+def unwrapped(samples: FloatArray, size: float) -> FloatArray:
+    """Return a position, shape (n,), as if its reading had not begun again after every `size` (its unit)."""
+    turns = np.concatenate([[0.0], np.cumsum(np.round(np.diff(samples) / size))])
+    return np.asarray(samples - size * turns, dtype=float)
+
+
+def repeats(samples: FloatArray) -> tuple[int, int] | None:
+    """Return after how many samples a new reading comes, and at which sample the first; None where at each.
+
+    Parameters
+    ----------
+    samples : array, shape (n,)
+        Readings whose steps are no larger than their resolution repeat by themselves, and do not count.
+    """
+    steps = np.abs(np.diff(samples))
+    changed = np.flatnonzero(steps) + 1
+    if not FEWEST_READINGS <= len(changed) <= IN_STEP * len(steps):
+        return None
+    changed = changed[:ENOUGH_READINGS]
+    sizes = steps[changed - 1]
+    least = float(sizes[sizes > np.finfo(float).eps * np.abs(samples).max()].min(initial=np.inf))
+    if not float(np.median(sizes)) > STEPS_OF_READINGS * least:
+        return None
+    for every in range(min(MOST_REPEATS, len(samples) // 2), 1, -1):
+        phases = np.bincount(changed % every, minlength=every)
+        if phases.max() >= IN_STEP * len(changed):
+            return every, int(phases.argmax())
+    return None
+
+
+def between_readings(samples: FloatArray, every: int, first: int) -> FloatArray:
+    """Return a channel, shape (n,), interpolated (cubic) between its new readings, see `repeats`."""
+    from scipy.interpolate import CubicSpline
+
+    places = np.arange(first, len(samples), every)
+    values = samples[places]
+    if first > 0:  # what is repeated at the beginning came before the record did
+        places, values = np.r_[first - every, places], np.r_[samples[0], values]
+    smooth = CubicSpline(places, values, bc_type="natural")
+    return np.asarray(smooth(np.arange(len(samples))), dtype=float)
