@@ -6,6 +6,7 @@ The inverse of `dataclasses.asdict` on values that JSON holds. Null stands for a
 from __future__ import annotations
 
 import math
+import re
 import types
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -94,7 +95,7 @@ def _union(kinds: list[Any], value: Any, where: str, remedy: str, problems: list
 
 def _number(value: Any, where: str, wrong: Any) -> float | None:
     if value is None:
-        return math.inf if where.rpartition(".")[2].startswith(INFINITE) else math.nan
+        return math.inf if re.split(r"[. ]", where)[-1].startswith(INFINITE) else math.nan
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         wrong(f"is not {WORDS[float]}")
         return None

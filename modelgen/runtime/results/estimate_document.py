@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 from modelgen.runtime.results.estimate_parts import FORMAT_VERSION
@@ -14,69 +14,39 @@ if TYPE_CHECKING:
 
 
 def estimate_document(estimate: Estimate) -> dict[str, Any]:
-    """Return an estimate as a mapping of texts, numbers, lists and mappings, without the residual."""
+    """Return an estimate as a mapping of texts, numbers, lists and mappings, without the residual.
+
+    Its keys are those of `SavedEstimate`: what an estimate or one of its parts has under that name, or below.
+    """
+    from modelgen.runtime.results.estimate_file import SavedEstimate
+
     identified, physical = estimate.parameters.identified, estimate.parameters.physical
-    intervals = estimate.conf_int()
-    plain = {
+    stds = ("noise_std", "drift_std", "printed_std")
+    own = {
         "format": "modelgen estimate",
         "version": FORMAT_VERSION,
-        "chain": estimate.model.chain,
-        "sensor_set": estimate.model.sensor_set,
-        "title": estimate.model.title,
-        "method": estimate.fit.method,
-        "method_title": estimate.fit.method_title,
-        "records": estimate.records,
-        "contents": estimate.contents,
-        "params": estimate.params,
-        "bse": estimate.bse,
-        "relative_std": estimate.relative_std,
-        "conf_int_95": intervals,
+        "conf_int_95": estimate.conf_int(),
         "units": {entry.name: entry.unit for entry in identified + physical},
-        "physical": estimate.physical,
         "physical_bse": {entry.name: entry.std for entry in physical},
-        "physical_noise_std": {entry.name: entry.noise_std for entry in physical},
-        "physical_drift_std": {entry.name: entry.drift_std for entry in physical},
-        "physical_printed_std": {entry.name: entry.printed_std for entry in physical},
-        "not_identifiable": estimate.not_identifiable,
-        "other_solutions": estimate.parameters.other_solutions,
-        "nuisance": estimate.parameters.nuisance,
-        "composites": estimate.model.composites,
-        "roles": estimate.model.roles,
-        "unseen": estimate.model.unseen,
-        "known": estimate.model.known,
-        "joined": estimate.model.joined,
-        "groupings": estimate.model.groupings,
+        **{f"physical_{std}": {entry.name: getattr(entry, std) for entry in physical} for std in stds},
+        **{std: {entry.name: getattr(entry, std) for entry in identified} for std in stds},
         "base": estimate.base.tolist(),
-        "noise_std": {entry.name: entry.noise_std for entry in identified},
-        "drift_std": {entry.name: entry.drift_std for entry in identified},
-        "printed_std": {entry.name: entry.printed_std for entry in identified},
         "cov_params": estimate.covariances.total.tolist(),
         "noise_covariance": estimate.covariances.noise.tolist(),
         "drift_covariance": estimate.covariances.drift.tolist(),
         "printed_covariance": estimate.covariances.printed.tolist(),
-        "covariance_kind": estimate.fit.covariance_kind,
-        "nobs": estimate.nobs,
-        "condition_number": estimate.condition_number,
-        "condition_number_raw": estimate.fit.condition_number_raw,
-        "relative_error": estimate.fit.relative_error,
-        "error_norm": estimate.fit.error_norm,
-        "sigma": estimate.fit.sigma,
-        "residual_dof": estimate.fit.residual_dof,
-        "delays": estimate.delays,
-        "delay_std": estimate.delay_std,
-        "rows": [asdict(row) for row in estimate.fit.rows],
-        "pruning": asdict(estimate.fit.pruning),
-        "filtering": asdict(estimate.fit.filtering),
-        "notes": estimate.fit.notes,
-        "checks": asdict(estimate.checks),
         "modes": estimate.modes().to_dict(),
-        "verdict": asdict(estimate.verdict),
     }
-    return {key: _plain(value) for key, value in plain.items()}
+    parts = (estimate, estimate.model, estimate.fit, estimate.parameters)
+    for name in (one.name for one in fields(SavedEstimate) if one.name not in own):
+        own[name] = next(getattr(part, name) for part in parts if hasattr(part, name))
+    return {one.name: _plain(own[one.name]) for one in fields(SavedEstimate)}
 
 
 def _plain(value: Any) -> Any:
     """Return a value in JSON's types; what is not finite becomes None."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

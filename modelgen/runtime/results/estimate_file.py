@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from modelgen.documents import json_document
 from modelgen.errors import DataError, Problem, listed
@@ -18,79 +20,82 @@ from modelgen.runtime.results.estimate_parts import FORMAT_VERSION, RowDiagnosti
 from modelgen.runtime.results.verdict import Verdict
 from modelgen.typed_values import typed
 
-Holds = Callable[[Any], bool]
+Numbers = Mapping[str, float]
+Texts = Mapping[str, str]
+Matrix = tuple[tuple[float, ...], ...]
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
+@dataclass(frozen=True, kw_only=True)
+class SavedEstimate:
+    """The keys of a document, `Estimate.to_dict`, in their order, and their types.
+
+    Null stands for a number that is not finite.
+
+    Whoever wants parameters only does with those that have no default.
+    """
+
+    format: Literal["modelgen estimate"]
+    version: int = FORMAT_VERSION
+    chain: str
+    sensor_set: str = ""
+    title: str = ""
+    method: str = ""
+    method_title: str = ""
+    records: tuple[str, ...]
+    contents: tuple[str, ...] = ()
+    params: Numbers = field(default_factory=dict)
+    bse: Numbers = field(default_factory=dict)
+    relative_std: Numbers = field(default_factory=dict)
+    conf_int_95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    units: Texts = field(default_factory=dict)
+    physical: Numbers
+    physical_bse: Numbers = field(default_factory=dict)
+    physical_noise_std: Numbers = field(default_factory=dict)
+    physical_drift_std: Numbers = field(default_factory=dict)
+    physical_printed_std: Numbers = field(default_factory=dict)
+    not_identifiable: Texts = field(default_factory=dict)
+    other_solutions: tuple[Numbers, ...] = ()
+    nuisance: Numbers = field(default_factory=dict)
+    composites: Texts = field(default_factory=dict)
+    roles: Texts = field(default_factory=dict)
+    unseen: tuple[str, ...] = ()
+    known: Numbers = field(default_factory=dict)
+    joined: tuple[str, ...] = ()
+    groupings: Texts = field(default_factory=dict)
+    base: tuple[float, ...] = ()
+    noise_std: Numbers = field(default_factory=dict)
+    drift_std: Numbers = field(default_factory=dict)
+    printed_std: Numbers = field(default_factory=dict)
+    cov_params: Matrix = ()
+    noise_covariance: Matrix = ()
+    drift_covariance: Matrix = ()
+    printed_covariance: Matrix = ()
+    covariance_kind: str = ""
+    nobs: int = 0
+    condition_number: float = math.nan
+    condition_number_raw: float = math.nan
+    relative_error: float = math.nan
+    error_norm: float = math.nan
+    sigma: float = math.nan
+    residual_dof: str = ""
+    delays: Numbers = field(default_factory=dict)
+    delay_std: Numbers = field(default_factory=dict)
+    rows: tuple[RowDiagnostics, ...] = ()
+    pruning: Pruning | None = None
+    filtering: FilterChoice | None = None
+    notes: tuple[str, ...] = ()
+    checks: Checks | None = None
+    modes: Modes | None = None
+    verdict: Verdict | None = None
 
 
-def _is_real(value: Any) -> bool:
-    """Tell whether a value is a finite number, or null, which stands for one that was not."""
-    return value is None or (isinstance(value, (int, float)) and not isinstance(value, bool))
-
-
-def _is_value(value: Any) -> bool:
-    return _is_real(value) and (value is None or is_usable(value))
-
-
-def _is_count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
-
-
-def _list_of(holds: Holds) -> Holds:
-    return lambda value: isinstance(value, list) and all(map(holds, value))
-
-
-def _table_of(holds: Holds) -> Holds:
-    return lambda value: isinstance(value, dict) and all(map(holds, value.values()))
-
-
-def _is_interval(value: Any) -> bool:
-    return _list_of(_is_real)(value) and len(value) == 2
-
-
-def _is_square(value: Any) -> bool:
-    return _list_of(_list_of(_is_real))(value) and all(len(row) == len(value) for row in value)
-
-
-TEXT, TEXTS = (_is_text, "a text"), (_list_of(_is_text), "a list of texts")
-NUMBER, NUMBERS = (_is_real, "a finite number or null"), (_table_of(_is_real), "a table of numbers")
-VALUES = (_table_of(_is_value), "a table of numbers between 1e-30 and 1e30, zeros or nulls")
-MATRIX = (_is_square, "a square matrix of finite numbers, a list a row")
-# what is a dataclass in an estimate, checked field by field
-PARTS: Mapping[str, Any] = {
-    "rows": tuple[RowDiagnostics, ...],
-    "pruning": Pruning,
-    "filtering": FilterChoice,
-    "checks": Checks,
-    "modes": Modes,
-    "verdict": Verdict,
-}
 DEVIATIONS = ("bse", "relative_std", "noise_std", "drift_std", "printed_std")
 OF_PHYSICAL = ("physical_bse", "physical_noise_std", "physical_drift_std", "physical_printed_std")
 MATRICES = ("cov_params", "noise_covariance", "drift_covariance", "printed_covariance")
-KEYS: Mapping[str, tuple[Holds, str]] = {
-    "format": (lambda value: value == "modelgen estimate", 'the text "modelgen estimate"'),
-    "version": (lambda value: value == FORMAT_VERSION and _is_count(value), f"the number {FORMAT_VERSION}"),
-    **dict.fromkeys(("chain", "sensor_set", "title", "method", "method_title"), TEXT),
-    **dict.fromkeys(("covariance_kind", "residual_dof"), TEXT),
-    **dict.fromkeys(("records", "contents", "notes", "unseen", "joined"), TEXTS),
-    **dict.fromkeys(("params", "physical", "nuisance", "delays", "known"), VALUES),
-    **dict.fromkeys((*DEVIATIONS, *OF_PHYSICAL, "delay_std"), NUMBERS),
-    **dict.fromkeys(
-        ("units", "not_identifiable", "composites", "roles", "groupings"),
-        (_table_of(_is_text), "a table of texts"),
-    ),
-    "conf_int_95": (_table_of(_is_interval), "a table of pairs of numbers"),
-    "other_solutions": (_list_of(_table_of(_is_real)), "a list of tables of numbers"),
-    "base": (_list_of(_is_real), "a list of numbers"),
-    **dict.fromkeys(MATRICES, MATRIX),
-    "nobs": (_is_count, "a number of rows"),
-    **dict.fromkeys(("condition_number", "condition_number_raw", "relative_error"), NUMBER),
-    **dict.fromkeys(("error_norm", "sigma"), NUMBER),
-}
-NEEDED = ("format", "chain", "physical", "records")
+# numbers that are null where they are infinite or unknown
+NOT_FINITE = ("condition_number", "relative_error", "error_norm", "sigma")
+# tables of numbers that are calculated with
+VALUES = ("params", "physical", "nuisance", "delays", "known")
 # keys whose tables have an entry for each name of another one
 TABLES_OF: Mapping[str, tuple[str, ...]] = {
     "params": (*DEVIATIONS, "conf_int_95"),
@@ -110,24 +115,43 @@ def load_estimate(path: Path) -> Mapping[str, Any]:
     return checked_estimate(json_document(read_text(path, ESTIMATE), str(path), ESTIMATE.remedy), str(path))
 
 
-def checked_estimate(saved: Any, where: str) -> Mapping[str, Any]:
+def checked_estimate(document: Any, where: str) -> Mapping[str, Any]:
     """Return a document as it is if it is that of an estimate; raises as `load_estimate` does."""
-    if not isinstance(saved, dict) or not all(isinstance(key, str) for key in saved):
+    saved_estimate(document, where)
+    return dict(document)
+
+
+def saved_estimate(document: Any, where: str) -> SavedEstimate:
+    """Return the typed values of a document; raises as `load_estimate` does."""
+    if not isinstance(document, dict) or not all(isinstance(key, str) for key in document):
         raise DataError.at(where, "is no saved estimate", ESTIMATE.remedy)
     problems = [
-        Problem(f"{where}: {key}", "is missing", ESTIMATE.remedy) for key in NEEDED if key not in saved
+        Problem(f"{where}: {key}", "is null", ESTIMATE.remedy)
+        for key, value in document.items()
+        if value is None and not key.startswith(NOT_FINITE)
     ]
-    for key, value in saved.items():
-        if key in PARTS:
-            typed(PARTS[key], value, f"{where}: {key}", ESTIMATE.remedy, problems)
-        elif key not in KEYS:
-            problems.append(Problem(f"{where}: {key}", "is no key of an estimate", ESTIMATE.remedy))
-        elif not KEYS[key][0](value):
-            problems.append(Problem(f"{where}: {key}", f"is not {KEYS[key][1]}", ESTIMATE.remedy))
-    problems = problems or _entry_problems(where, saved)
+    saved: SavedEstimate = typed(SavedEstimate, document, f"{where}: ", ESTIMATE.remedy, problems)
+    problems = problems or [*_size_problems(where, saved), *_entry_problems(where, document)]
     if problems:
         raise DataError(*problems)
     return saved
+
+
+def _size_problems(where: str, saved: SavedEstimate) -> Iterator[Problem]:
+    """Yield which numbers cannot be calculated with, and which matrices are not square."""
+    if saved.version != FORMAT_VERSION:
+        yield Problem(f"{where}: version", f"is not {FORMAT_VERSION}", ESTIMATE.remedy)
+    if saved.nobs < 0:
+        yield Problem(f"{where}: nobs", "is not a number of rows", ESTIMATE.remedy)
+    for key in VALUES:
+        for name, value in getattr(saved, key).items():
+            if not (math.isnan(value) or is_usable(value)):
+                what = f"is {value:g}, not zero or between 1e-30 and 1e30"
+                yield Problem(f"{where}: {key}.{name}", what, ESTIMATE.remedy)
+    for key in MATRICES:
+        rows = getattr(saved, key)
+        if any(len(row) != len(rows) for row in rows):
+            yield Problem(f"{where}: {key}", "is not a square matrix, a list a row", ESTIMATE.remedy)
 
 
 def _entry_problems(where: str, saved: Mapping[str, Any]) -> list[Problem]:
