@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,17 @@ import numpy as np
 from modelgen.runtime.model.arm_channels import moving_joints
 from modelgen.runtime.model.column_check import PROBED, SAMPLES, is_number
 from modelgen.runtime.model.contract_kinds import (
-    NAMES,
-    NUMBERS,
+    COMMON,
+    FILLED_NAMES,
     TEXT,
+    TEXT_OR_NONE,
+    TEXTS,
     Kind,
     is_text,
     is_texts,
     maps_texts,
-    value_problems,
+    one_of,
+    shape_problems,
 )
 
 SIGNAL = re.compile(r"(?:(?:q|d1_q|d2_q)_(?P<joint>.+)|tau_(?P<force>.+)|base_[fn][xyz]|load_.+)\Z")
@@ -29,35 +32,9 @@ SIDES = ("motor", "link", "deflection", "between")
 MEASURES = ("position", "velocity", "acceleration", "torque", "gyro", "accelerometer")
 
 
-def _is_joint(value: Any) -> bool:
-    return (
-        isinstance(value, Mapping)
-        and sorted(value) == ["kind", "name", "parent"]
-        and is_text(value["name"])
-        and value["kind"] in KINDS
-        and (value["parent"] is None or is_text(value["parent"]))
-    )
-
-
-def _is_role(value: Any) -> bool:
-    return isinstance(value, Mapping) and is_text(value.get("role")) and is_texts(value.get("bodies"))
-
-
 def _is_matrix(value: Any) -> bool:
     return isinstance(value, tuple) and all(
         isinstance(row, tuple) and len(row) == len(value) and all(map(is_number, row)) for row in value
-    )
-
-
-def _is_sensor(value: Any) -> bool:
-    return (
-        isinstance(value, Mapping)
-        and sorted(value) == ["channels", "joint", "key", "measures", "side"]
-        and all(is_text(value[name]) for name in ("key", "joint"))
-        and value["side"] in SIDES
-        and value["measures"] in MEASURES
-        and is_texts(value["channels"])
-        and value["channels"] != ()
     )
 
 
@@ -84,40 +61,20 @@ def _is_places(value: Any) -> bool:
     )
 
 
-JOINTS = Kind(
-    "a non-empty tuple of dicts of name, kind and parent",
-    lambda value: isinstance(value, tuple) and value != () and all(map(_is_joint, value)),
-)
 VALUES: dict[str, Kind] = {
     "ARM": TEXT,
-    "TITLE": Kind("a string", lambda value: isinstance(value, str)),
-    "SPEC_SHA256": TEXT,
-    "JOINTS": JOINTS,
     "TRANSMISSION": Kind("a square matrix of numbers", _is_matrix),
-    "PARAMETERS": NAMES,
-    "KNOWN": Kind(f"a mapping of names to {NUMBERS}", maps_texts(is_number)),
-    "BASE_PARAMETERS": Kind(
-        "a non-empty tuple of different strings", lambda value: NAMES.test(value) and value != ()
-    ),
-    "IDENTIFIABLE": NAMES,
-    "ABSENT": Kind("a mapping of names to strings", maps_texts(is_text)),
-    "UNITS": Kind("a mapping of names to strings", maps_texts(is_text)),
-    "ROLES": Kind("a mapping of names to dicts of role and bodies", maps_texts(_is_role)),
-    "PARAMETER_SETS": Kind(
-        f"a mapping of names to mappings of names to {NUMBERS}", maps_texts(maps_texts(is_number))
-    ),
-    "SIGNALS": Kind("a non-empty tuple of different strings", lambda v: NAMES.test(v) and v != ()),
-    "ROW_KIND": Kind("joint or motor", lambda value: value in ("joint", "motor")),
-    "ROWS": Kind("a non-empty tuple of different strings", lambda v: NAMES.test(v) and v != ()),
+    "SIGNALS": FILLED_NAMES,
+    "ROW_KIND": one_of(("joint", "motor")),
+    "ROWS": FILLED_NAMES,
     "ENTRIES": Kind("a tuple of pairs of row and column", _is_places),
+    **COMMON,
 }
+TABLES = {"JOINTS": {"name": TEXT, "kind": one_of(KINDS), "parent": TEXT_OR_NONE}}
+ROLE = {"role": TEXT, "bodies": TEXTS}
 #: Of a module whose sensors are said: it has all of them, or none.
 OF_SENSORS: dict[str, Kind] = {
     "SENSOR_SET": TEXT,
-    "SENSORS": Kind(
-        "a tuple of dicts of key, joint, side, measures and channels",
-        lambda value: isinstance(value, tuple) and all(map(_is_sensor, value)),
-    ),
     "DIFFERENTIATED": Kind(
         "a tuple of 0 and 1",
         lambda v: isinstance(v, tuple) and all(type(n) is int and n in (0, 1) for n in v),
@@ -125,18 +82,25 @@ OF_SENSORS: dict[str, Kind] = {
     "REVERSALS": Kind("a tuple of tuples of names", lambda v: isinstance(v, tuple) and all(map(is_texts, v))),
     "SPEEDS": Kind("a mapping of names to sums of channels", maps_texts(_is_speed)),
 }
+SENSORS = {
+    "key": TEXT,
+    "joint": TEXT,
+    "side": one_of(SIDES),
+    "measures": one_of(MEASURES),
+    "channels": Kind("a non-empty tuple of strings", lambda value: is_texts(value) and value != ()),
+}
 ESTIMATED = Kind("a mapping of channels to rows", maps_texts(is_text))
 FUNCTION_NAMES = ("entries", "measurement", "regressor", "base_from_physical")
 
 
 def arm_problems(module: Any) -> list[tuple[str, str]]:
     """Return (place, what is wrong) for every violation of the contract."""
-    sensed = any(hasattr(module, name) for name in OF_SENSORS)
-    found = value_problems(module, {**VALUES, **(OF_SENSORS if sensed else {})})
+    sensed = any(hasattr(module, name) for name in (*OF_SENSORS, "SENSORS"))
+    values = {**VALUES, **(OF_SENSORS if sensed else {})}
     if sensed and hasattr(module, "ESTIMATED"):
-        found += value_problems(module, {"ESTIMATED": ESTIMATED})
-    absent = [name for name in FUNCTION_NAMES if not callable(getattr(module, name, None))]
-    found += [(f"{name}()", "is absent") for name in absent]
+        values["ESTIMATED"] = ESTIMATED
+    tables = {**TABLES, **({"SENSORS": SENSORS} if sensed else {})}
+    found = shape_problems(module, values, tables, ROLE, FUNCTION_NAMES)
     found = found or _references(module)
     if found:
         return found
@@ -146,6 +110,8 @@ def arm_problems(module: Any) -> list[tuple[str, str]]:
 
 def _references(module: Any) -> list[tuple[str, str]]:
     """Return what names or places that do not exist."""
+    if not module.JOINTS:
+        return [("JOINTS", "is empty")]
     moving = moving_joints(module)
     names = frozenset((*module.PARAMETERS, *module.KNOWN))
     found = []

@@ -6,29 +6,26 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 from typing import Any
 
 from modelgen.errors import Problem
 from modelgen.runtime.model.arm_contract import arm_problems
-from modelgen.runtime.model.column_check import column_problems, is_number, is_terms
+from modelgen.runtime.model.column_check import column_problems, is_terms
 from modelgen.runtime.model.contract_kinds import (
+    COMMON,
     COUNT,
     LEVER,
-    NAMES,
-    NUMBERS,
     ORDER,
     PAIR_OR_NONE,
     TEXT,
     TEXT_OR_NONE,
     TEXTS,
+    TEXTS_BY_NAME,
     Kind,
     is_combination,
-    is_names,
     is_text,
-    maps_texts,
     one_of,
-    value_problems,
+    shape_problems,
 )
 
 VERSION = 1
@@ -40,25 +37,7 @@ FUNCTIONS = ("sign", "forward", "backward", "cube")
 ROLE_NAMES = ("inertia", "viscous", "coulomb", "offset", "stiffness", "damping", "stiffness3")
 
 
-VALUES: dict[str, Kind] = {
-    "CHAIN": TEXT,
-    "TITLE": Kind("a string", lambda value: isinstance(value, str)),
-    "SENSOR_SET": TEXT,
-    "SPEC_SHA256": TEXT,
-    "PARAMETERS": NAMES,
-    "BASE_PARAMETERS": Kind(
-        "a non-empty tuple of different strings", lambda value: is_names(value) and value != ()
-    ),
-    "IDENTIFIABLE": NAMES,
-    "KNOWN": Kind(f"a mapping of names to {NUMBERS}", maps_texts(is_number)),
-    "ABSENT": Kind("a mapping of names to strings", maps_texts(is_text)),
-    "COMPOSITES": Kind("a mapping of names to strings", maps_texts(is_text)),
-    "UNITS": Kind("a mapping of names to strings", maps_texts(is_text)),
-    "PARAMETER_SETS": Kind(
-        f"a mapping of names to mappings of names to {NUMBERS}", maps_texts(maps_texts(is_number))
-    ),
-    "ROLES": Kind("a mapping of names to dicts", maps_texts(lambda value: isinstance(value, Mapping))),
-}
+VALUES: dict[str, Kind] = {"CHAIN": TEXT, "SENSOR_SET": TEXT, "COMPOSITES": TEXTS_BY_NAME, **COMMON}
 ENTRIES: dict[str, dict[str, Kind]] = {
     "SENSORS": {
         "key": TEXT,
@@ -136,41 +115,14 @@ def module_problems(module: Any) -> tuple[Problem, ...]:
     if version != VERSION:
         what = "is absent" if version is None else f"is {version!r}, this modelgen reads {VERSION}"
         return (Problem(f"{where}: CONTRACT_VERSION", what, REMEDY),)
-    found = _shape_problems(module)
+    entries = {
+        name: kinds for name, kinds in ENTRIES.items() if name not in OPTIONAL or hasattr(module, name)
+    }
+    found = shape_problems(module, VALUES, entries, ROLE, FUNCTION_NAMES)
     # references and columns can only be followed once every entry has its shape
     found = found or _reference_problems(module)
     found = found or column_problems(module)
     return tuple(Problem(f"{where}: {place}", what, REMEDY) for place, what in found)
-
-
-def _shape_problems(module: Any) -> list[tuple[str, str]]:
-    """Return (place, what is wrong) for names that are absent or of the wrong shape."""
-    found = value_problems(module, VALUES)
-    for name, kinds in ENTRIES.items():
-        entries = getattr(module, name, () if name in OPTIONAL else None)
-        if not isinstance(entries, tuple):
-            found.append((name, "is absent" if entries is None else "is not a tuple of dicts"))
-            continue
-        for index, entry in enumerate(entries):
-            found += _entry_problems(f"{name}[{index}]", entry, kinds)
-    roles = getattr(module, "ROLES", None)
-    for name, entry in roles.items() if isinstance(roles, Mapping) else ():
-        found += _entry_problems(f"ROLES[{name!r}]", entry, ROLE)
-    for name in FUNCTION_NAMES:
-        if not callable(getattr(module, name, None)):
-            found.append((f"{name}()", "is absent"))
-    return found
-
-
-def _entry_problems(place: str, entry: Any, kinds: Mapping[str, Kind]) -> list[tuple[str, str]]:
-    if not isinstance(entry, Mapping):
-        return [(place, "is not a dict")]
-    found = [(f"{place}[{key!r}]", "is absent") for key in kinds if key not in entry]
-    found += [(f"{place}[{key!r}]", "is unknown") for key in entry if key not in kinds]
-    for key, kind in kinds.items():
-        if key in entry and not kind.test(entry[key]):
-            found.append((f"{place}[{key!r}]", f"is {entry[key]!r}, not {kind.description}"))
-    return found
 
 
 def _reference_problems(module: Any) -> list[tuple[str, str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,10 +72,44 @@ ORDER = Kind("an integer from 0 to 99", lambda value: is_count(value) and value 
 PAIR_OR_NONE = Kind("a pair of strings or None", or_none(lambda value: is_names(value) and len(value) == 2))
 LEVER = Kind(f"a number from {SMALLEST:g} to {LARGEST:g}", lambda value: is_number(value) and value > 0.0)
 NAMES = Kind("a tuple of different strings", is_names)
+FILLED_NAMES = Kind("a non-empty tuple of different strings", lambda value: is_names(value) and value != ())
+TEXTS_BY_NAME = Kind("a mapping of names to strings", maps_texts(is_text))
+# values that modules of chains and of arms have
+COMMON: dict[str, Kind] = {
+    "TITLE": Kind("a string", lambda value: isinstance(value, str)),
+    "SPEC_SHA256": TEXT,
+    "PARAMETERS": NAMES,
+    "BASE_PARAMETERS": FILLED_NAMES,
+    "IDENTIFIABLE": NAMES,
+    "KNOWN": Kind(f"a mapping of names to {NUMBERS}", maps_texts(is_number)),
+    "ABSENT": TEXTS_BY_NAME,
+    "UNITS": TEXTS_BY_NAME,
+    "PARAMETER_SETS": Kind(
+        f"a mapping of names to mappings of names to {NUMBERS}", maps_texts(maps_texts(is_number))
+    ),
+    "ROLES": Kind("a mapping of names to dicts", maps_texts(lambda value: isinstance(value, Mapping))),
+}
+Entries = Mapping[str, Mapping[str, Kind]]
 
 
-def value_problems(module: Any, values: Mapping[str, Kind]) -> list[tuple[str, str]]:
-    """Return (name, what is wrong) for values of a module that are absent or not of their kind."""
+def shape_problems(
+    module: Any,
+    values: Mapping[str, Kind],
+    entries: Entries,
+    role: Mapping[str, Kind],
+    functions: Sequence[str],
+) -> list[tuple[str, str]]:
+    """Return (place, what is wrong) for what a module lacks or has in another shape.
+
+    Parameters
+    ----------
+    module : module
+    values, entries : mapping
+        The kind of each value; and of each tuple of dicts the kinds of their entries.
+    role : mapping
+        The kinds of the entries of ROLES.
+    functions : sequence of str
+    """
     found = []
     for name, kind in values.items():
         value = getattr(module, name, None)
@@ -83,4 +117,27 @@ def value_problems(module: Any, values: Mapping[str, Kind]) -> list[tuple[str, s
             found.append((name, "is absent"))
         elif not kind.test(value):
             found.append((name, f"is not {kind.description}"))
+    for name, kinds in entries.items():
+        table = getattr(module, name, None)
+        if not isinstance(table, tuple):
+            found.append((name, "is absent" if table is None else "is not a tuple of dicts"))
+            continue
+        for index, entry in enumerate(table):
+            found += _entry_problems(f"{name}[{index}]", entry, kinds)
+    roles = getattr(module, "ROLES", None)
+    for name, entry in roles.items() if isinstance(roles, Mapping) else ():
+        found += _entry_problems(f"ROLES[{name!r}]", entry, role)
+    return found + [
+        (f"{name}()", "is absent") for name in functions if not callable(getattr(module, name, None))
+    ]
+
+
+def _entry_problems(place: str, entry: Any, kinds: Mapping[str, Kind]) -> list[tuple[str, str]]:
+    if not isinstance(entry, Mapping):
+        return [(place, "is not a dict")]
+    found = [(f"{place}[{key!r}]", "is absent") for key in kinds if key not in entry]
+    found += [(f"{place}[{key!r}]", "is unknown") for key in entry if key not in kinds]
+    for key, kind in kinds.items():
+        if key in entry and not kind.test(entry[key]):
+            found.append((f"{place}[{key!r}]", f"is {entry[key]!r}, not {kind.description}"))
     return found
