@@ -113,16 +113,11 @@ def candidate_models(
 
 def spec_model(chain: ChainSpec | ArmSpec, sensors: str) -> Model:
     """Return the model of a sensor set, "" that of an arm which has none, without writing a file."""
-    from modelgen.render.writer import generate, module_name
+    from modelgen.render.target_writer import numpy_files
     from modelgen.runtime.model.model import model_from_text
-    from modelgen.spec.chain import ChainSpec
 
-    if not isinstance(chain, ChainSpec):
-        from modelgen.render.arms.arm_writer import arm_files
-
-        ((name, text),) = arm_files(chain, sensors).items()
-        return model_from_text(text, name.removesuffix(".py"))
-    return model_from_text(generate(chain, sensors), module_name(chain, sensors))
+    ((name, text),) = numpy_files(chain, sensors).items()
+    return model_from_text(text, name.removesuffix(".py"))
 
 
 def _pair(table: Mapping[str, Any]) -> tuple[str, str] | None:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 from modelgen.atomic_write import check_place, make_folder, place_within, write_whole
 from modelgen.errors import RenderError
@@ -46,9 +46,7 @@ def write_target(
     ModelgenError
         If the place is a link or no regular file, or the folder cannot be made or written.
     """
-    if isinstance(spec, ArmSpec):
-        return write_files(spec, sensor_sets, folder, _arm_files(spec, target, templates))
-    return write_files(spec, sensor_sets, folder, _files(target, templates))
+    return write_files(spec, sensor_sets, folder, _files(spec, target, templates))
 
 
 def check_target(
@@ -59,10 +57,10 @@ def check_target(
     templates: Path | None = None,
 ) -> list[Drift]:
     """Compare a folder with what `write_target` would write; modules of other sensor sets are left over."""
-    if isinstance(spec, ArmSpec):
-        return check_files(spec, sensor_sets, folder, _arm_files(spec, target, templates))
-    drifts = check_files(spec, sensor_sets, folder, _files(target, templates))
-    return drifts + (_left_over(spec, folder) if target == "numpy" and templates is None else [])
+    drifts = check_files(spec, sensor_sets, folder, _files(spec, target, templates))
+    if isinstance(spec, ArmSpec) or target != "numpy" or templates is not None:
+        return drifts
+    return drifts + _left_over(spec, folder)
 
 
 def _left_over(spec: ChainSpec, folder: Path) -> list[Drift]:
@@ -76,17 +74,19 @@ def _is_of_chain(path: Path, chain: str) -> bool:
     return f'\nCHAIN = "{chain}"\n' in text or f"\nCHAIN = '{chain}'\n" in text
 
 
-def _arm_files(spec: ArmSpec, target: str, templates: Path | None) -> Files[ArmSpec]:
-    if templates is not None:
+def numpy_files(spec: ChainSpec | ArmSpec, sensor_set: str) -> dict[str, str]:
+    """Return the NumPy module of a sensor set by the name of its file; "" stands for an arm without any."""
+    return arm_files(spec, sensor_set) if isinstance(spec, ArmSpec) else module_files(spec, sensor_set)
+
+
+def _files(spec: ChainSpec | ArmSpec, target: str, templates: Path | None) -> Files[Any]:
+    if templates is None:
+        targets = arm_target_files if isinstance(spec, ArmSpec) else target_files
+        return numpy_files if target == "numpy" else partial(targets, target=target)
+    if isinstance(spec, ArmSpec):
         what = "describes an arm, and templates of your own are filled with chains only"
         raise RenderError.at(spec.source, what, "leave out --templates")
-    return arm_files if target == "numpy" else partial(arm_target_files, target=target)
-
-
-def _files(target: str, templates: Path | None) -> Files[ChainSpec]:
-    if templates is not None:
-        return partial(user_files, folder=templates)
-    return module_files if target == "numpy" else partial(target_files, target=target)
+    return partial(user_files, folder=templates)
 
 
 def write_files(spec: Spec, sensor_sets: Iterable[str], folder: Path, files: Files[Spec]) -> list[Path]:

@@ -9,6 +9,7 @@ from modelgen.generated_module.allow_list import REMEDY
 from modelgen.generated_module.module_check import module_problems, seal
 from modelgen.render.environment import environment
 from modelgen.render.view import ModelView, model_view
+from modelgen.spec.arms.arm import ArmSpec
 from modelgen.spec.load import ChainSpec
 from modelgen.symbolic.pipeline import build
 
@@ -63,9 +64,9 @@ def generate(spec: ChainSpec, sensor_set: str) -> str:
     return render(model_view(build(spec, sensor_set)))
 
 
-def module_name(spec: ChainSpec, sensor_set: str) -> str:
-    """Return the name of the module of a sensor set, without .py."""
-    return f"{spec.name}_{sensor_set}"
+def module_name(spec: ChainSpec | ArmSpec, sensor_set: str) -> str:
+    """Return the name of the module of a sensor set, without .py; "" stands for an arm without any."""
+    return f"{spec.name}_{sensor_set}" if sensor_set else spec.name
 
 
 def module_files(spec: ChainSpec, sensor_set: str) -> dict[str, str]:

@@ -153,8 +153,7 @@ def _values(arm: ArmSpec, model: Model, given: Mapping[str, Any]) -> Mapping[str
 def _sets(arm: ArmSpec, asked: str | None) -> tuple[dict[str, PlannedSet], dict[str, str]]:
     """Return the sets to compare and why others give no rows: of the file, one of them, or all usual ones."""
     from modelgen.cli.arms.simulate_arm import mounted, recorded_set
-    from modelgen.render.arms.arm_writer import arm_files
-    from modelgen.runtime.model.model import model_from_text
+    from modelgen.cli.candidates import spec_model
     from modelgen.runtime.planning.arms.predicted_sets import PlannedSet
     from modelgen.symbolic.arms.arm_sensor_sets import with_usual_sets
 
@@ -168,9 +167,7 @@ def _sets(arm: ArmSpec, asked: str | None) -> tuple[dict[str, PlannedSet], dict[
     sets, refused = {}, {}
     for title, name in names.items():
         try:
-            ((file, text),) = arm_files(arm, name).items()
+            sets[title] = PlannedSet(spec_model(arm, name), mounted(arm, name))
         except ModelgenError as error:
             refused[title] = error.problems[0].what
-            continue
-        sets[title] = PlannedSet(model_from_text(text, file), mounted(arm, name))
     return sets, refused

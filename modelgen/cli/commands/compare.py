@@ -116,10 +116,9 @@ def _models(sources: Sequence[str], sensors: str | None, trust: bool) -> dict[st
     Where two files call theirs alike, as two versions of one do, the second is told by its file.
     """
     from modelgen.cli.arguments import load_chain_or_arm, modules_of
-    from modelgen.render.arms.arm_writer import arm_files
-    from modelgen.render.writer import generate, module_name
-    from modelgen.runtime.model.model import load_model, model_from_text
-    from modelgen.spec.load import ChainSpec
+    from modelgen.cli.candidates import spec_model
+    from modelgen.render.writer import module_name
+    from modelgen.runtime.model.model import load_model
 
     found: dict[str, Model] = {}
     for source in sources:
@@ -128,12 +127,7 @@ def _models(sources: Sequence[str], sensors: str | None, trust: bool) -> dict[st
             continue
         spec = load_chain_or_arm(source)
         for name in modules_of(spec, sensors):
-            if isinstance(spec, ChainSpec):
-                title, text = module_name(spec, name), generate(spec, name)
-            else:
-                ((file, text),) = arm_files(spec, name).items()
-                title = Path(file).stem
-            found[_title(title, source, found)] = model_from_text(text, title)
+            found[_title(module_name(spec, name), source, found)] = spec_model(spec, name)
     return found
 
 

@@ -111,9 +111,7 @@ def simulate(
 
 def _simulated_chain(chain: ChainSpec, given: Mapping[str, Any]) -> Record:
     """Return the record of a simulation with the options of the command."""
-    from modelgen.render.writer import generate as module_text
-    from modelgen.render.writer import module_name
-    from modelgen.runtime.model.model import model_from_text
+    from modelgen.cli.candidates import spec_model
     from modelgen.runtime.simulation.controller_file import load_controller
     from modelgen.runtime.simulation.simulate import record_with_reference
     from modelgen.runtime.simulation.simulate import simulate as run
@@ -124,7 +122,7 @@ def _simulated_chain(chain: ChainSpec, given: Mapping[str, Any]) -> Record:
     if sensors is None:
         remedy = f"choose one of {', '.join(chain.sensor_sets)}"
         raise DataError.at("--sensors", "is missing", remedy if chain.sensor_sets else "write [sensors.NAME]")
-    model = model_from_text(module_text(chain, sensors), module_name(chain, sensors))
+    model = spec_model(chain, sensors)
     signal, file_fs = excitation_from(given["excitation"], [one.key for one in model.actuators[1:]])
     loop, drive = load_controller(given["controller"]) if given["controller"] else (None, None)
     result = run(

@@ -6,7 +6,7 @@ import dataclasses
 
 from modelgen.render.arms.arm_view import ArmView, arm_view
 from modelgen.render.environment import environment
-from modelgen.render.writer import sealed_module
+from modelgen.render.writer import module_name, sealed_module
 from modelgen.spec.arms.arm import ArmSpec
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel, arm_base_model
@@ -14,8 +14,8 @@ from modelgen.symbolic.arms.base_parameters import ArmBaseModel, arm_base_model
 
 def arm_files(spec: ArmSpec, sensor_set: str) -> dict[str, str]:
     """Return the module of an arm by the name of its file; "" stands for an arm without sensor sets."""
-    name = f"{spec.name}_{sensor_set}" if sensor_set else spec.name
-    return {f"{name}.py": arm_module(arm_base_model(arm_rows(spec, sensor_set=sensor_set)))}
+    text = arm_module(arm_base_model(arm_rows(spec, sensor_set=sensor_set)))
+    return {f"{module_name(spec, sensor_set)}.py": text}
 
 
 def arm_module(model: ArmBaseModel) -> str:
