@@ -11,9 +11,9 @@ which some of them rest while others move would let the step back to physical pa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -22,8 +22,9 @@ from modelgen.runtime.diagnostics.settings_drift import other_cutoffs, other_dir
 from modelgen.runtime.diagnostics.thresholds import FARTHER_FACTORS, SIGNIFICANT_MOVE, SMALLEST_SHARE
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.hac_covariance import influence, long_run_covariance
+from modelgen.runtime.least_squares.hac_covariance import influence_parts, long_run_covariance
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.bandwidth import PART, Series
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,36 +116,26 @@ def all_disagreements(
     coordinates : Coordinates, optional
         What to compare in, by default the fit's columns.
     """
-    others = other_cutoffs(choice, lowest_fs, again)
-    found = disagreements(fit, choice, others, coordinates)
-    if any(np.any(one.significant) for one in found):
-        others += other_cutoffs(choice, lowest_fs, again, FARTHER_FACTORS)
-        found = disagreements(fit, choice, others, coordinates)
+    seen = coordinates or own_columns(fit)
+
+    def compared(setting: FilterChoice) -> Disagreement | None:
+        # at once: rows of one other setting at a time are in memory
+        return disagreement(fit, choice, setting, again(setting), seen)
+
+    found = other_cutoffs(choice, lowest_fs, compared)
+    if any(one is not None and np.any(one.significant) for _, one in found):
+        found += other_cutoffs(choice, lowest_fs, compared, FARTHER_FACTORS)
     if directions:
-        found += disagreements(fit, choice, other_direction(choice, lowest_fs, again), coordinates)
-    return found
+        found += other_direction(choice, lowest_fs, compared)
+    return tuple(one for _, one in found if one is not None)
 
 
-def disagreements(
-    fit: Fit,
-    choice: FilterChoice,
-    others: Sequence[tuple[FilterChoice, Fit]],
-    coordinates: FitCoordinates | None = None,
-) -> tuple[Disagreement, ...]:
-    """Compare a fit with those at other cut-offs, all of signals or all of directions.
-
-    Fits to other columns are left out.
-    """
-    return tuple(
-        _disagreement(fit, choice, setting, other, coordinates or own_columns(fit))
-        for setting, other in others
-        if other.columns == fit.columns
-    )
-
-
-def _disagreement(
+def disagreement(
     fit: Fit, choice: FilterChoice, setting: FilterChoice, other: Fit, coordinates: FitCoordinates
-) -> Disagreement:
+) -> Disagreement | None:
+    """Compare a fit with that at another cut-off, of signals or directions; None if it has other columns."""
+    if other.columns != fit.columns:
+        return None
     directions = setting.direction_cutoff_hz != choice.direction_cutoff_hz
     back = coordinates.inverse
     covariance = back @ _difference(fit, other, choice.decimation) @ back.T
@@ -192,22 +183,45 @@ def disagreement_notes(
 
 def _difference(fit: Fit, other: Fit, decimation: Sequence[int]) -> FloatArray:
     """Return the covariance of the difference of two fits to the same records, shape (c, c)."""
-    series = []
-    starts = {block.record: block.start for block in fit.blocks}
-    theirs = {block.record: block.start for block in other.blocks}
+    series: list[Series] = []
+    ours, theirs = _grids(fit), _grids(other)
     # at a lower cut-off a record may have no sample left
-    those = dict(zip(theirs, influence(other), strict=True))
-    for record, mine in zip(starts, influence(fit), strict=True):
+    those = dict(zip(theirs, influence_parts(other), strict=True))
+    for record, mine in zip(ours, influence_parts(fit), strict=True):
         if record not in those:
-            series.append(-mine)
+            series.append(mine)
             continue
-        that = those[record]
+        (start, count), (begin, there) = ours[record], theirs[record]
         # both grids on one: the nearest point of it, half a step off at most
-        shift = round((theirs[record] - starts[record]) / decimation[record])
+        shift = round((begin - start) / decimation[record])
         first = min(0, shift)
-        length = max(len(mine), len(that) + shift) - first
-        joined = np.zeros((length, mine.shape[1]))
-        joined[shift - first : shift - first + len(that)] = that
-        joined[-first : -first + len(mine)] -= mine
-        series.append(joined)
+        length = max(count, there + shift) - first
+        sides = (
+            partial(_aligned, mine, -first, length),
+            partial(_aligned, those[record], shift - first, length),
+        )
+        series.append(partial(_subtracted, *sides))
     return long_run_covariance(series, grown=False)
+
+
+def _grids(fit: Fit) -> dict[int, tuple[int, int]]:
+    """Return where the grid of each record of a fit begins, and its length."""
+    return {block.record: (block.start, block.grid) for block in fit.blocks}
+
+
+def _subtracted(one: Series, other: Series) -> Iterator[FloatArray]:
+    return (b - a for a, b in zip(one(), other(), strict=True))
+
+
+def _aligned(series: Series, lead: int, length: int) -> Iterator[FloatArray]:
+    """Yield a series of so many instants in even parts, behind a lead of zeros and with zeros after it."""
+    parts = series()
+    part = next(parts)
+    held, step = np.concatenate([np.zeros((lead, part.shape[1])), part]), max(1, PART // part.shape[1])
+    for first in range(0, length, step):
+        count = min(step, length - first)
+        while len(held) < count:
+            missing = np.zeros((count - len(held), held.shape[1]))
+            held = np.concatenate([held, next(parts, missing)])
+        yield held[:count]
+        held = held[count:]

@@ -21,29 +21,32 @@ from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.power_spectrum import quick_length
-from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
+from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.iv.held_motion import (
+    HeldChannels,
+    HeldMotion,
+    dynamics_hz,
+    initial_state,
+    nearest_sensor,
+    smoothing_hz,
+)
 from modelgen.runtime.iv.thresholds import (
     AT_REST,
-    FEEDBACK_SHARE,
     HIGHEST_LED,
     LEAST_INERTIA,
     LED,
     LED_ORDER,
-    SMOOTHING,
-    SMOOTHING_ORDER,
-    START_TOLERANCE,
 )
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_terms import mismatch_terms
 from modelgen.runtime.simulation.arms.joint_controller import JointController
-from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
+from modelgen.runtime.simulation.closed_loop import PositionVelocityController
 from modelgen.runtime.simulation.drive import Drive
-from modelgen.runtime.simulation.excitation import Excitation, excitation_from_record
+from modelgen.runtime.simulation.excitation import excitation_from_record
 from modelgen.runtime.simulation.held_chain import HeldChain, held_chain
 from modelgen.runtime.simulation.motion import Motion, move, readings, true_signals
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
-from modelgen.runtime.simulation.thresholds import DAMPING_RATIO
 
 # An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
 REFERENCE = "reference"
@@ -126,8 +129,14 @@ def run_beside(
 
         law = joint_controller(loop.controller) if loop is not None else None
         return _as_read(record, arm_beside(model, parameters, record, choice, law))
-    plant, motion = _beside(model, parameters, record, choice, loop)
-    return _as_read(record, readings(plant, motion))
+    plant = make_plant(model, parameters)
+    if loop is not None and REFERENCE in record.signals:
+        return _as_read(record, readings(plant, _closed(plant, record, choice, loop)))
+    held = HeldMotion(plant, record, choice, readings)
+    if held.count == 1 or record.source is record:
+        return _as_read(record, held.whole())
+    # simulated again whenever it is read: it would take as much as the channels do
+    return Record.over(HeldChannels(record, held), record.tag)
 
 
 def simulated_beside(
@@ -139,8 +148,11 @@ def simulated_beside(
     index: int = 0,
 ) -> Simulated:
     """Return the same with the plant and the signals of all bodies; `index` says which record it is."""
-    plant, motion = _beside(model, parameters, record, choice, loop)
-    true = true_signals(plant, motion)
+    plant = make_plant(model, parameters)
+    if loop is not None and REFERENCE in record.signals:
+        true = true_signals(plant, _closed(plant, record, choice, loop))
+    else:
+        true = HeldMotion(plant, record, choice, true_signals).whole()
     keys = [entry.key for entry in model.actuators] + [entry.key for entry in model.sensors]
     read = {key: true[key] for key in keys}
     return _as_moved(Simulated(plant, _as_read(record, read), true, index), record, choice)
@@ -154,14 +166,14 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
     body without one follows the slow part of the nearest.
     """
     motion, away, speeds = dict(simulated.motion), {}, {}
-    led_hz = min(LED * _dynamics_hz(choice), HIGHEST_LED * record.fs)
+    led_hz = min(LED * dynamics_hz(choice), HIGHEST_LED * record.fs)
     for body in simulated.plant.bodies:
         speeds[body] = motion[f"v_{body}"]
         sensor, gear = nearest_sensor(simulated.plant, body, record)
         if sensor.order > 1:
             continue
         own = sensor.body == body
-        wide = led_hz if own else _smoothing_hz(record, choice)
+        wide = led_hz if own else smoothing_hz(record, choice)
         further = (record.signals[sensor.key] - simulated.record.signals[sensor.key]) * gear
         further = zero_phase(further, LED_ORDER, wide, record.fs)
         speed = speeds[body]
@@ -174,19 +186,15 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
     return replace(simulated, motion=motion, away=away, speed=speeds, measured=record, led_hz=led_hz)
 
 
-def _beside(
-    model: Model, parameters: Mapping[str, float], record: Record, choice: FilterChoice, loop: Loop | None
-) -> tuple[Plant, Motion]:
-    plant = make_plant(model, parameters)
-    start = _initial_state(plant, record, choice)
-    if loop is not None and REFERENCE in record.signals:
-        controller = loop.controller
-        if not isinstance(controller, PositionVelocityController):
-            remedy = "give Loop(PositionVelocityController(...))"
-            raise DataError.at("loop", "has the controller of an arm", remedy)
-        excitation = replace(excitation_from_record(record, 1), forces=measured_forces(plant, record)[1])
-        return plant, move(plant, controller, loop.drive, excitation, start, 1)
-    return plant, move(plant, *_weak_feedback(plant, record, choice), start, 1)
+def _closed(plant: Plant, record: Record, choice: FilterChoice, loop: Loop) -> Motion:
+    """Return the motion of the closed loop along the record's reference."""
+    controller = loop.controller
+    if not isinstance(controller, PositionVelocityController):
+        remedy = "give Loop(PositionVelocityController(...))"
+        raise DataError.at("loop", "has the controller of an arm", remedy)
+    start = initial_state(plant, record, choice)
+    excitation = replace(excitation_from_record(record, 1), forces=measured_forces(plant, record)[1])
+    return move(plant, controller, loop.drive, excitation, start, 1)
 
 
 def _as_read(record: Record, true: Mapping[str, FloatArray]) -> Record:
@@ -208,74 +216,3 @@ def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
         elif role in ("coulomb", "stiffness", "damping", "viscous"):
             moved[name] = max(value, 0.0)
     return moved
-
-
-def _weak_feedback(
-    plant: Plant, record: Record, choice: FilterChoice
-) -> tuple[PositionVelocityController, Drive, Excitation]:
-    rate = 2.0 * pi * _feedback_hz(choice)
-    inertia = vibration(plant).drive_inertia
-    controller = PositionVelocityController(inertia * rate**2, 2.0 * DAMPING_RATIO * inertia * rate)
-    position, velocity = _followed(plant, plant.bodies[plant.driven], record, choice)
-    force, further = measured_forces(plant, record)
-    return controller, Drive(), Excitation(position, velocity, force, record.fs, record.name, further)
-
-
-def _feedback_hz(choice: FilterChoice) -> float:
-    return FEEDBACK_SHARE * _dynamics_hz(choice)
-
-
-def _dynamics_hz(choice: FilterChoice) -> float:
-    return choice.dynamics_hz or choice.cutoff_hz
-
-
-def _followed(plant: Plant, body: str, record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
-    """Return the slow part of a body's position and velocity, shape (n,) each."""
-    sensor, gear = nearest_sensor(plant, body, record)
-    return _slow_part(record.signals[sensor.key] * gear, sensor.order, record, choice)
-
-
-def _slow_part(
-    raw: FloatArray, order: int, record: Record, choice: FilterChoice
-) -> tuple[FloatArray, FloatArray]:
-    """Return the same from a body's readings, shape (n,), of its position (order 0) or a derivative."""
-    smooth = zero_phase(raw, SMOOTHING_ORDER, _smoothing_hz(record, choice), record.fs)
-    velocity = differentiate(smooth, record.dt) if order == 0 else smooth
-    if order == 2:
-        # a constant in an accelerometer is its own: the velocity it would integrate to is none
-        velocity = np.cumsum(smooth - smooth.mean()) * record.dt
-    position = smooth if order == 0 else np.cumsum(velocity) * record.dt
-    return position, velocity
-
-
-def _smoothing_hz(record: Record, choice: FilterChoice) -> float:
-    return min(SMOOTHING * _feedback_hz(choice), HIGHEST_LED * record.fs)
-
-
-def nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, float]:
-    """Return the sensor that shows a body's slow motion best, and the ratio of the two motions."""
-    rigid = vibration(plant).lowest
-    sensors = [sensor for sensor in plant.model.sensors if sensor.body and sensor.key in record.signals]
-    if not sensors:
-        what = "has sensors of deflections only: nothing shows where the simulated model should be"
-        raise DataError.at(record.name, what, "use method wls")
-    best = min(sensors, key=lambda sensor: (sensor.order, sensor.body != body))
-    own, seen = rigid[plant.bodies.index(body)], rigid[plant.bodies.index(best.body or "")]
-    if not (np.isfinite(own) and np.isfinite(seen) and seen):
-        raise DataError.at("simulation", f"{body} and {best.key} do not move together", "use method wls")
-    return best, float(own / seen)
-
-
-def _initial_state(plant: Plant, record: Record, choice: FilterChoice) -> FloatArray:
-    """Return all positions, then all velocities, at the first sample."""
-    # farther away the filter feels nothing; but what an accelerometer reads at rest is its mean over all
-    reach = support_samples(SMOOTHING_ORDER, _smoothing_hz(record, choice), record.fs, 0, START_TOLERANCE)
-    starts = []
-    for body in plant.bodies:
-        sensor, gear = nearest_sensor(plant, body, record)
-        order = sensor.order
-        raw = (
-            record.signals[sensor.key] if order == 2 else record.read(sensor.key, 0, min(2 * reach, record.n))
-        )
-        starts.append(_slow_part(raw * gear, order, record, choice))
-    return np.array([start[0][0] for start in starts] + [start[1][0] for start in starts])

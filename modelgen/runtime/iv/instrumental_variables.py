@@ -37,7 +37,7 @@ from modelgen.runtime.parameters.nearest_parameters import nearest_parameters
 from modelgen.runtime.parameters.physical_parameters import Covariances, physical_parameters
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import unmasked_rows
-from modelgen.runtime.rows.row_terms import row_terms
+from modelgen.runtime.rows.row_terms import RowTerms
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,26 +160,28 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
     """
     model, choice = setting.model, setting.choice
     every = [model.base_parameters.index(name) for name in fit.columns]
-    touched = [terms.columns for terms in row_terms(model)]
-    lines: dict[int, tuple[FloatArray, ...]] = {}
-    found, power = [], np.zeros(len(fit.columns))
-    for index, block in enumerate(fit.blocks):
-        if block.record not in lines:
-            factor = choice.decimation[block.record]
-            rows = unmasked_rows(model, runs[block.record], choice, factor, setting.drop)
-            lines[block.record] = rows.lines()
-        own = fit.touched(index)
-        place = {every[column]: line for line, column in enumerate(own.tolist())}
-        Z = np.zeros((len(own), len(block.place)))
-        for column, line in zip(touched[block.row], lines[block.record][block.row][:-1], strict=True):
-            if column in place:
-                Z[place[column]] = line if len(block.place) == len(line) else line[block.place]
-        found.append(Z.T)
-        power[own] += np.sum(Z**2, axis=1)
+    found: list[FloatArray] = [np.zeros(0)] * len(fit.blocks)
+    for record, indices in fit.by_record.items():
+        rows = unmasked_rows(model, runs[record], choice, choice.decimation[record], setting.drop)
+        blocks = [fit.blocks[index] for index in indices]
+        asked = []
+        for index, block in zip(indices, blocks, strict=True):
+            own = tuple(every[column] for column in fit.touched(index))
+            entries = dict(zip(rows.terms[block.row].columns, rows.terms[block.row].entries, strict=False))
+            asked.append(RowTerms(block.row, own, tuple(entries.get(column, ()) for column in own)))
+        try:
+            made = rows.lines(asked, [block.place for block in blocks])
+        except DataError as error:  # of a record that is read in stretches the simulation is made now
+            raise diverged(f"its simulation fails ({error.problems[0].what})", fit, model) from error
+        for index, lines in zip(indices, made, strict=True):
+            found[index] = lines
+    power = np.zeros(len(fit.columns))
+    for index, lines in enumerate(found):
+        power[fit.touched(index)] += [float(line @ line) for line in lines]
     still = [name for name, size in zip(fit.columns, power, strict=True) if size == 0.0]
     if still:
         raise diverged(f"its simulation does not move what {', '.join(still)} needs", fit, model)
-    return tuple(found)
+    return tuple(lines.T for lines in found)
 
 
 def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:

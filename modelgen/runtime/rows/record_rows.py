@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.fused_operator import fused_operator
@@ -74,18 +74,30 @@ class RecordRows:
         """Yield what a function makes of each chunk, in their order; several threads take a chunk each."""
         return each(work, self.chunks(), sum(1 for _ in self.chunks()))
 
-    def lines(self) -> tuple[FloatArray, ...]:
-        """Return the rows at all samples kept, masked or not: the columns that each touches and y in lines.
+    def lines(
+        self, terms: Sequence[RowTerms] | None = None, places: Sequence[IntArray] | None = None
+    ) -> tuple[FloatArray, ...]:
+        """Return entries of rows, in lines: by default the columns that each touches and y, masked or not.
 
-        One array a row, shape (columns touched + 1, grid).
+        `terms` are other rows and entries, `places` the points of the grid that are asked for of each, in
+        rising order. One array a row, shape (entries, points).
         """
+        rows = self.terms if terms is None else terms
+        of = [np.arange(len(self.grid))] * len(rows) if places is None else places
+        found = tuple(np.empty((len(row.entries), len(place))) for row, place in zip(rows, of, strict=True))
 
-        def of(chunk: Chunk) -> list[FloatArray]:
+        def fill(chunk: Chunk) -> None:
             signals = chunk.signals()
-            return [terms.evaluate(signals) for terms in self.terms]
+            for row, place, lines in zip(rows, of, found, strict=True):
+                part = slice(*np.searchsorted(place, (chunk.index, chunk.index + chunk.count)).tolist())
+                if part.stop - part.start == chunk.count:
+                    row.fill(lines[:, part], signals)
+                else:
+                    lines[:, part] = row.evaluate(signals)[:, place[part] - chunk.index]
 
-        parts = list(self.over_chunks(of))
-        return tuple(np.concatenate(row, axis=1) for row in zip(*parts, strict=True))
+        for _ in self.over_chunks(fill):
+            pass
+        return found
 
     def mixed(self, mixtures: Sequence[Mapping[str, float]]) -> FloatArray:
         """Return sums of signals and features at all samples kept, shape (mixtures, grid): a weight a key."""

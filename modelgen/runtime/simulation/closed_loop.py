@@ -114,7 +114,15 @@ def open_loop(plant: Plant, bandwidth_hz: float = inf, further: Sequence[int] = 
 
     The force is then the last state: Gamma' = 2 pi bandwidth_hz (command - Gamma). The other inputs are the
     forces of further actuators, given as columns of B; they act at once.
+
+    Raises
+    ------
+    DataError
+        When there are further forces, and cubic springs.
     """
+    if further and plant.model.cubic_springs:
+        what = "has cubic springs, and forces of several actuators to follow"
+        raise DataError.at("simulation", what, "give the links no stiffness3, or one actuator a force")
     column, lags = plant.actuator, int(isfinite(bandwidth_hz))
     resting = plant.space((0,) * len(plant.sticking))
     drift = np.r_[resting.E @ plant.offsets, np.zeros(lags)]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from math import inf
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,7 @@ from modelgen.runtime.simulation.plant import Plant, felt_accelerations
 from modelgen.runtime.stick_slip.compiled_steps import Sampling, follow_controller
 from modelgen.runtime.stick_slip.exact_steps import integrate
 from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, refinement
+from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, Mode
 from modelgen.runtime.stick_slip.sampled_controller import follow_ticks
 
 
@@ -61,22 +64,50 @@ def _continuous(
     initial: FloatArray,
     oversample: int,
 ) -> Motion:
-    rate = controller.rate_gain * excitation.reference_rate
-    inputs = controller.kp * excitation.reference + controller.kv * rate + excitation.feedforward
-    further = _further(plant, excitation)
-    system = closed_loop(plant, controller, drive.bandwidth_hz, tuple(further))
-    inputs = np.column_stack((inputs, *further.values()))
-    path = integrate(system, initial, inputs, 1.0 / excitation.rate_hz, oversample)
-    n = len(plant.bodies)
-    x = path.states[:, : 2 * n]
-    q, v = x[:, plant.driven], x[:, n + plant.driven]
-    # summed up from differences: the large numbers of a long travel cancel before they are multiplied
-    r, r_rate, feedforward = (
-        array[::oversample] for array in (excitation.reference, rate, excitation.feedforward)
-    )
-    command = controller.kp * (r - q) + controller.kv * (r_rate - v) + feedforward
-    forces = _forces(plant, path.states[:, -1] if drive.lags else command, further, oversample)
-    return Motion(x, path.modes, path.events, forces, command)
+    further = tuple(_further(plant, excitation))
+    loop = ContinuousLoop(plant, controller, drive.bandwidth_hz, further)
+    return loop.moved(excitation, initial, oversample)
+
+
+@dataclass(frozen=True, eq=False)
+class ContinuousLoop:
+    """A chain with a continuous controller, ready for any stretch of time; `further` are columns of B."""
+
+    plant: Plant
+    controller: PositionVelocityController
+    bandwidth_hz: float = inf
+    further: tuple[int, ...] = ()
+
+    @cached_property
+    def system(self) -> FrictionSystem:
+        """The linear system with Coulomb friction."""
+        return closed_loop(self.plant, self.controller, self.bandwidth_hz, self.further)
+
+    def moved(
+        self, excitation: Excitation, initial: FloatArray, oversample: int = 1, mode: Mode | None = None
+    ) -> Motion:
+        """Return the motion from a state on, shape (states,); where it goes on, `mode` are the bodies' modes.
+
+        Forces of actuators that are not among `further` are left out.
+        """
+        plant, controller = self.plant, self.controller
+        given = {plant.further[key]: samples for key, samples in excitation.forces.items()}
+        further = {column: given[column] for column in self.further}
+        rate = controller.rate_gain * excitation.reference_rate
+        inputs = controller.kp * excitation.reference + controller.kv * rate + excitation.feedforward
+        inputs = np.column_stack((inputs, *further.values()))
+        path = integrate(self.system, initial, inputs, 1.0 / excitation.rate_hz, oversample, mode)
+        n = len(plant.bodies)
+        x = path.states[:, : 2 * n]
+        q, v = x[:, plant.driven], x[:, n + plant.driven]
+        # summed up from differences: the large numbers of a long travel cancel before they are multiplied
+        r, r_rate, feedforward = (
+            array[::oversample] for array in (excitation.reference, rate, excitation.feedforward)
+        )
+        command = controller.kp * (r - q) + controller.kv * (r_rate - v) + feedforward
+        lags = path.states.shape[1] > 2 * n
+        forces = _forces(plant, path.states[:, -1] if lags else command, further, oversample)
+        return Motion(x, path.modes, path.events, forces, command)
 
 
 def _sampled(
@@ -137,11 +168,7 @@ def _further(plant: Plant, excitation: Excitation) -> dict[int, FloatArray]:
     ]
     if strange:
         raise DataError(*strange)
-    found = {plant.further[key]: samples for key, samples in excitation.forces.items() if samples.any()}
-    if found and plant.model.cubic_springs:
-        what = "has cubic springs, and forces of several actuators to follow"
-        raise DataError.at("simulation", what, "give the links no stiffness3, or one actuator a force")
-    return found
+    return {plant.further[key]: samples for key, samples in excitation.forces.items() if samples.any()}
 
 
 def _forces(

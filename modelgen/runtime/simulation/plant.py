@@ -159,12 +159,15 @@ def measured_forces(plant: Plant, record: Record) -> tuple[FloatArray, dict[str,
     DataError
         With one problem per force that the record lacks.
     """
-    keys = (plant.force, *plant.further)
-    lacking = [missing_name(record.name, "force", key, record.signals) for key in keys if key not in
-               record.signals]  # fmt: skip
-    if lacking:
-        raise DataError(*lacking)
+    refuse_lacking_forces(plant, record)
     return record.signals[plant.force], {key: record.signals[key] for key in plant.further}
+
+
+def refuse_lacking_forces(plant: Plant, record: Record) -> None:
+    """Raise DataError with one problem per force that a record lacks."""
+    keys = [key for key in (plant.force, *plant.further) if key not in record.keys]
+    if keys:
+        raise DataError(*(missing_name(record.name, "force", key, record.keys) for key in keys))
 
 
 def body_order(model: Model) -> tuple[str, ...]:

@@ -44,7 +44,7 @@ from modelgen.runtime.stick_slip.event_kernel import (
     when_negative,
 )
 from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, Trajectory, too_many_events, unbounded
-from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, ModeMotion
+from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, Mode, ModeMotion
 
 # All modes are tabulated in advance, three a body; with more bodies with friction the table is too large.
 MOST_BODIES = 5
@@ -114,14 +114,20 @@ def has_numba() -> bool:
 
 
 def follow_input(
-    flow: Flow, initial: FloatArray, w: FloatArray, stride: int, steps_a_node: int = 1
+    flow: Flow,
+    initial: FloatArray,
+    w: FloatArray,
+    stride: int,
+    steps_a_node: int = 1,
+    mode: Mode | None = None,
 ) -> Trajectory:
-    """Return the motion under an input `w` known every so many steps, shape (nodes, m), linear in between.
+    """Return the motion under an input `w` known every so many steps, shape (nodes,), linear in between.
 
-    `initial` is the state in SI, shape (2n + lags,).
+    `initial` is the state in SI, shape (2n + lags,); `mode` are those of the bodies where a motion goes on.
     """
     nothing = Sampling((0.0,) * 7 + (1.0, 1.0), np.zeros((1, 3)), steps_a_node, 0)
-    return _run(flow, initial, np.ascontiguousarray(w), nothing, stride, (len(w) - 1) * steps_a_node)[0]
+    steps = (len(w) - 1) * steps_a_node
+    return _run(flow, initial, np.ascontiguousarray(w), nothing, stride, steps, mode)[0]
 
 
 def follow_controller(
@@ -135,7 +141,13 @@ def follow_controller(
 
 
 def _run(
-    flow: Flow, initial: FloatArray, w: FloatArray, sampling: Sampling, stride: int, steps: int
+    flow: Flow,
+    initial: FloatArray,
+    w: FloatArray,
+    sampling: Sampling,
+    stride: int,
+    steps: int,
+    mode: Mode | None = None,
 ) -> tuple[Trajectory, FloatArray]:
     bodies = len(flow.system.bodies)
     if bodies > LARGEST_TABLE:
@@ -147,7 +159,7 @@ def _run(
     # positions before the start, which the controller needs: at the constant initial speed
     before = q - np.array([1.0, 2.0]) * sampling.law[7] * initial[int(sampling.law[6])]
     first = np.array([w[0] if w.size else 0.0])
-    index = _index(flow.start(x, first))
+    index = _index(flow.start(x, first) if mode is None else mode)
     capacity = max(FIRST_EVENTS, steps // STEPS_AN_EVENT)
     tables = _tables(flow)
     while True:
@@ -174,6 +186,7 @@ def _run(
     return Trajectory(states, modes, tuple(found)), commands
 
 
+@lru_cache(maxsize=4)
 def _tables(flow: Flow) -> tuple[Any, ...]:
     """Return what one step needs of every mode, guards, M, free accelerations, owners, and the bodies."""
     bodies = flow.system.bodies

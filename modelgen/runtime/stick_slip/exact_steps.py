@@ -8,6 +8,8 @@ solver tolerance. With numba (the extra "fast") the steps are taken one by one i
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
@@ -27,6 +29,7 @@ def integrate(
     inputs: FloatArray,
     step_s: float,
     stride: int = 1,
+    mode: Mode | None = None,
     *,
     compiled: bool | None = None,
 ) -> Trajectory:
@@ -35,7 +38,7 @@ def integrate(
     Parameters
     ----------
     system : FrictionSystem
-        The system (SI). Every body starts in the mode that its velocity, or else the force on it, asks for.
+        The system (SI).
     initial : ndarray, shape (states,)
         State at time 0.
     inputs : ndarray, shape (K + 1, m)
@@ -44,6 +47,9 @@ def integrate(
         Step in s.
     stride : int
         Keep every `stride`-th step.
+    mode : tuple of int, shape (bodies,), optional
+        Of every body at the start, where a motion goes on; by default the one that its velocity, or else the
+        force on it, asks for.
     compiled : bool, optional
         Whether to take the steps one by one (compiled, where numba is installed); by default if numba is, and
         the system allows it. Cubic springs always ask for it.
@@ -53,15 +59,14 @@ def integrate(
     DataError
         When the motion grows without bound, is too fast for the steps, or sticks and slips too often.
     """
-    refine = refinement(system, step_s)
-    step_s, stride, steps = step_s / refine, stride * refine, (len(inputs) - 1) * refine
-    flow = Flow(system, step_s)
+    flow, refine = _flow(system, step_s)
+    stride, steps = stride * refine, (len(inputs) - 1) * refine
     if system.springs or (can_compile(system) if compiled is None else compiled):
-        return follow_input(flow, initial, inputs[:, 0], stride, refine)
+        return follow_input(flow, initial, inputs[:, 0], stride, refine, mode)
     states = np.empty((steps // stride + 1, initial.size))
     modes = np.empty((len(states), len(system.bodies)), dtype=np.int8)
     x = initial * flow.scale
-    mode = flow.start(x, inputs[0])
+    mode = flow.start(x, inputs[0]) if mode is None else mode
     states[0], modes[0] = x, mode
     events: list[Event] = []
     k, block = 0, FIRST_BLOCK
@@ -71,6 +76,13 @@ def integrate(
         events += found
         block = FIRST_BLOCK if found else min(2 * block, LARGEST_BLOCK)
     return Trajectory(states / flow.scale, modes, tuple(events))
+
+
+@lru_cache(maxsize=2)
+def _flow(system: FrictionSystem, step_s: float) -> tuple[Flow, int]:
+    """Return the flow of a system, and into how many of its steps each is divided; a motion may go on."""
+    refine = refinement(system, step_s)
+    return Flow(system, step_s / refine), refine
 
 
 def to_next_event(

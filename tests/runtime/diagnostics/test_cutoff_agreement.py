@@ -10,7 +10,8 @@ from modelgen.runtime.diagnostics.cutoff_agreement import (
     Disagreement,
     FitCoordinates,
     disagreement_notes,
-    disagreements,
+    disagreement,
+    own_columns,
     significant_drift,
 )
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
@@ -76,7 +77,8 @@ def test_a_record_without_samples_at_the_other_cutoff_is_compared_with_nothing()
         weights=tuple(fit.weights[index] for index in kept),
         residuals=tuple(fit.residuals[index] for index in kept),
     )
-    (found,) = disagreements(fit, choice, [(choice, fewer)])
+    found = disagreement(fit, choice, choice, fewer, own_columns(fit))
+    assert found is not None
     assert np.all(np.isfinite(found.std))
     assert np.all(found.std > 0.0)
 

@@ -18,7 +18,8 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
-from modelgen.runtime.iv.companion_simulation import Simulated, nearest_sensor
+from modelgen.runtime.iv.companion_simulation import Simulated
+from modelgen.runtime.iv.held_motion import nearest_sensor
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.thresholds import DIFFERENCED, HIGHEST_LED, LED_ORDER, TURNS_CLEARLY
 from modelgen.runtime.least_squares.fit import Fit

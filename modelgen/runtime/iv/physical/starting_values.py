@@ -15,7 +15,8 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, ModelgenError
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
-from modelgen.runtime.iv.companion_simulation import nearest_sensor, possible
+from modelgen.runtime.iv.companion_simulation import possible
+from modelgen.runtime.iv.held_motion import nearest_sensor
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.output_error import fit_response
 from modelgen.runtime.iv.thresholds import (
