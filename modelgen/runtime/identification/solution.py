@@ -191,9 +191,9 @@ def _run(task: Task) -> Begun:
     begun = run_method(task, task.method)
     if not isinstance(task.method, IV) or not task.checks.drift_check:
         return begun
-    from modelgen.runtime.identification.explanation.explain_residual import with_turns
+    from modelgen.runtime.identification.explanation.explain_stretches import turns_by_stretches
 
-    return replace(begun, found=with_turns(begun.task.job, begun.found))
+    return replace(begun, found=turns_by_stretches(begun.task.job, task.method, begun.found))
 
 
 def settings_drift(

@@ -122,7 +122,7 @@ class HeldMotion:
             since = f", counted from {first / record.fs:.6g} s" if first else ""
             raise DataError(*(replace(one, what=one.what + since) for one in error.problems)) from None
         if number == len(self._starts) - 1:
-            self._starts.append(_Start(motion.states[-1], tuple(motion.modes[-1].tolist()), sums))
+            self._starts.append(_Start(motion.states[-1].copy(), tuple(motion.modes[-1].tolist()), sums))
         signals = self._seen(self._plant, motion)
         return signals if stop == record.n else {key: part[:-1] for key, part in signals.items()}
 

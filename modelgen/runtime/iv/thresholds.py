@@ -21,7 +21,7 @@ ROUNDED = 1e-9
 # What is followed may differ by at the ends of a stretch for looking no further; relative. Stretches have so
 # many samples at least, and are so many times as long as is looked beyond; the last ones made are kept.
 START_TOLERANCE = 1e-9
-HELD_STRETCH, HELD_REACHES, KEPT_STRETCHES = 1 << 16, 4, 6
+HELD_STRETCH, HELD_REACHES, KEPT_STRETCHES = 1 << 16, 2, 4
 # What arms follow of a record, as a multiple of their motion's band, where their controller is not known:
 # noise of accelerations grows with the band to the power of five, and rows look at five times the motion's.
 ARM_SMOOTHING, ARM_SMOOTHING_ORDER = 2.0, 4

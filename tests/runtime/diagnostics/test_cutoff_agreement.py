@@ -9,8 +9,8 @@ from generated import two_mass_bench_qm_qc
 from modelgen.runtime.diagnostics.cutoff_agreement import (
     Disagreement,
     FitCoordinates,
-    disagreement_notes,
     disagreement,
+    disagreement_notes,
     own_columns,
     significant_drift,
 )

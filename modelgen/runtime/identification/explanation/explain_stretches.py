@@ -14,7 +14,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.identification.explanation.explain_residual import timing_moves
+from modelgen.runtime.identification.explanation.explain_residual import timing_moves, with_turns
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, begun_with, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, WLS, Method
@@ -128,6 +128,22 @@ def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
         if fit.columns == found.fit.columns:
             return timing_moves(parts, observation, fit)
     return timing_moves(job, found.observation, found.fit)
+
+
+def turns_by_stretches(job: Job, method: IV, found: Explained) -> Explained:
+    """Return `with_turns` of instruments; of long records in stretches, as far as it widens and tells."""
+    if not long(job) or not any(block.turning for block in found.fit.blocks):
+        return with_turns(job, found)
+    parts, _ = _in_stretches(job)
+    none = np.zeros_like(found.drift)
+    try:
+        observation, fit = method.run(parts)
+    except (IdentifiabilityError, DataError):
+        return with_turns(job, found)
+    if fit.columns != found.fit.columns:
+        return with_turns(job, found)
+    told = with_turns(parts, Explained(observation, fit, (), (), none, ()))
+    return replace(found, drift=found.drift + told.drift, advice=(*found.advice, *told.advice))
 
 
 def _task_of_stretches(task: Task) -> tuple[Task, list[int]]:
