@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -110,21 +111,14 @@ def fit_with_delays(
     )
     for _ in range(DELAY_ROUNDS):
         moved = tuple(advanced(record, delays) for record in records)
+        # rows of one round at a time are in memory
         try:
-            observation, fit = run(moved, start)
+            found = _round(moved, channels, run, rates_of, start, sample)
         except IdentifiabilityError as error:
             raise IdentifiabilityError(*error.problems, *_late_so_far(delays, sample)) from error
-        rates = [rates_of(fit, moved, channel) for channel in channels]
-        larger = with_columns(fit, fit.regressors, [steps_of(rate) for rate in rates])
-        simulated = None
-        if start is not None:
-            spread = _spread(larger)
-            if _at_rest(larger, start, sample, spread):
-                break
-            simulated = fit.simulated if _settled(larger, start, sample, spread) else None
-        c = len(fit.columns)
-        steps, x = larger.solution.x[c:], larger.solution.x[:c]
-        start = replace(fit, solution=replace(fit.solution, x=x), simulated=simulated)
+        if isinstance(found, _AtRest):
+            break
+        start, steps = found
         for channel, step in zip(channels, steps, strict=True):
             limit = LARGEST_DELAY * sample
             delays[channel] = float(np.clip(delays[channel] + np.clip(step, -sample, sample), -limit, limit))
@@ -133,6 +127,7 @@ def fit_with_delays(
         raise IdentifiabilityError.at(
             "delays", f"parameters and delays still move after {DELAY_ROUNDS} rounds", remedy
         )
+    observation, fit, larger, spread = found
     last, c = larger if finish is None else finish(larger), len(fit.columns)
     moves = dict(zip(channels, (last.solution.x - larger.solution.x)[c:].tolist(), strict=True))
     if any(moves.values()):  # rows of the delays that are told
@@ -140,8 +135,42 @@ def fit_with_delays(
         observation, fit = run(tuple(advanced(record, delays) for record in records), fit)
     spread = spread if last is larger else _spread(last)
     stds = dict(zip(channels, spread[c:].tolist(), strict=True))
-    found = tuple((channel, delays[channel], stds[channel]) for channel in channels)
-    return observation, replace(without_columns(last, fit), delays=found)
+    late = tuple((channel, delays[channel], stds[channel]) for channel in channels)
+    return observation, replace(without_columns(last, fit), delays=late)
+
+
+class _AtRest(NamedTuple):
+    """Rows and fit of the last round, that with columns for the delays, and its deviations, (columns,)."""
+
+    observation: Observation
+    fit: Fit
+    larger: Fit
+    spread: FloatArray
+
+
+def _round(
+    moved: tuple[Record, ...],
+    channels: Sequence[str],
+    run: Run,
+    rates_of: Rates,
+    start: Fit | None,
+    sample: float,
+) -> _AtRest | tuple[Fit, FloatArray]:
+    """Return a round that has come to rest, or what the next one starts from, and steps of the delays."""
+    observation, fit = run(moved, start)
+    rates = [rates_of(fit, moved, channel) for channel in channels]
+    larger = with_columns(fit, fit.regressors, [steps_of(rate) for rate in rates])
+    simulated = None
+    if start is not None:
+        spread = _spread(larger)
+        if _at_rest(larger, start, sample, spread):
+            return _AtRest(observation, fit, larger, spread)
+        simulated = fit.simulated if _settled(larger, start, sample, spread) else None
+    c = len(fit.columns)
+    x, steps = larger.solution.x[:c], larger.solution.x[c:]
+    solution = replace(fit.solution, x=x)
+    without_rows = replace(fit, blocks=(), weights=(), residuals=(), projected=None, series=None)
+    return replace(without_rows, solution=solution, simulated=simulated), steps
 
 
 def _spread(fit: Fit) -> FloatArray:

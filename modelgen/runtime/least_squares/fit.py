@@ -12,7 +12,7 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares
 from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
-from modelgen.runtime.numerics.regressor import Regressor, Regressors
+from modelgen.runtime.numerics.regressor import Regressor, Regressors, WeightedPieces
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock, Stretch
 from modelgen.runtime.rows.row_triangles import RowTriangle
@@ -275,10 +275,9 @@ def regressed_rows(
 
 def weighted_parts(
     blocks: Sequence[RowBlock], weights: Sequence[float], regressors: Regressors
-) -> list[tuple[Regressor, FloatArray]]:
-    """Return the weighted regressor and Y of each block."""
-    parts = zip(regressors.weighted(weights), weights, blocks, strict=True)
-    return [(one, weight * block.Y) for one, weight, block in parts]
+) -> WeightedPieces:
+    """Return the weighted regressor and Y of each block, in pieces that every pass makes anew."""
+    return WeightedPieces(regressors, tuple(block.Y for block in blocks), weights)
 
 
 def triangle_rows(

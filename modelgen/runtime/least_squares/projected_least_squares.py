@@ -32,7 +32,7 @@ def two_stage(fit: Fit, Z: Regressors | tuple[FloatArray, ...]) -> Fit:
     # all that the projection and the solution ask of the rows stands in the triangle of [Z W Y]
     parts = []
     for weight, z, block in zip(fit.weights, Z, fit.blocks, strict=True):
-        lines = weight * lines_of(tall_triangle(np.hstack([z.samples, block.W]), block.Y)[:, 1:])
+        lines = weight * lines_of(tall_triangle((z.samples, block.W), block.Y)[:, 1:])
         k, W = z.samples.shape[1], Regressor(block.W, block.touched, None, c)
         parts.append(np.column_stack([z.lines(lines[:, :k]), W.lines(lines[:, k:-1]), lines[:, -1]]))
     triangle = triangle_of(np.concatenate(parts))

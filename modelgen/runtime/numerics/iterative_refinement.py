@@ -27,26 +27,26 @@ def refined(parts: Parts, x: FloatArray, inverse: FloatArray) -> FloatArray:
     Parameters
     ----------
     parts : sequence of (array or Regressor, array)
-        W, shape (r, c), and Y, shape (r,), in pieces of some rows each. W is of full rank; its condition
-        number squared must stay below the inverse of the rounding unit.
+        W, shape (r, c), and Y, shape (r,), in pieces of some rows each, which every pass may make anew. W is
+        of full rank; its condition number squared must stay below the inverse of the rounding unit.
     x : array, shape (c,)
     inverse : array, shape (c, c)
         (W^T W)^-1, to a few digits.
     """
-    pieces = [(regressor(W), Y) for W, Y in parts]
-    residuals = [Y - W.times(x) for W, Y in pieces]
+    residuals = [Y - regressor(W).times(x) for W, Y in parts]
     for _ in range(ROUNDS):
         gradient = np.zeros(len(x))
         defects = []
-        for (W, Y), residual in zip(pieces, residuals, strict=True):
-            defect = _defect(W.samples, Y, W.own(x), residual)
-            gradient += W.spread(W.samples.T @ defect + _projection(W.samples, residual))
+        for (W, Y), residual in zip(parts, residuals, strict=True):
+            of = regressor(W)
+            defect = _defect(of.samples, Y, of.own(x), residual)
+            gradient += of.spread(of.samples.T @ defect + _projection(of.samples, residual))
             defects.append(defect)
         step = inverse @ gradient
         x = x + step
         residuals = [
-            residual + (defect - W.times(step))
-            for (W, _), residual, defect in zip(pieces, residuals, defects, strict=True)
+            residual + (defect - regressor(W).times(step))
+            for (W, _), residual, defect in zip(parts, residuals, defects, strict=True)
         ]
     return x
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from modelgen.array_types import FloatArray
@@ -19,13 +21,16 @@ ROWS_AT_A_TIME = 1024
 COMPILED_ROWS = 50_000
 
 
-def tall_triangle(W: FloatArray, Y: FloatArray) -> FloatArray:
-    """Return R of [1 W Y], shape (c + 2, c + 2), of arrays of shape (n, c) and (n,).
+def tall_triangle(W: FloatArray | Sequence[FloatArray], Y: FloatArray) -> FloatArray:
+    """Return R of [1 W Y], shape (c + 2, c + 2), of arrays of shape (n, c) and (n,); W may be several.
 
     Columns of zeros, of rows that touch few columns of many, cost nothing but their lines of zeros.
     """
-    columns = W.shape[1]
+    sides = [W] if isinstance(W, np.ndarray) else W
+    ends = np.cumsum([1, *(side.shape[1] for side in sides)]).tolist()
+    columns = ends[-1] - 1
     if columns >= MANY:
+        W = np.hstack(sides)
         used = np.flatnonzero(np.any(W, axis=0))
         if 2 * len(used) < columns:
             R = np.zeros((columns + 2, columns + 2))
@@ -33,12 +38,14 @@ def tall_triangle(W: FloatArray, Y: FloatArray) -> FloatArray:
             R[np.ix_(place, place)] = tall_triangle(np.ascontiguousarray(W[:, used]), Y)
             return R
     take_in = compiled_take_in() if len(Y) >= COMPILED_ROWS else None
-    R = np.zeros((W.shape[1] + 2, W.shape[1] + 2))
+    R = np.zeros((columns + 2, columns + 2))
     step = max(ROWS_AT_A_TIME, TALL // len(R) // ROWS_AT_A_TIME * ROWS_AT_A_TIME)
     for first in range(0, len(Y), step):
         part = slice(first, min(first + step, len(Y)))
         lines = np.empty((len(R), part.stop - first))
-        lines[0], lines[1:-1], lines[-1] = 1.0, W[part].T, Y[part]
+        lines[0], lines[-1] = 1.0, Y[part]
+        for side, start, stop in zip(sides, ends[:-1], ends[1:], strict=True):
+            lines[start:stop] = side[part].T
         if take_in is not None:
             take_in(R, lines)
             continue

@@ -19,7 +19,7 @@ class RecentArrays:
     """
 
     def __init__(self, room: int) -> None:
-        self._room = room
+        self._room, self._size = room, 0
         self._found: dict[Hashable, npt.NDArray[Any]] = {}
         self._lock = Lock()
 
@@ -33,15 +33,15 @@ class RecentArrays:
         made = make()
         made.flags.writeable = False
         with self._lock:
+            other = self._found.pop(key, None)  # another thread may have made it meanwhile
+            self._size += made.nbytes - (0 if other is None else other.nbytes)
             self._found[key] = made
-            size = sum(array.nbytes for array in self._found.values())
-            for old in list(self._found):
-                if size <= self._room:
-                    break
-                size -= self._found.pop(old).nbytes
+            while self._size > self._room:
+                self._size -= self._found.pop(next(iter(self._found))).nbytes
         return made
 
     def clear(self) -> None:
         """Let go of all of them."""
         with self._lock:
             self._found.clear()
+            self._size = 0

@@ -11,6 +11,9 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.numerics.block_column import block_column
 
+# Rows that are weighted at a time.
+PIECE = 1 << 14
+
 
 @dataclass(frozen=True, eq=False)
 class Regressor:
@@ -157,3 +160,28 @@ class Regressors(Sequence[Regressor]):
 def plain_regressors(samples: tuple[FloatArray, ...]) -> Regressors:
     """Return arrays with all columns, shape (n, c) a block, as regressors."""
     return Regressors(samples, (None,) * len(samples), None, samples[0].shape[1])
+
+
+class WeightedPieces(Sequence[tuple[Regressor, FloatArray]]):
+    """Weighted regressors, shape (n, c), and what is regressed on them, (n,), some rows at a time.
+
+    `measured` and `weights` are one a block. Every pass weighs them anew: no copy of all is kept.
+    """
+
+    def __init__(
+        self, regressors: Regressors, measured: Sequence[FloatArray], weights: Sequence[float]
+    ) -> None:
+        self._regressors, self._measured, self._weights = regressors, measured, weights
+        self._pieces = [
+            (index, slice(start, start + PIECE))
+            for index, values in enumerate(measured)
+            for start in range(0, max(len(values), 1), PIECE)
+        ]
+
+    def __len__(self) -> int:
+        return len(self._pieces)
+
+    def __getitem__(self, number: Any) -> Any:
+        index, rows = self._pieces[number]
+        weight, part = self._weights[index], self._regressors[index].within(rows)
+        return replace(part, samples=weight * part.samples), weight * self._measured[index][rows]

@@ -154,6 +154,15 @@ def made_once(
     return source.facts.filtered[channel].of(key, make)
 
 
+def chunk_points(plan: SignalPlan, halo: int = 0, samples: int | None = None) -> int:
+    """Return how many points of the grid a chunk has; parameters as of `chunks`."""
+    least, halos = (CHUNK_SAMPLES, HALOS) if plan.kernel is None else (KERNEL_SAMPLES, KERNEL_HALOS)
+    size = samples or max(least, halos * (max(plan.margins) + halo))
+    # whole blocks: the products are then the same whatever the size of a chunk
+    block = plan.feature_operator.block
+    return -(-size // block) * block // plan.filtering.factor
+
+
 def chunks(
     source: Channels, plan: SignalPlan, grid: range, halo: int = 0, samples: int | None = None
 ) -> Iterator[Chunk]:
@@ -170,11 +179,7 @@ def chunks(
     samples : int, optional
         Samples in a chunk; changes memory and speed, never the result.
     """
-    least, halos = (CHUNK_SAMPLES, HALOS) if plan.kernel is None else (KERNEL_SAMPLES, KERNEL_HALOS)
-    size = samples or max(least, halos * (max(plan.margins) + halo))
-    # whole blocks: the products are then the same whatever the size of a chunk
-    block = plan.feature_operator.block
-    count = -(-size // block) * block // plan.filtering.factor
+    count = chunk_points(plan, halo, samples)
     for index in range(0, len(grid), count):
         kept = grid[index : index + count]
         yield Chunk(source, plan, kept[0], index, len(kept), halo)

@@ -17,7 +17,7 @@ from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.numerics.threads import each
 from modelgen.runtime.records.channels import Channels, read_continued
-from modelgen.runtime.rows.chunk import Chunk, chunks, made_once
+from modelgen.runtime.rows.chunk import Chunk, chunk_points, chunks, made_once
 from modelgen.runtime.rows.filter_sections import matched_filtering
 from modelgen.runtime.rows.masks import RowMask, row_masks
 from modelgen.runtime.rows.row_terms import RowTerms, row_terms
@@ -72,7 +72,8 @@ class RecordRows:
 
     def over_chunks(self, work: Callable[[Chunk], Found]) -> Iterator[Found]:
         """Yield what a function makes of each chunk, in their order; several threads take a chunk each."""
-        return each(work, self.chunks(), sum(1 for _ in self.chunks()))
+        points = chunk_points(self.plan, self.halo, self.samples)
+        return each(work, self.chunks(), -(-len(self.grid) // points))
 
     def lines(
         self, terms: Sequence[RowTerms] | None = None, places: Sequence[IntArray] | None = None
