@@ -4,7 +4,8 @@
 
 A record of 1e7 samples is written to .npy files (here, deleted afterwards), then identified by
 `modelgen.identify` in a process of its own, from the files, which are never loaded whole: by one thread and
-by two. Printed is how far the process's resident memory rises above what it was before it touched the record,
+by two, and by instruments, whose simulation goes through the record in stretches and keeps the rows of two fits
+with their instruments. Printed is how far the process's resident memory rises above what it was before it touched the record,
 and what of that is more than the rows: the samples kept, a line for every column and one for Y of each row of
 the model, 8 bytes each. For comparison: the chain written by hand (`throughput.py`), which loads the files.
 The estimate must be that of the record in memory (`--whole 0` leaves that out).
@@ -74,11 +75,11 @@ def rows_mb(n: int) -> float:
     return 8e-6 * (n // FACTOR) * len(model.rows) * (len(model.base_parameters) + 1)
 
 
-def from_files(folder: Path, threads: int = 1) -> modelgen.Estimate:
+def from_files(folder: Path, threads: int = 1, method: str = "auto") -> modelgen.Estimate:
     """Identify from the files; a process of many would otherwise take one thread, any other all cores."""
     cores.usable_threads = lambda: threads
     source = open_npy({channel: folder / f"{channel}.npy" for channel in CHANNELS}, FS)
-    return modelgen.identify(two_bodies(), source, **SETTINGS)
+    return modelgen.identify(two_bodies(), source, method=method, **SETTINGS)
 
 
 def within(folder: Path, limit_mb: float | None, method: str) -> modelgen.Estimate:
@@ -180,7 +181,8 @@ def print_memory(samples: int, whole: bool) -> None:
             place.mkdir()
             write_record(place, n)
         sides = {f"{k} thread(s)": partial(from_files, threads=k) for k in (1, 2)}
-        for side, work in (sides | {"by hand": all_at_once}).items():
+        others = {"iv": partial(from_files, method="iv"), "by hand": all_at_once}
+        for side, work in (sides | others).items():
             rise = fresh(warm_rise_mb, work, folder, warm)
             beyond = f"{rise - rows:7.1f} MB more than the rows ({rows:.0f} MB)"
             wanted = "  (wanted: at most 64)" if side in sides else ""
