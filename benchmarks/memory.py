@@ -4,11 +4,11 @@
 
 A record of 1e7 samples is written to .npy files (here, deleted afterwards), then identified by
 `modelgen.identify` in a process of its own, from the files, which are never loaded whole: by one thread and
-by two, and by instruments, whose simulation goes through the record in stretches and keeps the rows of two fits
-with their instruments. Printed is how far the process's resident memory rises above what it was before it touched the record,
-and what of that is more than the rows: the samples kept, a line for every column and one for Y of each row of
-the model, 8 bytes each. For comparison: the chain written by hand (`throughput.py`), which loads the files.
-The estimate must be that of the record in memory (`--whole 0` leaves that out).
+by two, and by instruments, which keep rows of their own. Printed is how far the process's resident memory
+rises above what it was before it touched the record, and what of that is more than the rows: the samples
+kept, a line for every column and one for Y of each row of the model, 8 bytes each. For comparison: the chain
+written by hand (`throughput.py`), which loads the files. The estimate must be that of the record in memory
+(`--whole 0` leaves that out).
 
 Then the same record with a limit for the rows (`--limit`, in MB), which they exceed: they are made again
 whenever they are asked for. By least squares, with and without the limit, and by default, which is least

@@ -189,7 +189,7 @@ def _difference(fit: Fit, other: Fit, decimation: Sequence[int]) -> FloatArray:
     those = dict(zip(theirs, influence_parts(other), strict=True))
     for record, mine in zip(ours, influence_parts(fit), strict=True):
         if record not in those:
-            series.append(mine)
+            series.append(mine)  # a covariance has no sign
             continue
         (start, count), (begin, there) = ours[record], theirs[record]
         # both grids on one: the nearest point of it, half a step off at most

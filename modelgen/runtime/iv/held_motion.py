@@ -72,7 +72,8 @@ class HeldMotion:
         columns = tuple(plant.further[key] for key in further)
         self._further, self._loop = further, ContinuousLoop(plant, controller, further=columns)
         self._size, self._made, self._lock = self._slow.stretch, dict[int, Mapping[str, FloatArray]](), Lock()
-        self.count = -(-record.n // self._size)
+        # the last one has the last sample as well
+        self.count = max(-(-(record.n - 1) // self._size), 1)
 
     def whole(self) -> dict[str, FloatArray]:
         """Return the signals at all samples, shape (n,) each."""
@@ -87,8 +88,8 @@ class HeldMotion:
 
     def between(self, key: str, start: int, stop: int) -> FloatArray:
         """Return samples start to stop of a signal, shape (stop - start,)."""
-        parts = []
-        for number in range(start // self._size, max(-(-stop // self._size), start // self._size + 1)):
+        parts, last = [], min(max(stop - 1, start) // self._size, self.count - 1)
+        for number in range(min(start // self._size, last), last + 1):
             first = number * self._size
             parts.append(self.stretch(number)[key][max(start - first, 0) : stop - first])
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
@@ -111,7 +112,7 @@ class HeldMotion:
         """Return the signals of a stretch whose start is known; that of the next one is then, too."""
         start, record = self._starts[number], self._record
         first = number * self._size
-        # its last sample is the first one of the next stretch
+        # the first sample of the next stretch is its last one, too
         stop = min(first + self._size + 1, record.n)
         position, velocity, sums = self._slow.between(first, stop, start.sums, self._size)
         forces = {key: record.read(key, first, stop) for key in (self._plant.force, *self._further)}

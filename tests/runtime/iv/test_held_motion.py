@@ -52,12 +52,12 @@ def test_stretches_follow_each_other_through_stick_and_slip(
     whole = HeldMotion(plant, record, choice, true_signals)
     assert whole.count == 1
     one = whole.whole()
-    cut(monkeypatch, 97)
+    cut(monkeypatch, 101)
     many = HeldMotion(plant, record, choice, true_signals)
-    assert many.count > 100
+    assert many.count == 99  # the last one has a sample more
     found = many.whole()
     # a border within a rest, and one within motion
-    sticks = one["mode_m"][::97] == 0.0
+    sticks = one["mode_m"][::101] == 0.0
     assert 5 < np.count_nonzero(sticks) < many.count - 5
     for key, samples in one.items():
         if key.startswith("mode"):
@@ -68,7 +68,7 @@ def test_stretches_follow_each_other_through_stick_and_slip(
 
 def test_channels_and_memory_give_the_same_bits(record: Record, monkeypatch: pytest.MonkeyPatch) -> None:
     choice = choose_filter(TWO, (record,))
-    cut(monkeypatch, 500)
+    cut(monkeypatch, 909)
     here = run_beside(TWO, TRUTH, record, choice)
     there = run_beside(TWO, TRUTH, of_channels(record), choice)
     assert here.source is here

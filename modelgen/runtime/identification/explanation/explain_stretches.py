@@ -132,7 +132,8 @@ def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
 
 def turns_by_stretches(job: Job, method: IV, found: Explained) -> Explained:
     """Return `with_turns` of instruments; of long records in stretches, as far as it widens and tells."""
-    if not long(job) or not any(block.turning for block in found.fit.blocks):
+    turning = found.fit.carried is None and any(block.turning for block in found.fit.blocks)
+    if not long(job) or not turning:
         return with_turns(job, found)
     parts, _ = _in_stretches(job)
     none = np.zeros_like(found.drift)
