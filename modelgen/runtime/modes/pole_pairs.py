@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import permutations
+from math import perm
 
 import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import FloatArray, IntArray
-from modelgen.runtime.modes.thresholds import ALONE, RIGID_SHARE, ROUNDS_OF_ITERATION
+from modelgen.runtime.modes.thresholds import ALONE, FEW_WAYS, RIGID_SHARE, ROUNDS_OF_ITERATION
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -205,11 +207,15 @@ def _mass(inertia: FloatArray) -> FloatArray:
 
 def _assigned(shares: FloatArray) -> list[tuple[int, int]]:
     """Return pairs of column and row of (modes, poles), one to one, with the largest sum of shares."""
-    rows = np.arange(len(shares))
-    columns = shares.argmax(axis=1) if shares.shape[1] else rows
-    if len(rows) > shares.shape[1] or len(set(columns.tolist())) < len(rows):
-        from scipy.optimize import linear_sum_assignment
-
+    rows, poles = np.arange(len(shares)), shares.shape[1]
+    columns = shares.argmax(axis=1) if poles else rows
+    if len(rows) > poles or len(set(columns.tolist())) < len(rows):
         # more than one wants the same: what is best for all
-        rows, columns = linear_sum_assignment(-shares)
+        if 0 < perm(poles, len(rows)) <= FEW_WAYS:
+            ways = np.array(list(permutations(range(poles), len(rows))))
+            columns = ways[np.argmax(shares[rows, ways].sum(axis=1))]
+        else:
+            from scipy.optimize import linear_sum_assignment
+
+            rows, columns = linear_sum_assignment(-shares)
     return list(zip(columns.tolist(), rows.tolist(), strict=True))

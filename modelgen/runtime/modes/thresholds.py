@@ -53,3 +53,7 @@ MOST_PEAK_RECORDS, LONGEST_RECORD = 4, 10_000_000
 MOST_POSTURES = 60
 # Springs are stretched by so much (rad or m) to both sides of where they are unloaded.
 STRETCHED = 1e-4
+
+# Poles are given to modes by trying all ways where there are no more than this: loading an optimizer for two
+# poles takes a tenth of the time of a short identification.
+FEW_WAYS = 120

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modelgen.runtime.modes.pole_pairs import pair_slopes, pole_pairs, undamped_modes
+from modelgen.runtime.modes.pole_pairs import _assigned, pair_slopes, pole_pairs, undamped_modes
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -41,3 +41,15 @@ def test_a_free_chain_keeps_a_pole_at_zero_exactly() -> None:
         free = pole_pairs(np.array([1e-3, 2.0]), D, K, modes)[0]
         assert free.product == 0.0
         assert modes.squares[0] == 0.0
+
+
+def test_few_poles_are_given_to_modes_as_an_optimizer_gives_them() -> None:
+    from scipy.optimize import linear_sum_assignment
+
+    rng = np.random.default_rng(0)
+    for rows, columns in ((2, 2), (2, 4), (3, 5), (4, 5), (5, 6), (3, 2)):
+        for _ in range(20):
+            # all modes prefer the first pole
+            shares = rng.uniform(size=(rows, columns)) + np.r_[1.0, np.zeros(columns - 1)]
+            best = linear_sum_assignment(-shares)
+            assert _assigned(shares) == list(zip(best[1].tolist(), best[0].tolist(), strict=True))
