@@ -10,6 +10,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.progress import step
+from modelgen.runtime.advice import noted
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.parameter_checks import null_columns
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
@@ -232,8 +233,8 @@ def _or_from_starts(task: Task, method: IV, plain: Begun) -> Begun:
 
 
 def _unexplained(one: Begun) -> bool:
-    """Tell whether noise does not explain a row that is left, or what is left where an effect was seen."""
-    return bool(_exceeding(one, LEFT_SHARE) or (one.found.advice and _exceeding(one)))
+    """Tell whether noise does not explain a row that is left, or what is left where an effect is told."""
+    return bool(_exceeding(one, LEFT_SHARE) or (noted(one.found.advice)[0] and _exceeding(one)))
 
 
 def _explained(task: Task, method: IV) -> Begun:

@@ -11,7 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.progress import step
-from modelgen.runtime.advice import Advice
+from modelgen.runtime.advice import Advice, noted
 from modelgen.runtime.diagnostics.cutoff_agreement import (
     all_disagreements,
     coordinates_of,
@@ -142,6 +142,8 @@ def fitted(task: Task) -> tuple[Task, Solution]:
             raise all_refused(refused)
     if by_default:
         told = with_impossible_signs(model, told, refused)
+    said, notes = noted(told.advice)
+    plain = replace(plain, notes=plain.notes + notes)
     bias = None
     if _bias_counts(task):
         freed, effect = less_noise(model, job.records, job.choice, plain)
@@ -156,7 +158,7 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         unweighted(fit, plain),
         refused,
         bound_reasons(cost, fit) if cost else {},
-        (*task.doubts(), *told.advice, *advice),
+        (*task.doubts(), *said, *advice),
         treatment,
         cost,
         treatment.job(job),

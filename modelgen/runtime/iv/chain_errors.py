@@ -8,7 +8,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.effect import DIRECTION, Changes, Effect, curvature
+from modelgen.runtime.iv.effect import DIRECTION, REVERSAL, Changes, Effect, curvature
 from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of, pushed_body
 from modelgen.runtime.iv.thresholds import ROUNDED, UNCLEAR
 from modelgen.runtime.model.mechanical_parts import Friction
@@ -19,14 +19,17 @@ KIND_OF = {"constant force": "constant", "Coulomb friction": "force", "viscous f
 EITHER_SIGN = ("constant force", "friction by direction")
 
 
-def chain_effects(model: Model, bodies: Sequence[str]) -> Iterator[Effect]:
-    """Yield the effects of bodies and of links; none with cubic springs: such a chain is not linear."""
+def chain_effects(model: Model, bodies: Sequence[str], turning: bool) -> Iterator[Effect]:
+    """Yield the effects of bodies and of links; none with cubic springs: such a chain is not linear.
+
+    `turning` says whether samples about reversals are used.
+    """
     if model.cubic_springs:
         return
     for body in bodies:
-        yield from _body_effects(body, _named(model, body))
+        yield from _body_effects(body, _named(model, body), turning)
     for friction in model.friction:
-        if friction.coulomb_plus:
+        if friction.coulomb_plus and turning:
             yield _late_direction(friction)
     for name, role in model.roles.items():
         if role.role == "stiffness":
@@ -44,7 +47,7 @@ def _named(model: Model, body: str) -> set[str]:
     return found
 
 
-def _body_effects(body: str, named: Collection[str]) -> Iterator[Effect]:
+def _body_effects(body: str, named: Collection[str], turning: bool) -> Iterator[Effect]:
     forms: dict[str, tuple[str, Callable[[FloatArray], FloatArray]]] = {
         "constant force": ("a constant force (offset)", np.ones_like),
         "Coulomb friction": ("Coulomb friction that the spec does not name", np.sign),
@@ -60,7 +63,8 @@ def _body_effects(body: str, named: Collection[str]) -> Iterator[Effect]:
         changes = _friction(body, form)
         yield Effect(f"{name} on {body}", kind, said, negative, "add it to the spec", changes)
     words = f"more friction at low speed (Stribeck) acts on {body}"
-    yield Effect(f"Stribeck friction on {body}", "form", words, "", "add it to the spec", _stribeck(body))
+    kind = REVERSAL if turning else "form"
+    yield Effect(f"Stribeck friction on {body}", kind, words, "", "add it to the spec", _stribeck(body))
     yield Effect(f"further mass on {body}", "mass", f"a further mass on a spring hangs on {body}",
                  "", "add the body to the spec, or excite less of the high frequencies",
                  _further_mass(body))  # fmt: skip

@@ -14,8 +14,10 @@ from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
 Changes = Mapping[str, FloatArray]
-# How the size of a late change of direction is said, and how it is known.
-DIRECTION = "direction"
+# Kinds of what happens about reversals where rows use samples there: a late change of direction, and another
+# form of friction. Rows know directions from a low-passed velocity only, and are no more exact than that.
+DIRECTION, REVERSAL = "direction", "reversal"
+AT_REVERSALS = (DIRECTION, REVERSAL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +29,9 @@ class Effect:
     name : str
         "delay of q_c", unique.
     kind : str
-        "delay", "direction", "lag", "average", "clock", "gain", "zero", "constant", "force", "form" (one of
-        many, of friction or of a link), "mass" or "resonance": how its size is said, and how exactly it is
-        known.
+        "delay", "direction", "reversal" (friction there), "lag", "average", "clock", "gain", "zero",
+        "constant", "force", "form" (one of many, of friction or of a link), "mass" or "resonance": how its
+        size is said, and how exactly it is known.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
     remedy : str

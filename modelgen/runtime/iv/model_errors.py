@@ -23,11 +23,12 @@ from modelgen.runtime.records.record import Record
 
 
 def effects_of(
-    model: Model, bodies: Sequence[str], records: int, late: Sequence[str] = ()
+    model: Model, bodies: Sequence[str], records: int, late: Sequence[str] = (), turning: bool = True
 ) -> tuple[Effect, ...]:
     """Return the effects that are looked for: of sensors, of forces, of bodies and of links.
 
-    `late` are forces whose delay is not estimated otherwise.
+    `late` are forces whose delay is not estimated otherwise; `turning` says whether samples about reversals
+    are used.
     """
     found: list[Effect] = []
     level = _read_with_their_level(model)
@@ -35,7 +36,7 @@ def effects_of(
         found += _sensor_effects(sensor, records if sensor.key in level else 0)
     for actuator in model.actuators:
         found += _force_effects(actuator.key, actuator.key in late)
-    found += chain_effects(model, bodies)
+    found += chain_effects(model, bodies, turning)
     return tuple(found)
 
 

@@ -28,6 +28,7 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_r
 from modelgen.runtime.least_squares.spanned import Spanned
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.block_column import block_column
+from modelgen.runtime.numerics.few_instants import USUAL
 from modelgen.runtime.numerics.regressor import Regressors
 from modelgen.runtime.numerics.tails import normal_beyond
 
@@ -54,6 +55,8 @@ class Score:
         The size that would be certain.
     matters : bool
         Whether it is certain (1 % over all effects) and moves or explains enough.
+    likely : bool
+        Whether it would be certain if its deviation were known exactly.
     """
 
     effect: Effect
@@ -65,6 +68,7 @@ class Score:
     power: float
     least: float
     matters: bool
+    likely: bool = False
 
 
 def scores(
@@ -108,12 +112,15 @@ def scores(
         large = explained > LEAST_EXPLAINED or bool(np.any(np.abs(move) > LEAST_MOVE * spread))
         # sampling and filters are not exact beyond that
         large = large and bool(np.any(np.abs(move) > LEAST_MOVED_SHARE * np.abs(fit.solution.x)))
-        std = np.nan
+        std = least = np.nan
         if large and abs(size) * float(np.sqrt(whole)) < largest:
             own = span.apart(stacked(fit, grown[place]))
             std = _deviation(fit, r, own, size, power)
-        matters = abs(size) > critical * std
-        one = Score(effects[place], size, std, explained, move, power / whole, power, critical * std, matters)
+            least = critical * std
+        if likely := abs(size) > least:
+            least = critical * _deviation(fit, r, own, size, power, critical)
+        matters = abs(size) > least
+        one = Score(effects[place], size, std, explained, move, power / whole, power, least, matters, likely)
         found.append(one)
     return tuple(sorted(found, key=lambda one: -one.explained))
 
@@ -150,6 +157,7 @@ def without_noise(
                 explained=share**2 * one.explained,
                 move=share * one.move,
                 matters=matters,
+                likely=matters,
             )
         changed.append(one)
     return tuple(sorted(changed, key=lambda one: -one.explained))
@@ -234,13 +242,18 @@ def stacked(fit: Fit, parts: Sequence[FloatArray]) -> FloatArray:
     return np.concatenate([w * part for w, part in zip(fit.weights, parts, strict=True)])
 
 
-def _deviation(fit: Fit, r: FloatArray, own: FloatArray, size: float, power: float) -> float:
-    """Return the standard deviation of an effect's size, of residuals without the effect."""
+def _deviation(
+    fit: Fit, r: FloatArray, own: FloatArray, size: float, power: float, quantile: float = USUAL
+) -> float:
+    """Return the standard deviation of an effect's size, of residuals without the effect.
+
+    It is such that a normal quantile holds where few instants tell it.
+    """
     series: dict[int, FloatArray] = {}
     last = 0
     for block in fit.blocks:
         first, last = last, last + len(block.place)
         psi = series.setdefault(block.record, np.zeros((block.grid, 1)))
         psi[block.place, 0] += own[first:last] * (r[first:last] - own[first:last] * size) / power
-    variance = long_run_covariance(list(series.values()), grown=False)
+    variance = long_run_covariance(list(series.values()), grown=False, quantile=quantile)
     return float(np.sqrt(max(variance[0, 0], 0.0)))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from modelgen.runtime.advice import Advice
-from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.advice import ROWS_OWN, Advice
+from modelgen.runtime.iv.effect import AT_REVERSALS, Effect
+from modelgen.runtime.records.record import Record
 
 # What is done about an effect, in words.
 ESTIMATED = "; that is estimated with the parameters"
@@ -42,7 +43,18 @@ def _told(effect: Effect, size: float, done: str, others: Sequence[tuple[Effect,
     listed = "; or ".join(other.said(step) for other, step in others[:LISTED])
     either = f" (or {listed}: the intervals hold for either)" if listed else ""
     what = f"shows that {effect.said(size)}{done}{either}"
-    return Advice("more than the model", "the residual", what, effect.remedy)
+    kind = ROWS_OWN if effect.kind in AT_REVERSALS else "more than the model"
+    return Advice(kind, "the residual", what, effect.remedy)
+
+
+def below_noise(effect: Effect, size: float, records: Sequence[Record]) -> bool:
+    """Tell whether a zero is less than what one reading of its sensor is known to.
+
+    Encoders have no zero to a part of a step. What it moves is in the estimate, or in the intervals.
+    """
+    key = effect.channel
+    read = [one for one in records if key in one.signals] if effect.kind == "zero" else []
+    return any(size**2 < 0.5 * one.facts.spectrum(key).noise * one.fs for one in read)
 
 
 def summed(unseen: Sequence[Effect]) -> tuple[str, ...]:

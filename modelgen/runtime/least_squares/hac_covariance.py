@@ -24,7 +24,7 @@ from modelgen.runtime.numerics.bandwidth import (
     window_power,
     window_width,
 )
-from modelgen.runtime.numerics.few_instants import EveryFew, KernelSums, joined_covariance
+from modelgen.runtime.numerics.few_instants import USUAL, EveryFew, KernelSums, joined_covariance
 
 # Of how many instants an influence is held at a time at least: each part asks every block.
 INSTANTS = 1 << 10
@@ -65,7 +65,7 @@ def covariance_of_bandwidth(fit: Fit, series: Sequence[FloatArray], least: float
 
 
 def long_run_covariance(
-    series: Sequence[Series | FloatArray], least: float = 1.0, grown: bool = True
+    series: Sequence[Series | FloatArray], least: float = 1.0, grown: bool = True, quantile: float = USUAL
 ) -> FloatArray:
     """Return the covariance of the sum over all instants and records, shape (c, c).
 
@@ -81,6 +81,8 @@ def long_run_covariance(
         Instants, the least bandwidth.
     grown : bool
         Whether the bandwidth may grow (`scores_bandwidth`).
+    quantile : float
+        The normal quantile, 1.96 or more, that is to hold where few instants tell a variance.
     """
     series = [kept(one) for one in series]
     bandwidth = max(least, scores_bandwidth(series, grown))
@@ -88,7 +90,8 @@ def long_run_covariance(
     for one, parzen in zip(series, sums, strict=True):
         for psi in in_parts(one, least=2 * parzen.width):
             parzen.add(psi)
-    return joined_covariance([one.result() for one in sums], bandwidth, sum(one.n for one in sums))
+    n = sum(one.n for one in sums)
+    return joined_covariance([one.result() for one in sums], bandwidth, n, quantile)
 
 
 class ParzenSums:

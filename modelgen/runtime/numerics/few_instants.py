@@ -25,6 +25,8 @@ WITHOUT_DIRECTION = 1e-6
 # They are not looked for where a variance would grow by less than the second number, even if one of them
 # rested on so many times fewer instants than every column does.
 FEWER, HARDLY_MORE = 4.0, 0.02
+# The normal quantile of intervals of 95 %.
+USUAL = 1.96
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +72,13 @@ class EveryFew:
         return np.concatenate(self._parts)
 
 
-def joined_covariance(sums: Sequence[KernelSums], bandwidth: float, n: int) -> FloatArray:
+def joined_covariance(
+    sums: Sequence[KernelSums], bandwidth: float, n: int, quantile: float = USUAL
+) -> FloatArray:
     """Return the covariance, shape (c, c), from the sums of all records, n instants together.
 
-    It grows in every direction by the factor for the instants that this one rests on.
+    It grows in every direction by the factor for the instants that this one rests on, for that normal
+    quantile.
     """
     result = np.asarray(np.sum([one.total for one in sums], axis=0))
     scale = np.sqrt(np.diag(result))
@@ -81,8 +86,8 @@ def joined_covariance(sums: Sequence[KernelSums], bandwidth: float, n: int) -> F
         return result
     scale = np.where(scale > 0.0, scale, 1.0)
     least = float(np.min(_instants([one.kept / scale for one in sums], sums, n)))
-    if fixed_b_factor(bandwidth, least / FEWER) < 1.0 + HARDLY_MORE:
-        return result * fixed_b_factor(bandwidth, least)
+    if fixed_b_factor(bandwidth, least / FEWER, quantile) < 1.0 + HARDLY_MORE:
+        return result * fixed_b_factor(bandwidth, least, quantile)
     powers, vectors = np.linalg.eigh(result / np.outer(scale, scale))
     known = powers > WITHOUT_DIRECTION * powers[-1]
     root = np.sqrt(powers[known])
@@ -93,7 +98,7 @@ def joined_covariance(sums: Sequence[KernelSums], bandwidth: float, n: int) -> F
         np.concatenate([root[:, None] * z for z, root in zip(series, roots, strict=True)])
     )
     instants = _instants([z @ own for z in series], sums, n)
-    more = np.array([fixed_b_factor(bandwidth, count) - 1.0 for count in instants.tolist()])
+    more = np.array([fixed_b_factor(bandwidth, count, quantile) - 1.0 for count in instants.tolist()])
     # all others, those that the kept instants do not reach among them, grow by the mean
     directions = scale[:, None] * ((vectors[:, known] * root) @ own)
     mean = float(np.mean(more))
@@ -125,11 +130,24 @@ def effective_instants(second: FloatArray, fourth: FloatArray, n: int) -> FloatA
     return np.asarray(np.minimum(found, float(n)))
 
 
-def fixed_b_factor(bandwidth: float, n: float) -> float:
-    """Return by how much a variance grows so that normal intervals of 95 % hold with this bandwidth.
+def fixed_b_factor(bandwidth: float, n: float, quantile: float = USUAL) -> float:
+    """Return by how much a variance grows so that a normal quantile holds with this bandwidth.
 
-    Critical values by b = bandwidth / n, n instants, after Kiefer and Vogelsang (2005), simulated for
-    Parzen's kernel.
+    Critical values of 95 % by b = bandwidth / n, n instants, after Kiefer and Vogelsang (2005), simulated
+    for Parzen's kernel. Beyond these the tail is that of Student's distribution that has the same 95 %
+    (Abramowitz and Stegun 26.7.5).
     """
     b = min(bandwidth / max(n, 1.0), 1.0)
-    return float(((1.96 + 1.8952 * b + 2.1790 * b**2 - 0.3610 * b**3) / 1.96) ** 2)
+    more = 1.8952 * b + 2.1790 * b**2 - 0.3610 * b**3
+    if quantile > USUAL:
+        first, second = _student_terms(USUAL)
+        # one over the degrees of freedom
+        v = 2.0 * more / (first + np.sqrt(first**2 + 4.0 * second * more))
+        first, second = _student_terms(quantile)
+        more = first * v + second * v**2
+    return float((1.0 + more / max(quantile, USUAL)) ** 2)
+
+
+def _student_terms(z: float) -> tuple[float, float]:
+    """Return what a quantile z of Student's distribution has more than the normal one, by 1/v and 1/v^2."""
+    return (z**3 + z) / 4.0, (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0

@@ -60,6 +60,20 @@ def test_where_nothing_lacks_hardly_anything_matters() -> None:
     assert count <= 6
 
 
+def test_what_few_instants_tell_has_to_be_more_certain() -> None:
+    burst = np.arange(N) < 40
+    found = []
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        W, push = rng.standard_normal((N, 3)), np.where(burst, 3.0 * rng.standard_normal(N), 0.0)
+        Y = W @ TRUTH + np.where(burst, 3.0, 0.1) * rng.standard_normal(N)
+        found += scores(fit_matched(Observation(COLUMNS, (block(W, Y),))), [effect("push")], [[push]])
+    certain, likely = sum(one.matters for one in found), sum(one.likely for one in found)
+    assert all(one.likely for one in found if one.matters)
+    # the level is 1 %: normal quantiles pass it five times over
+    assert likely > 10 > certain
+
+
 def _no_effect(seed: int) -> tuple[Fit, list[Effect], list[list[FloatArray]]]:
     fit, grown = rows(seed, 0.0)
     return fit, [effect("push")], [[grown]]

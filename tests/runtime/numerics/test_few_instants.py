@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
@@ -27,6 +30,16 @@ def test_the_fixed_b_factor_is_the_square_of_a_ratio_of_quantiles(
     bandwidth: float, n: int, quantile: float
 ) -> None:
     assert fixed_b_factor(bandwidth, n) == pytest.approx((quantile / 1.96) ** 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("b", [0.0, 0.02, 0.1, 0.2])
+def test_beyond_95_percent_the_tail_is_that_of_students_distribution(b: float) -> None:
+    usual = 1.96 * np.sqrt(fixed_b_factor(b, 1.0))
+    degrees = brentq(lambda v: student.ppf(norm.cdf(1.96), v) - usual, 1.0, 1e9) if b else 1e9
+    for level in (0.01, 0.001, 0.0005):
+        z = float(norm.isf(0.5 * level))
+        quantile = z * np.sqrt(fixed_b_factor(b, 1.0, z))
+        assert quantile == pytest.approx(student.isf(0.5 * level, degrees), rel=0.06)
 
 
 def sums_of(psi: FloatArray) -> KernelSums:

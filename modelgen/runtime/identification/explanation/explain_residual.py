@@ -18,7 +18,7 @@ from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explanation.explained import Explained
 from modelgen.runtime.identification.explanation.look_at_residual import Seen, look
 from modelgen.runtime.identification.explanation.other_weights import other_weights
-from modelgen.runtime.identification.explanation.search import Search, left_of
+from modelgen.runtime.identification.explanation.search import Search, left_of, likely_of
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import OVER_NOISE
 from modelgen.runtime.iv.effect import DIRECTION, Effect
@@ -78,7 +78,8 @@ def _concluded(search: Search, seen: Seen, labels: tuple[str, ...]) -> Explained
     last = search.ties.get(effects[-1].name, ()) if effects else ()
     for one in last:
         apart = apart + np.outer(one.x - now.fit.solution.x, one.x - now.fit.solution.x) / len(last)
-    found = [estimated(*one) for one in zip(effects, now.sizes, others, strict=True)]
+    every = [estimated(*one) for one in zip(effects, now.sizes, others, strict=True)]
+    found = [one for one, certain in zip(every, search.told(), strict=True) if certain]
     fit = replace(now.fit, notes=now.fit.notes + labels)
     drift = search.drift + weighed + apart + unknown_timing(search.job, seen.found)
     return Explained(now.observation, fit, effects, now.sizes, drift, (*found, *search.advice, *told))
@@ -101,7 +102,7 @@ def _held(job: Job, fit: Fit, found: Sequence[Score]) -> tuple[FloatArray, list[
     apart = [one for one in found if one.own > LITTLE_OWN and one.effect.possible(one.size)]
     shown = [one for one in apart if one.matters]
     loud = bool(exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE))
-    held = dict.fromkeys([*shown[:1], *(apart[:1] if loud else ())])
+    held = dict.fromkeys([*(shown or likely_of(found))[:1], *(apart[:1] if loud else ())])
     drift = sum((np.outer(one.move, one.move) for one in held), np.zeros((len(fit.columns),) * 2))
     return drift, [left_of(one, shown) for one in shown[:1]]
 

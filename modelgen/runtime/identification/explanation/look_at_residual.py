@@ -10,7 +10,7 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import OVER_NOISE
-from modelgen.runtime.iv.effect import DIRECTION, Effect, unlike
+from modelgen.runtime.iv.effect import Effect, unlike
 from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.mass_search import further_masses
@@ -53,9 +53,8 @@ def look(
     # where every sample feels a reversal, a delay of a force is estimated only where the residual shows it
     known_late = [channel for channel, _, _ in now.fit.delays]
     late = [channel for channel in job.late if channel not in known_late]
-    every = effects_of(job.model, simulated[0].plant.bodies, len(job.records), late)
-    if not any(block.turning for block in now.fit.blocks):
-        every = tuple(one for one in every if one.kind != DIRECTION)
+    turning = any(block.turning for block in now.fit.blocks)
+    every = effects_of(job.model, simulated[0].plant.bodies, len(job.records), late, turning)
     tested = [one for one in unlike(every, known) if not kinds or one.kind in kinds]
     others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
                                  for channel, _, _ in now.fit.delays)  # fmt: skip

@@ -23,12 +23,12 @@ from modelgen.runtime.identification.thresholds import (
     ROUGH,
     TRIED_TOO,
 )
-from modelgen.runtime.iv.effect import DIRECTION, Effect
+from modelgen.runtime.iv.effect import AT_REVERSALS, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shaped_effects import fit_in_shape
-from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS, LEVEL
-from modelgen.runtime.iv.told_effects import left
+from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS, LEVEL, LITTLE_OWN
+from modelgen.runtime.iv.told_effects import below_noise, left
 from modelgen.runtime.numerics.tails import normal_beyond
 
 
@@ -87,13 +87,23 @@ class Search:
         room = len(self.effects) < self.given + MOST_EFFECTS and len(self.before) < MOST_STEPS
         tried = [one for one in self._with_mass(seen.masses)] if room else []
         if not tried and not shown:
-            return replace(self, ended=True)
+            likely = likely_of(seen.found)
+            return self._holding(likely[0]) if likely else replace(self, ended=True)
         if not tried and _of_the_same(shown[0], self.effects):
             return self._holding(shown[0])
         tried += [one for one in self._tried(shown) if _names(one[1]) not in self.before] if room else []
         if not tried:
-            return self._holding(shown[0], left_of(shown[0], shown))
+            quiet = below_noise(shown[0].effect, shown[0].size, self.job.records)
+            return self._holding(shown[0], *(() if quiet else (left_of(shown[0], shown),)))
         return self._with(tried)
+
+    def told(self) -> list[bool]:
+        """Tell of each effect that is estimated whether it is certain, and large enough to be named."""
+        certain = normal_beyond(0.5 * LEVEL)
+        return [
+            abs(size) > certain * std and not below_noise(effect, size, self.job.records)
+            for effect, size, std in zip(self.effects, self.now.sizes, self.now.stds, strict=True)
+        ]
 
     def _with_mass(self, masses: Sequence[Effect]) -> Iterator[tuple[Effect, tuple[Effect, ...], Freed]]:
         """Yield the fits with a further mass that is certain and leaves clearly less."""
@@ -192,6 +202,11 @@ def _names(effects: Sequence[Effect]) -> frozenset[str]:
     return frozenset(effect.name for effect in effects)
 
 
+def likely_of(found: Sequence[Score]) -> list[Score]:
+    """Return the effects that are likely, and are told from the columns: the intervals hold one unsaid."""
+    return [one for one in found if one.likely and one.own > LITTLE_OWN and one.effect.possible(one.size)]
+
+
 def left_of(best: Score, shown: Sequence[Score]) -> Advice:
     """Return what is said of an effect that the intervals hold, and of others that explain nearly as much."""
     per_share = (best.size / best.std) ** 2 / best.explained
@@ -209,4 +224,5 @@ def _of_the_same(score: Score, effects: Sequence[Effect]) -> bool:
     What a reversal does has no form that is known, and other effects are simulated in first order.
     """
     kinds = {effect.kind for effect in effects}
-    return DIRECTION in kinds or (bool(kinds & INEXACT.keys()) and score.explained < LITTLE_LEFT)
+    little = score.explained < LITTLE_LEFT
+    return not kinds.isdisjoint(AT_REVERSALS) or (bool(kinds & INEXACT.keys()) and little)
