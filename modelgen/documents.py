@@ -60,24 +60,24 @@ def toml_string(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def json_document(text: str, where: str, remedy: str, error: type[ModelgenError] = DataError) -> Any:
+def json_document(text: str, where: str, remedy: str) -> Any:
     """Return what a JSON text says, with no NaN or infinity in it; the errors are those of TOML."""
     if text.count("{") + text.count("[") > MOST_TABLES or text.count(",") > MOST_ITEMS:
-        raise error.at(where, f"holds more than {MOST_TABLES} tables or {MOST_ITEMS} values", remedy)
-    _check_depth(text, JSON_MARKS, where, error)
+        raise DataError.at(where, f"holds more than {MOST_TABLES} tables or {MOST_ITEMS} values", remedy)
+    _check_depth(text, JSON_MARKS, where, DataError)
     try:
         document = json.loads(
             text.removeprefix("\ufeff"), parse_constant=_refuse_constant, parse_int=_integer
         )
     except json.JSONDecodeError as reason:
         place = f"{where}: line {reason.lineno} column {reason.colno}"
-        raise error.at(place, f"is no JSON: {reason.msg}", remedy) from None
+        raise DataError.at(place, f"is no JSON: {reason.msg}", remedy) from None
     except RecursionError:
-        raise _too_deep(where, error) from None
+        raise _too_deep(where, DataError) from None
     except ValueError as reason:
         if isinstance(reason, _NoNumber):
-            raise error.at(where, f"holds {reason}", remedy) from None
-        raise _too_long(where, error) from None
+            raise DataError.at(where, f"holds {reason}", remedy) from None
+        raise _too_long(where, DataError) from None
     return document
 
 

@@ -34,6 +34,7 @@ from modelgen.progress import step
 if TYPE_CHECKING:
     from modelgen.runtime.fleet.dask_cluster import Certificates
     from modelgen.runtime.fleet.identify_fleet import FleetEstimate
+    from modelgen.runtime.fleet.pooled import PooledParameter
     from modelgen.runtime.fleet.worker import FleetRecord
     from modelgen.runtime.model.model import Model
 
@@ -208,17 +209,22 @@ def _lines(found: FleetEstimate) -> list[str]:
     lines: list[str] = []
     for start in range(0, len(found.pooled), PARAMETERS_A_TABLE):
         shown_here = found.pooled[start : start + PARAMETERS_A_TABLE]
-        lines.append(_line("", [_heading(one) for one in shown_here]))
-        for machine, estimate in found.machines.items():
-            cells = [
-                _cell(estimate["params"].get(one.name), estimate["bse"].get(one.name)) for one in shown_here
-            ]
-            lines.append(_line(machine, cells))
-        if len(found.machines) > 1:
-            lines.append(_line("all", [_cell(one.value, one.std) for one in shown_here]))
-            lines.append(_line("machines", [_verdict(one) for one in shown_here]))
+        rows = [["", *map(_heading, shown_here)], *_rows(found, shown_here)]
+        lines += [f"{title[:13]:13s}" + "".join(f" {cell:>21s}" for cell in cells) for title, *cells in rows]
         lines.append("")
     return lines + _notes(found)
+
+
+def _rows(found: FleetEstimate, pooled: Sequence[PooledParameter]) -> list[list[str]]:
+    """Return a row a machine, then what all say of these parameters and whether the machines differ."""
+    rows = [
+        [machine, *(_cell(e["params"].get(one.name), e["bse"].get(one.name)) for one in pooled)]
+        for machine, e in found.machines.items()
+    ]
+    if len(found.machines) > 1:
+        rows.append(["all", *(_cell(one.value, one.std) for one in pooled)])
+        rows.append(["machines", *map(_verdict, pooled)])
+    return rows
 
 
 def _notes(found: FleetEstimate) -> list[str]:
@@ -240,14 +246,7 @@ def _printed(found: FleetEstimate) -> list[Any]:
     from modelgen.cli.tables import table
 
     heads = [f">{_heading(one)}" for one in found.pooled]
-    rows = [
-        [machine, *(_cell(e["params"].get(one.name), e["bse"].get(one.name)) for one in found.pooled)]
-        for machine, e in found.machines.items()
-    ]
-    if len(found.machines) > 1:
-        rows.append(["all", *(_cell(one.value, one.std) for one in found.pooled)])
-        rows.append(["machines", *map(_verdict, found.pooled)])
-    return [table("Machines", ("machine", *heads), rows), *_notes(found)]
+    return [table("Machines", ("machine", *heads), _rows(found, found.pooled)), *_notes(found)]
 
 
 def _intervals(found: FleetEstimate) -> dict[str, list[tuple[str, float, float, float]]]:
@@ -262,10 +261,6 @@ def _intervals(found: FleetEstimate) -> dict[str, list[tuple[str, float, float, 
             if value is not None and std is not None
         ]
     return every
-
-
-def _line(title: str, cells: Sequence[str]) -> str:
-    return f"{title[:13]:13s}" + "".join(f" {cell:>21s}" for cell in cells)
 
 
 def _cell(value: float | None, std: float | None) -> str:
