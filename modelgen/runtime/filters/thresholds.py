@@ -54,3 +54,7 @@ WRAP_SHARE, ORDINARY_STEP, SMOOTH_ACROSS = 0.5, 0.25, 2.0
 # resolution (median): a slow motion repeats these.
 MOST_REPEATS, IN_STEP = 64, 0.98
 FEWEST_READINGS, STEPS_OF_READINGS, ENOUGH_READINGS = 50, 3.0, 20_000
+
+# A bend is looked for from this multiple of the noise on: of normal noise one sample in two million has it.
+# Bends are so many samples apart: farther away the difference of one is below 3 % of its peak.
+BEND, BEND_APART = 5.0, 5

@@ -125,6 +125,38 @@ def scores(
     return tuple(sorted(found, key=lambda one: -one.explained))
 
 
+def moves_within(
+    fit: Fit,
+    grown: Sequence[Sequence[FloatArray]],
+    others: Sequence[Sequence[FloatArray]] = (),
+    slope: FloatArray | None = None,
+) -> FloatArray:
+    """Return what effects move whose sizes are known to be about 1 at most, as a mean square, shape (c, c).
+
+    They are not estimated, but what the residual says of a size counts: the mean square is that of a normal
+    one with the standard deviation 1, given the residual. `grown` and the others are as in `scores`.
+    """
+    total = np.zeros((len(fit.columns),) * 2)
+    seen = [column for column in grown if any(part.any() for part in column)]
+    if not seen:
+        return total
+    span = Span(fit, others, slope)
+    r = span.apart(fit.weighted_residual)
+    told = span.compared(seen, r)
+    for place, column in enumerate(seen):
+        share, power = 0.0, float(told.power[place])
+        size = float(told.along[place]) / power if power > 0.0 else 0.0
+        if power > LEAST_OWN_SHARE * float(told.whole[place]):
+            std = _deviation(fit, r, span.apart(stacked(fit, column)), size, power)
+            share = 1.0 / (1.0 + std**2)
+        if fit.moved is not None:
+            move = fit.moved(column)[: len(fit.columns)]
+        else:
+            move = told.share[:, place] if slope is None else slope @ told.share[:, place]
+        total += (share**2 * size**2 + 1.0 - share) * np.outer(move, move)
+    return total
+
+
 def without_noise(
     found: Sequence[Score],
     fit: Fit,

@@ -19,6 +19,7 @@ from modelgen.runtime.least_squares.hac_covariance import influence
 from modelgen.runtime.least_squares.joint_whitening import JointWhitener, joint_whitener
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.thresholds import LEAST_NOISE
+from modelgen.runtime.numerics.regressor import Regressors
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,22 @@ class WhiteRows:
             for index, white in zip(ours, white_of.columns(own, at), strict=True):
                 found[index] = white
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class WhiteFit:
+    """What makes rows white, what white Y is regressed on, and the inverse of its products."""
+
+    rows: WhiteRows
+    regressors: Regressors
+    inverse: FloatArray
+
+    def moved(self, change: Sequence[FloatArray]) -> FloatArray:
+        """Return what X grows by, shape (columns,), when the rows' Y grows: one array a block, shape (n,)."""
+        only = np.zeros(1, dtype=np.int64)
+        white = self.rows.columns([part[:, None] for part in change], [only] * len(change))
+        across = sum(one.across(part[:, 0]) for one, (part, _) in zip(self.regressors, white, strict=True))
+        return np.asarray(self.inverse @ across)
 
 
 def white_rows(fit: Fit) -> WhiteRows:
@@ -101,4 +118,5 @@ def efficient(fit: Fit) -> Fit:
         residuals=residuals_of(fit.blocks, solution.x),
         lost=lost,
         series=tuple(influence(found)),
+        moved=WhiteFit(white_of, found.regressors, solution.inverse).moved,
     )

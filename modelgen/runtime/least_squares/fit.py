@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -84,6 +84,8 @@ class Fit:
     series : tuple of array, optional
         What each instant of each record contributes to X's error, shape (grid, columns), where X comes from
         other weights of the same rows (`efficient`).
+    moved : callable, optional
+        Takes what Y grows by, shape (n,) a block, to what X, and columns that are gone, grow by with these.
     """
 
     columns: tuple[str, ...]
@@ -99,6 +101,7 @@ class Fit:
     carried: CarriedOver | None = None
     simulated: Mapping[int, Record] | None = None
     series: tuple[FloatArray, ...] | None = None
+    moved: Callable[[Sequence[FloatArray]], FloatArray] | None = None
 
     @property
     def regressors(self) -> Regressors:

@@ -71,6 +71,7 @@ def without_columns(larger: Fit, fit: Fit) -> Fit:
         residuals=residuals_of(found.blocks, x),
         lost=larger.lost,
         series=tuple(psi[:, :c] for psi in larger.series),
+        moved=larger.moved,
     )
 
 

@@ -61,4 +61,5 @@ def _regressed(fit: Fit, projected: Regressors, triangle: FloatArray) -> Fit:
     parts = weighted_parts(fit.blocks, fit.weights, projected)
     solution = polished(triangle, parts, SIMULATED_TOLERANCE)
     residuals = residuals_of(fit.blocks, solution.x)
-    return replace(fit, solution=solution, residuals=residuals, projected=projected, series=None)
+    own = replace(fit, series=None, moved=None)
+    return replace(own, solution=solution, residuals=residuals, projected=projected)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modelgen.runtime.filters.jumps import jumps
+from modelgen.runtime.filters.jumps import bends, jumps
 from modelgen.runtime.records.record import Record
 
 N = 4000
@@ -26,7 +26,16 @@ def test_so_is_a_corner() -> None:
     assert np.all(np.minimum(np.abs(found - 2500), np.abs(found - 2520)) <= 8)
 
 
+def test_small_corners_are_told_with_their_size() -> None:
+    corners, slopes = [1000, 1020, 3000, 3020], [0.5, -0.5, -0.4, 0.4]
+    bent = sum(slope * np.clip(K - at, 0, None) for at, slope in zip(corners, slopes, strict=True))
+    places, growth = bends(SMOOTH + bent)
+    assert places.tolist() == corners
+    np.testing.assert_allclose(growth, slopes, atol=0.25)
+
+
 def test_a_steady_motion_and_noise_have_none() -> None:
+    assert bends(SMOOTH)[0].size == bends(np.zeros(10))[0].size == 0
     assert jumps(SMOOTH).size == 0
     assert jumps(np.random.default_rng(2).normal(size=100_000)).size == 0
 

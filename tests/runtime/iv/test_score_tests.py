@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modelgen.runtime.iv.effect import Effect
-from modelgen.runtime.iv.score_tests import scores
+from modelgen.runtime.iv.score_tests import moves_within, scores
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_at, fit_matched
 from modelgen.runtime.rows.observation import Observation
@@ -117,3 +117,17 @@ def test_moves_in_physical_parameters_follow_the_slope() -> None:
     (found,) = scores(fit, [effect("push")], [[grown]], slope=slope)
     assert found.move.shape == (3,)
     assert found.move[2] == pytest.approx(0.5 * found.move[0] + 0.5 * found.move[1])
+
+
+def test_what_is_not_estimated_counts_as_far_as_the_residual_leaves_it_open() -> None:
+    fit, grown = rows(5, 0.0, noise=300.0)
+    (one,) = fit.blocks
+    larger = np.linalg.lstsq(one.W, grown, rcond=None)[0]
+    # much noise says nothing of a size of 1; little says that there is none
+    np.testing.assert_allclose(moves_within(fit, [[grown]]), np.outer(larger, larger), rtol=0.1)
+    fit, grown = rows(5, 0.0)
+    assert np.all(np.diag(moves_within(fit, [[grown]])) < 1e-4)
+    # what only the columns hold is as open as before; a record without it has nothing
+    held = [one.W @ TRUTH]
+    np.testing.assert_allclose(moves_within(fit, [held]), np.outer(TRUTH, TRUTH), rtol=1e-6)
+    assert not np.any(moves_within(fit, [[0.0 * grown]]))

@@ -81,7 +81,7 @@ def _concluded(search: Search, seen: Seen, labels: tuple[str, ...]) -> Explained
     every = [estimated(*one) for one in zip(effects, now.sizes, others, strict=True)]
     found = [one for one, certain in zip(every, search.told(), strict=True) if certain]
     fit = replace(now.fit, notes=now.fit.notes + labels)
-    drift = search.drift + weighed + apart + unknown_timing(search.job, seen.found)
+    drift = search.drift + weighed + apart + unknown_timing(search.job, seen)
     return Explained(now.observation, fit, effects, now.sizes, drift, (*found, *search.advice, *told))
 
 
@@ -117,9 +117,9 @@ def with_turns(job: Job, found: Explained) -> Explained:
     fit = found.fit
     if fit.carried is not None or not any(block.turning for block in fit.blocks):
         return found
-    shown = look(job, found_by(job, found.observation, fit), (), slope_of(job.model, fit), TIMING).found
-    told = tuple(left_of(one, ()) for one in shown if one.matters and one.effect.kind == DIRECTION)
-    return replace(found, drift=found.drift + unknown_timing(job, shown), advice=(*found.advice, *told))
+    seen = look(job, found_by(job, found.observation, fit), (), slope_of(job.model, fit), TIMING)
+    told = tuple(left_of(one, ()) for one in seen.found if one.matters and one.effect.kind == DIRECTION)
+    return replace(found, drift=found.drift + unknown_timing(job, seen), advice=(*found.advice, *told))
 
 
 def timing_moves(job: Job, observation: Observation, fit: Fit) -> FloatArray:
@@ -132,21 +132,23 @@ def timing_moves(job: Job, observation: Observation, fit: Fit) -> FloatArray:
     feel = [bool(direction_keys(job.model, row)) for row in range(len(job.model.rows))]
     blocks = tuple(replace(block.kept(), turning=feel[block.row]) for block in fit.dense().blocks)
     fit = replace(fit, blocks=blocks)
-    return unknown_timing(job, look(job, found_by(job, observation, fit), (), None, TIMING).found)
+    return unknown_timing(job, look(job, found_by(job, observation, fit), (), None, TIMING))
 
 
-def unknown_timing(job: Job, found: Sequence[Score]) -> FloatArray:
+def unknown_timing(job: Job, seen: Seen) -> FloatArray:
     """Return what timings that are not estimated move, as a mean square, certain or not, shape (c, c).
 
-    Where samples near reversals are used, directions are never known exactly: friction bends the velocity
-    there, and what a low-pass makes of that is late. So are forces, whose delays are unknown.
+    What forces do between their samples is in it. Where samples near reversals are used, directions are never
+    known exactly: friction bends the velocity there, and what a low-pass makes of that is late. Delays of
+    forces are as unknown.
     """
     moves = [
         one.move
-        for one in found
+        for one in seen.found
         if one.effect.kind == DIRECTION or (one.effect.kind == "delay" and one.effect.channel in job.late)
     ]
-    return sum((np.outer(move, move) for move in moves), np.zeros((len(moves[0]),) * 2 if moves else (1, 1)))
+    none = np.zeros((len(moves[0]),) * 2 if moves else (1, 1))
+    return sum((np.outer(move, move) for move in moves), none if seen.folded is None else seen.folded)
 
 
 def _setting(job: Job, fit: Fit) -> Setting:

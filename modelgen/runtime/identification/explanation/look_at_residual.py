@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
+from modelgen.runtime.identification.explanation.folded_forces import folded_forces
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import OVER_NOISE
 from modelgen.runtime.iv.effect import Effect, unlike
@@ -15,7 +16,7 @@ from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_r
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.mass_search import further_masses
 from modelgen.runtime.iv.model_errors import effects_of
-from modelgen.runtime.iv.score_tests import Score, scores, without_noise
+from modelgen.runtime.iv.score_tests import Score, moves_within, scores, without_noise
 from modelgen.runtime.iv.thresholds import EXACTNESS, LITTLE_OWN
 
 
@@ -24,6 +25,7 @@ class Seen:
     """What a residual says: scores, effects that are nearly columns, and rows that grow with those tested.
 
     `masses` are further masses with which least squares leave clearly less, where it is more than noise.
+    `folded` is what forces move that bend between samples, as a mean square, shape (c, c).
     """
 
     found: tuple[Score, ...] = ()
@@ -31,6 +33,7 @@ class Seen:
     tested: tuple[Effect, ...] = ()
     rows: tuple[Sequence[FloatArray], ...] = ()
     masses: tuple[Effect, ...] = ()
+    folded: FloatArray | None = None
 
 
 def look(
@@ -70,7 +73,9 @@ def look(
         found = without_noise(found, now.fit, seen, noise, others, slope)
     told = {one.effect.name for one in found if one.own > LITTLE_OWN}
     hidden = tuple(effect for effect in tested if effect.name not in told)
-    return Seen(found, hidden, tuple(tested), rows, masses)
+    bent = effect_rows(now.fit, now.setting, simulated, folded_forces(job.model))
+    folded = moves_within(now.fit, bent, others, slope)
+    return Seen(found, hidden, tuple(tested), rows, masses, folded)
 
 
 def _unexplained(job: Job, now: Freed) -> bool:

@@ -8,6 +8,7 @@ import pytest
 from generated import emps_rigid_qm
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explanation.explain_residual import timing_moves, unknown_timing
+from modelgen.runtime.identification.explanation.look_at_residual import Seen
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.iv.effect import DIRECTION, Effect
 from modelgen.runtime.iv.score_tests import Score
@@ -31,11 +32,12 @@ def job(*records: Record) -> Job:
 
 
 def test_delays_and_directions_that_were_to_be_found_move_the_estimate_certain_or_not() -> None:
-    found = [moving("delay", "F", 3.0), moving(DIRECTION, "m", 4.0), moving("delay", "q_m", 9.0)]
-    assert unknown_timing(job(), found).tolist() == [[25.0, 0.0], [0.0, 0.0]]
+    found = moving("delay", "F", 3.0), moving(DIRECTION, "m", 4.0), moving("delay", "q_m", 9.0)
+    assert unknown_timing(job(), Seen(found)).tolist() == [[25.0, 0.0], [0.0, 0.0]]
+    assert unknown_timing(job(), Seen(found, folded=np.eye(2))).tolist() == [[26.0, 0.0], [0.0, 1.0]]
     known = replace(job(), late=())
-    assert unknown_timing(known, found).tolist() == [[16.0, 0.0], [0.0, 0.0]]
-    assert not np.any(unknown_timing(known, found[:1] + found[2:]))
+    assert unknown_timing(known, Seen(found)).tolist() == [[16.0, 0.0], [0.0, 0.0]]
+    assert not np.any(unknown_timing(known, Seen(found[:1] + found[2:])))
 
 
 @pytest.mark.parametrize("late_s", [0.0, 1e-3])
