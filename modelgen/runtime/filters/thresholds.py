@@ -40,7 +40,7 @@ KERNEL_TOLERANCE = 1e-17
 # A jump is looked for in differences of this order: a wave of a quarter of the sampling frequency has 4e-3 of
 # its size there, one of a tenth 7e-9. The median of the size of normal noise, in standard deviations;
 JUMP_ORDER, MEDIAN_OF_NORMAL = 16, 0.6745
-# so many of these are a jump that matters: corners of motion at 5 kHz have six to nine and bend nothing, at
+# so many of these are a jump that matters: corners of motion at 5 kHz have six to nine (see BEND), at
 # 500 Hz thirty. It is no less than this share of the signal's standard deviation, and jumps are a small share
 # of the samples.
 JUMP, LEAST_JUMP, MOST_JUMPS = 10.0, 1e-3, 0.1
