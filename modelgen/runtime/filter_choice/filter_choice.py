@@ -51,6 +51,7 @@ from modelgen.runtime.filter_choice.thresholds import (
     SIGNAL_BAND,
     SIGNAL_CUTOFF,
 )
+from modelgen.runtime.filter_choice.turning_band import direction_cutoff
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
@@ -136,8 +137,7 @@ def choose_filter(
     said, lost = _seen(highest, cutoff, order)
     sentences += said
     notes += lost
-    motion = dynamics if dynamics and not model.is_arm else cutoff
-    direction = float(direction_cutoff_hz or min(motion, cutoff))
+    direction = float(direction_cutoff_hz or direction_cutoff(model, records, cutoff, dynamics))
     sentences.append(paper or direction_sentence(direction, direction_cutoff_hz is not None))
     wide, said = _signal_cutoff(model, records, cutoff, dynamics, signal_cutoff_hz)
     sentences += said

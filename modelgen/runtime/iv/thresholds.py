@@ -11,8 +11,6 @@ SMOOTHING_ORDER = 2
 # up to this share of the sampling frequency at most.
 LED, LED_ORDER = 2.0, 4
 HIGHEST_LED = 0.4
-# Turns of a body are told where noise changes its speed by this share of what turning does meanwhile.
-TURNS_CLEARLY = 0.1
 # Deflections are read from encoders whose noise has less than this share of their power: a spring that
 # stiffens with d^3 comes out wrong by three times that share of its stiffness.
 UNCLEAR = 1e-4

@@ -202,7 +202,7 @@ def test_one_elastic_joint_without_gravity_is_the_chain_of_the_paper() -> None:
     noise = {"q_m": 1e-5, "q_c": 1e-5, "Gamma_m": 1e-4}
     record = simulate(chain, chain.parameter_sets["light"], "chirp", noise=noise, seed=1).record
     signals = {{"Gamma_m": "tau_1"}.get(key, key): record.signals[key] for key in record.keys}
-    filters = Filters(cutoff_hz=60.0, decimation=10)
+    filters = Filters(cutoff_hz=60.0, decimation=10, direction_cutoff_hz=60.0)
     wanted = identify(chain, record, "wls", filters, QUICK)
     found = identify(model, Record(signals, record.fs, record.name), "wls", filters, QUICK)
     names = [{"J_c": "Izz1"}.get(name, name) for name in wanted.params]

@@ -16,12 +16,13 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.filter_choice.turning_band import turning_band_hz
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.held_motion import nearest_sensor
 from modelgen.runtime.iv.instrumental_variables import Setting
-from modelgen.runtime.iv.thresholds import DIFFERENCED, HIGHEST_LED, LED_ORDER, TURNS_CLEARLY
+from modelgen.runtime.iv.thresholds import DIFFERENCED, LED_ORDER
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -124,13 +125,10 @@ def _further_speed(simulated: Simulated, body: str, record: Record) -> FloatArra
     if not turns.size or not further.any():
         return np.zeros(record.n)
     turning = float(np.median(np.abs(simulated.motion[f"a_{body}"][turns])))
-    noise = abs(gear) * float(np.sqrt(record.facts.spectrum(sensor.key).noise))
-    # rms of the speed's noise below f is noise (2 pi)^m f^(m + 1/2) / sqrt(2 m + 1)
-    m, widest = 1 - sensor.order, HIGHEST_LED * record.fs
-    least = noise * (2.0 * np.pi) ** (m + 1) / np.sqrt(2.0 * m + 1.0)
-    wide = (TURNS_CLEARLY * turning / max(least, np.finfo(float).tiny)) ** (1.0 / (m + 1.5))
-    smooth = zero_phase(further, LED_ORDER, min(float(wide), widest), record.fs)
-    return smooth if m == 0 else differentiate(smooth, record.dt)
+    noise, times = gear**2 * record.facts.spectrum(sensor.key).noise, 1 - sensor.order
+    wide_hz = turning_band_hz(turning, noise, times, record.fs)
+    smooth = zero_phase(further, LED_ORDER, wide_hz, record.fs)
+    return smooth if times == 0 else differentiate(smooth, record.dt)
 
 
 def mean_sign(speed: FloatArray) -> FloatArray:

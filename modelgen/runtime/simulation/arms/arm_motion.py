@@ -10,6 +10,7 @@ motion found is supposed next; it converges to that of the nonlinear equations.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from math import factorial
 from typing import Protocol
 
@@ -23,6 +24,7 @@ from modelgen.runtime.simulation.arms.friction_steps import FrictionSteps
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion
 from modelgen.runtime.simulation.arms.thresholds import (
     DEGREES,
+    PARTS,
     RENEWED,
     ROUNDED,
     ROUNDS,
@@ -115,8 +117,11 @@ def _stretch(
             linear = _linear(plant, supposed, push, slopes, begin)
         except np.linalg.LinAlgError:  # rounds that diverge pass motions whose masses are all rounding
             return None
-        steps = FrictionSteps(*_maps(linear, 1.0 / reference.rate_hz), plant.rubbing.levers)
-        states, signs, forces = steps.run(state, 1.0 / reference.rate_hz)
+        step_s = 1.0 / reference.rate_hz
+        # the first round is around a motion that is not the one sought
+        parts = partial(_parts, linear, step_s) if turn else None
+        steps = FrictionSteps(*_maps(linear, step_s), plant.rubbing.levers, parts)
+        states, signs, forces = steps.run(state, step_s)
         if not np.isfinite(states).all() or np.abs(states[:n]).max() > farthest[0]:
             return None
         now = _accelerated(linear, states, forces, reference.rate_hz)
@@ -180,6 +185,15 @@ def _maps(linear: _Linear, step_s: float) -> tuple[FloatArray, FloatArray]:
     found[:, n:] *= unit / h
     found[:, :, n : 2 * n] *= h / unit
     return found[:, :, : 2 * n + 1], found[:, :, 2 * n + 1 :]
+
+
+def _parts(linear: _Linear, step_s: float, k: int) -> tuple[FloatArray, FloatArray]:
+    """Return the maps of the parts of step k: coefficients are parabolas in time through its three places."""
+    t = np.arange(2 * PARTS + 1) / (2.0 * PARTS)
+    shares = np.stack(((1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)), axis=1)
+    every = (linear.at_rest, linear.by_q, linear.by_v, linear.by_signs)
+    fine = (np.tensordot(shares, one[2 * k : 2 * k + 3], axes=1) for one in every)
+    return _maps(_Linear(*fine), step_s / PARTS)
 
 
 def _series(exponent: FloatArray, parabola: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,28 +22,43 @@ class FrictionSteps:
     signs : ndarray, shape (K, 2 n, C)
     levers : ndarray, shape (C, n)
         Every speed that rubs, as a sum of those of the joints.
+    parts : callable, optional
+        Takes a step to the states and signs of its parts. A step in which a speed stops, starts or turns is
+        taken part by part: within it friction is a constant only as far as the step is short.
     """
 
     states: FloatArray
     signs: FloatArray
     levers: FloatArray
+    parts: Callable[[int], tuple[FloatArray, FloatArray]] | None = None
 
-    def run(self, start: FloatArray, step_s: float) -> tuple[FloatArray, npt.NDArray[np.int8], FloatArray]:
-        """Return states, shape (2 n, K + 1), modes (+1, -1, sticking 0) and friction's share, (C, K + 1)."""
+    def run(
+        self, start: FloatArray, step_s: float, before: FloatArray | None = None
+    ) -> tuple[FloatArray, npt.NDArray[np.int8], FloatArray]:
+        """Return states, shape (2 n, K + 1), modes (+1, -1, sticking 0) and friction's share, (C, K + 1).
+
+        `before` are the modes of the speeds at the start, shape (C,), by default their signs.
+        """
         count, size = self.states.shape[:2]
         n, levers = size // 2, self.levers
         x = np.append(np.asarray(start, dtype=float), 1.0)
         found = np.empty((count + 1, size))
         found[0] = x[:size]
         shares = np.zeros((count + 1, len(levers)))
-        s = np.sign(levers @ x[n:size])
+        s = np.sign(levers @ x[n:size]) if before is None else before
         for k in range(count):
             push = self.signs[k]
             free = self.states[k] @ x
             after = free + push @ s
             # the usual step: what slips goes on slipping
             if levers.size and not np.all(s * (levers @ after[n:]) > 0.0):
-                after, shares[k], s = self._turned(free, push, s, x[:size], step_s)
+                after, shares[k], turned = self._turned(free, push, s, x[:size], step_s)
+                last = shares[max(k - 1, 0)]
+                if self.parts is not None and np.any((turned != s) | _about_to_start(shares[k], last)):
+                    fine = FrictionSteps(*self.parts(k), levers)
+                    states, _, friction = fine.run(x[:size], step_s / len(fine.states), s)
+                    after, shares[k], turned = states[:, -1], friction[:, 0], friction[:, -1]
+                s = turned
             else:
                 shares[k] = s
             x[:size] = after
@@ -102,6 +118,11 @@ class FrictionSteps:
             if np.max(np.abs(s - last)) < SWEPT:
                 break
         return s
+
+
+def _about_to_start(share: FloatArray, last: FloatArray) -> npt.NDArray[np.bool_]:
+    """Tell which speeds stick by a mean share of friction that may exceed 1 within the step."""
+    return np.asarray((np.abs(share) < 1.0) & (np.abs(share) + np.abs(share - last) >= 1.0))
 
 
 def _along(levers: FloatArray, values: FloatArray) -> FloatArray:

@@ -25,6 +25,9 @@ RUNAWAY = 1e3
 # Sweeps over speeds that stick or slip, at most, and what their forces may move by in the last.
 SWEEPS, SWEPT = 60, 1e-13
 
+# Parts of a step in which a speed stops, starts or turns: errors are 1 / 64 of those of one part.
+PARTS = 8
+
 # Terms of a step's exponential, at most, and the share of a position at which they are rounding.
 DEGREES, ROUNDED = 60, 1e-17
 # The unit of speeds in it follows the motion's rate times the step, whose square is at least this.

@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from generated import emps_rigid_qm
+from modelgen.runtime.filter_choice.turning_band import direction_cutoff, turning_band_hz
+from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.records.record import Record
+from tests.runtime.made_arm_records import catalogued, model_of
+
+FS = 1000.0
+
+
+@pytest.mark.parametrize("derivative", [0, 1])
+def test_noise_in_the_band_changes_the_speed_by_a_tenth_of_turning(derivative: int) -> None:
+    size, turning = 1e-3, 20.0
+    band_hz = turning_band_hz(turning, 2.0 * size**2 / FS, derivative, FS)
+    noise = size * np.random.default_rng(0).standard_normal(200_000)
+    speed = noise if derivative == 0 else np.gradient(noise, 1.0 / FS)
+    rms = float(np.std(zero_phase(speed, 8, band_hz, FS)))
+    assert 2.0 * np.pi * band_hz * rms == pytest.approx(0.1 * turning, rel=0.1)
+
+
+def test_quiet_sensors_are_read_to_a_share_of_the_sampling_frequency() -> None:
+    assert turning_band_hz(1.0, 0.0, 1, FS) == 0.4 * FS
+    assert turning_band_hz(0.0, 1.0, 1, FS) == 0.0
+
+
+def swinging(model: Model, noise: float) -> Record:
+    t, rng = np.arange(4000) / FS, np.random.default_rng(1)
+    return Record({key: np.sin(9.0 * t) + noise * rng.standard_normal(4000) for key in model.channels}, FS)
+
+
+def test_joints_turn_as_fast_as_their_encoders_tell() -> None:
+    arm, chain = model_of(catalogued("two_link")), model_from_module(emps_rigid_qm)
+    quiet, loud = (direction_cutoff(arm, [swinging(arm, noise)], 10.0, 2.0) for noise in (1e-5, 1e-3))
+    assert 10.0 < loud < quiet < 0.4 * FS
+    assert direction_cutoff(arm, [swinging(arm, 1e-5), swinging(arm, 1e-3)], 10.0, 2.0) == loud
+    assert direction_cutoff(arm, [swinging(arm, 1.0)], 10.0, 2.0) == 10.0
+    assert direction_cutoff(chain, [swinging(chain, 1e-5)], 10.0, 2.0) == 2.0
