@@ -9,11 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.mapping_file import Proposed
-from modelgen.runtime.simulation.closed_loop import vibration
-from modelgen.runtime.simulation.plant import make_plant
+from modelgen.runtime.simulation.closed_loop import rigid_motion
 
 # Means of so many stretches show the slow motion, in which a chain moves as a rigid one: above a resonance
 # its bodies do move against each other.
@@ -35,7 +33,7 @@ def with_reversed(
     columns : mapping of str to ndarray, shape (n,)
         The samples of the file.
     """
-    moves = _rigid_motion(model) if model else {}
+    moves = rigid_motion(model) if model else {}
     if not model or not moves:
         return tuple(proposed)
     entries = {entry.key: entry for entry in proposed}
@@ -73,15 +71,6 @@ def _pairs(
         found += [(sensors[0], sensor) for sensor in sensors[1:]]
     size = {key: columns[str(entry.column)].size for key, entry in entries.items() if entry.column in columns}
     return [(one, other) for one, other in found if size[one.key] == size[other.key]]
-
-
-def _rigid_motion(model: Model) -> dict[str, float]:
-    """Return how every body moves with the driven one when the chain is rigid; its sign needs no values."""
-    try:
-        plant = make_plant(model, dict.fromkeys(model.parameters, 1.0))
-    except DataError:  # a chain that cannot be simulated
-        return {}
-    return dict(zip(plant.bodies, vibration(plant).lowest, strict=True))
 
 
 def _slow_correlation(one: FloatArray, other: FloatArray) -> float:

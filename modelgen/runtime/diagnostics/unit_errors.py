@@ -29,6 +29,7 @@ from modelgen.runtime.diagnostics.thresholds import (
 )
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.closed_loop import rigid_motion
 
 # Every two of so many sensors are compared.
 
@@ -40,6 +41,7 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
     sensors = [sensor for sensor in model.sensors if sensor.body in levers and sensor.key in keys]
     # along a long chain a wrong unit shows between neighbours
     pairs = combinations(sensors, 2) if len(sensors) <= FEW_SENSORS else pairwise(sensors)
+    moves = rigid_motion(model) if len(sensors) > 1 and not model.is_arm else {}
     for one, other in pairs:
         ratio = low_frequency_ratio(record, one, other)
         if ratio is None:
@@ -53,7 +55,9 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
             what = f"moves {_times(abs(ratio))} what {one.key} says at low frequencies: {other_unit}"
             meant = known or "mm for m?"
             yield Advice("unit", where, what, f"check the units of both ({meant}), and scale to SI")
-        if _moves_as_one(model) and -REVERSED < ratio < -1.0 / REVERSED:
+        # gears may turn two bodies against each other
+        turned = moves.get(str(one.body), 1.0) * moves.get(str(other.body), 1.0)
+        if 1.0 / REVERSED < abs(ratio) < REVERSED and ratio * turned < 0.0 and _moves_as_one(model):
             what = f"moves against {one.key} at low frequencies: one of them is reversed in sign"
             yield Advice("swapped", where, what, "check the signs of both (--map)")
 

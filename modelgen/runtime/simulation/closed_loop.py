@@ -16,7 +16,8 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import REMEDY, is_usable
-from modelgen.runtime.simulation.plant import Plant
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.simulation.plant import Plant, make_plant
 from modelgen.runtime.simulation.thresholds import (
     BANDWIDTH_RATIO,
     DAMPING_RATIO,
@@ -91,6 +92,18 @@ def vibration(plant: Plant) -> Vibration:
     # a node at the actuator: the mode exerts no force on it
     lowest = shapes[:, 0] / at_actuator if at_actuator else np.ones(n)
     return Vibration(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi), shapes[plant.driven] ** 2, lowest)
+
+
+def rigid_motion(model: Model) -> dict[str, float]:
+    """Return how every body moves with the driven one when the chain is rigid; its sign needs no values.
+
+    Empty for a chain that cannot be simulated.
+    """
+    try:
+        plant = make_plant(model, dict.fromkeys(model.parameters, 1.0))
+    except DataError:
+        return {}
+    return dict(zip(plant.bodies, vibration(plant).lowest.tolist(), strict=True))
 
 
 def bandwidth_hz(modes: Vibration) -> float:

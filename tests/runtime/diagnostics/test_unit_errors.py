@@ -58,6 +58,14 @@ def test_an_encoder_that_is_reversed_is_told_by_its_motion() -> None:
         identify(clean()[0], with_load(-1.0))
 
 
+def test_a_gear_that_turns_the_load_round_is_not_told_to_be_reversed() -> None:
+    turned = model_of(BOTH.replace('damping = "D"', 'damping = "D", ratio = -1.0'), "motor")
+    _, record = clean()
+    assert [kind for kind, _ in said(record, turned)] == ["swapped"]
+    mirrored = record.edited({"q_l": -record.signals["q_l"]})
+    assert said(mirrored, turned) == []
+
+
 def test_nothing_is_told_of_right_channels_or_other_factors() -> None:
     assert said(clean()[1]) == []
     assert said(with_load(20.0)) == []
