@@ -10,13 +10,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from modelgen.errors import Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.thresholds import (
+    CLIPPED_RUN,
+    CLIPPED_SHARE,
     FEWEST_STRETCHES,
     FEWEST_SWINGS,
     LARGEST_LOSS,
     LEAST_CHANGE,
     LEAST_SPEED,
+    LEFT_AT_LIMIT,
+    OFTEN,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.thresholds import LEAST_TREND
@@ -43,6 +48,40 @@ def resting_bodies(model: Model, records: Sequence[Record]) -> dict[str, str]:
             if role.bodies == (body,) and role.role != "offset":
                 reasons[name] = reason
     return columns_that_vanish(model, reasons) if reasons else {}
+
+
+def clipped_forces(
+    model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit
+) -> tuple[Problem, ...]:
+    """Return the forces at the limit of their reading where most of what their rows leave stands.
+
+    A drive at its limit gives the force that it reads: rows then leave no more there than elsewhere.
+    """
+    found = []
+    for index, block in enumerate(fit.blocks):
+        record = records[block.record]
+        for key in (actuator.key for actuator in model.actuators) if block.has_force else ():
+            extent = record.facts.extent(key)
+            sums, counts, at_limit = np.zeros(2), np.zeros(2), 0
+            for start in range(0, block.grid, WHOLE):
+                stretch = fit.between(index, start, start + WHOLE)
+                factor = choice.decimation[block.record]
+                first = block.start + factor * start
+                readings = record.read(key, first, min(first + factor * WHOLE, record.n))
+                limit = (readings == extent.greatest) | (readings == extent.least)
+                there = limit[np.minimum(factor * (stretch.part.place - start), len(limit) - 1)]
+                at_limit += int(limit.sum())
+                counts += np.bincount(there.astype(int), minlength=2)
+                sums += np.bincount(there.astype(int), stretch.residual**2, minlength=2)
+            few = at_limit < CLIPPED_RUN * OFTEN or counts[1] > CLIPPED_SHARE * counts.sum()
+            if few or sums[1] <= LEFT_AT_LIMIT * sums.sum():
+                continue
+            share = 100.0 * sums[1] / sums.sum()
+            what = f"reads its limit in {at_limit} samples, where {share:.0f} % of what row {block.row_name}"
+            what = f"{what} leaves stands: the reading is clipped, and the force is not"
+            remedy = "choose a larger range and record again, or cut the record there"
+            found.append(Problem(f"{record.name}, channel {key}", what, remedy))
+    return tuple(found)
 
 
 def resting_records(model: Model, records: Sequence[Record]) -> tuple[Advice, ...]:

@@ -25,12 +25,13 @@ from modelgen.runtime.diagnostics.thresholds import (
     LEAP_SPEED,
     LISTED,
     MOVES,
+    NEARLY,
     OVERLAP,
     WIDEST,
 )
 from modelgen.runtime.diagnostics.unit_errors import unlike_units
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.faults import reading_problems
+from modelgen.runtime.records.faults import POSITIONS, reading_problems
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.record_facts import Extent
 from modelgen.runtime.records.thresholds import WHOLE
@@ -188,7 +189,10 @@ def _told_range(place: str, span: float, unit: str, resolution: float) -> Iterat
     if span < FEWEST_STEPS * resolution:
         what = f"spans {span / resolution:.0f} steps of its resolution {resolution:.4g} {unit} only"
         yield Advice("coarse", place, what, "record a larger motion, or use a finer sensor")
-    if span > WIDEST.get(unit, np.inf):
+    if unit in POSITIONS and np.isclose(resolution, 1.0, rtol=NEARLY):
+        what = f"reads whole numbers of {unit} only: it may be in counts"
+        yield Advice("unit", place, what, "give the factor from counts to SI (--scale)")
+    elif span > WIDEST.get(unit, np.inf):
         what = f"spans {span:.4g} {unit}, more than machines do ({WIDEST[unit]:g} {unit})"
         yield Advice("unit", place, what, "check its unit (mm for m?), and scale it to SI")
 

@@ -97,6 +97,9 @@ SHORTEST_RUN = 8
 # Clipped readings come in runs of at least three; so many runs at the ends of the range, and fewer than this
 # share elsewhere, are no chance.
 CLIPPED_RUN, OFTEN, RARELY = 3, 4, 0.1
+# A force whose reading is clipped is so in no more than this share of the samples, and more than this share
+# of the squares of what its row leaves stands there.
+CLIPPED_SHARE, LEFT_AT_LIMIT = 0.25, 0.5
 # A step before or after a run is one at full speed from this share of the rms step on, if it is also so many
 # times the resolution, and so many times the usual change from step to step.
 FULL_SPEED, RESOLUTIONS, USUAL_CHANGES = 0.15, 4.0, 4.0

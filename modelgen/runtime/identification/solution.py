@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.advice import Advice, noted
 from modelgen.runtime.diagnostics.cutoff_agreement import (
@@ -18,6 +18,7 @@ from modelgen.runtime.diagnostics.cutoff_agreement import (
     disagreement_notes,
     significant_drift,
 )
+from modelgen.runtime.diagnostics.motion_checks import clipped_forces
 from modelgen.runtime.diagnostics.noise_bias import less_noise
 from modelgen.runtime.diagnostics.settings_drift import (
     Attempts,
@@ -140,6 +141,8 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         refused, advice = refusals(model, job.records, job.choice, plain, task.checks.keep)
         if all(name in refused for name in plain.columns):
             raise all_refused(refused)
+    if method.robust is None and (clipped := clipped_forces(model, job.records, job.choice, plain)):
+        raise IdentifiabilityError(*clipped)
     if by_default:
         told = with_impossible_signs(model, told, refused)
     said, notes = noted(told.advice)

@@ -7,8 +7,11 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
+from modelgen.runtime.records.faults import time_faults
 from modelgen.runtime.records.thresholds import AGREEMENT, UNIFORM
 
+# What sets each kind of fault of the times right, in the order in which it is done.
+MENDS = {"duplicates": "duplicates", "gaps": "gaps (or fill)", "uneven": "uneven"}
 UNITS_PER_SECOND = (1.0, 1e3, 1e6, 1e9)  # times in s, ms, us, ns
 
 
@@ -42,7 +45,9 @@ def sampling_frequency(where: str, stated: float | None, times: FloatArray | Non
     if stated is None:
         if measured <= 1.0:
             what = f"steps by {1.0 / measured:.6g}, in seconds a sampling frequency of {measured:.6g} Hz"
-            raise DataError.at(where, what, "give fs in Hz if the times are not in seconds")
+            raise DataError.at(
+                where, what, "give fs in Hz if the times are not in seconds, or their unit (--time-unit ms)"
+            )
         # a clock carries no more digits; records of one bench then share one frequency
         return float(f"{measured:.9g}")
     if all(abs(measured * unit / stated - 1.0) > AGREEMENT for unit in UNITS_PER_SECOND):
@@ -69,7 +74,9 @@ def _check_uniform(where: str, times: FloatArray, rounded: bool) -> None:
     if bad.size:
         first = int(bad[0])
         what = f"jumps by {steps[first]:.6g} where the step is {step:.6g} ({bad.size} such steps)"
-        remedy = "resample, or cut the record there (--mend gaps, fill, uneven or duplicates)" + (
+        found = {finding.kind for finding in time_faults(where, times)} - ({"uneven"} if rounded else set())
+        mends = " and ".join(f"--mend {way}" for kind, way in MENDS.items() if kind in found)
+        remedy = f"resample, or cut the record there ({mends})" + (
             "" if rounded else "; give fs too if the times are only rounded"
         )
         raise DataError.at(f"{where}, sample {first + 1}", what, remedy)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from generated import emps300_qm_qc, emps_rigid_asymmetric_qm, three_mass_va_vb_vc
+from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.motion_checks import band_above_filter, one_way_friction, resting_bodies
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
@@ -20,6 +21,7 @@ from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.rigid_motion import (
     CHOICE,
+    FS,
     LIVELY,
     ONE_WAY,
     RIGID,
@@ -190,3 +192,29 @@ def test_a_clamped_body_gets_no_parameters_but_the_others_do() -> None:
         TWO_MASS, record, **values_of(cutoff_hz=120.0, direction_cutoff_hz=60.0, drift_check=False)
     )
     assert "c never moves" in estimate.not_identifiable["J_c"]
+
+
+def test_a_force_whose_reading_is_clipped_is_refused_and_one_at_its_limit_is_not() -> None:
+    # a drive that reaches its limit moves the axis by the force that it reads
+    times = np.arange(20_000) / FS
+    waves = sum(np.sin(2.0 * np.pi * hertz * times + hertz) for hertz in (0.7, 1.9, 4.3, 9.1))
+    wanted = 60.0 * waves
+    limited = np.clip(wanted, -0.6 * np.abs(wanted).max(), 0.6 * np.abs(wanted).max())
+    record = Record({"q_m": _pushed(limited), "F": limited}, FS, "drive")
+    assert np.mean(np.abs(limited) == np.abs(limited).max()) > 0.01
+    mass = identify(RIGID, record, **values_of("wls", **SETTINGS)).params["M"]
+    assert mass == pytest.approx(TRUTH["M"], rel=0.02)
+    clipped = Record({"q_m": _pushed(wanted), "F": limited}, FS, "reading")
+    with pytest.raises(IdentifiabilityError, match=r"reading, channel F: reads its limit in \d+ samples"):
+        identify(RIGID, clipped, **values_of("wls", **SETTINGS))
+
+
+def _pushed(force: np.ndarray) -> np.ndarray:
+    """Return where a force moves the rigid axis, shape (n,)."""
+    q, v, found = 0.0, 0.0, []
+    for one in force.tolist():
+        found.append(q)
+        friction = TRUTH["Fv"] * v + TRUTH["Fc"] * np.tanh(v / 1e-3) + TRUTH["offset"]
+        v += (one - friction) / TRUTH["M"] / FS
+        q += v / FS
+    return np.array(found)

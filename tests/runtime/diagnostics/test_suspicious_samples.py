@@ -193,6 +193,11 @@ def test_a_coarse_sensor_is_told_its_resolution(emps: Record) -> None:
     assert found.what == "spans 40 steps of its resolution 0.00616 m only"
 
 
+def test_a_position_in_counts_is_told_to_be_one(emps: Record) -> None:
+    found = only(RIGID, faulty(emps, "q_m", lambda samples: np.round(samples * 1e5)))
+    assert (found.kind, found.what) == ("unit", "reads whole numbers of m only: it may be in counts")
+
+
 @pytest.mark.parametrize(("lost", "channels"), [(1, "q_m and q_c"), (50, "q_m and q_c")])
 def test_a_clock_that_jumps_shows_in_all_positions(lost: int, channels: str) -> None:
     record = simulated(QC, "chirp", noise=True)
