@@ -18,6 +18,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
+from modelgen.magnitudes import SMALLEST
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.power_spectrum import quick_length
@@ -202,7 +203,10 @@ def _as_read(record: Record, true: Mapping[str, FloatArray]) -> Record:
 
 
 def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
-    """Return parameters with which a chain can be simulated: signs that physics forbids are taken away."""
+    """Return parameters with which a chain can be simulated.
+
+    Signs that physics forbids are taken away, and what an iteration drove to zero is zero.
+    """
     largest: dict[str, float] = {}
     for name, value in parameters.items():
         if name in model.roles and model.roles[name].role == "inertia":
@@ -214,5 +218,5 @@ def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
         if role == "inertia":
             moved[name] = max(value, LEAST_INERTIA * largest[model.units.get(name, "")])
         elif role in ("coulomb", "stiffness", "damping", "viscous"):
-            moved[name] = max(value, 0.0)
+            moved[name] = value if value >= SMALLEST else 0.0
     return moved
