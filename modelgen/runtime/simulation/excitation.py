@@ -157,10 +157,10 @@ def chirp(
     inside = np.clip((t - begin) / (end - begin), 0.0, 1.0)
     sweep_s = end - begin
     phase = 2.0 * pi * sweep_s * (f_start_hz * inside + 0.5 * (f_stop_hz - f_start_hz) * inside**2)
-    wave = np.sin(phase) * _smooth(inside / FADE) * _smooth((1.0 - inside) / FADE)
-    carrier = velocity * _smooth(t / ramp_s) * _smooth((t[-1] - t) / ramp_s)
+    wave = np.sin(phase) * raised_cosine(inside / FADE) * raised_cosine((1.0 - inside) / FADE)
+    carrier = velocity * raised_cosine(t / ramp_s) * raised_cosine((t[-1] - t) / ramp_s)
     reference_rate = carrier + rate * wave
-    return Excitation(_integral(reference_rate, t), reference_rate, force * wave, fs * oversample, "chirp")
+    return Excitation(integral(reference_rate, t), reference_rate, force * wave, fs * oversample, "chirp")
 
 
 def trapezoid(
@@ -204,7 +204,7 @@ def trapezoid(
                 corners += (corners[-1] + np.cumsum([flank, cruise_s, flank, dwell_s])).tolist()
                 levels += [level, level, 0.0, 0.0]
     rate = np.interp(t, corners, levels)
-    return Excitation(_integral(rate, t), rate, np.zeros(t.size), fs * oversample, "trapezoid")
+    return Excitation(integral(rate, t), rate, np.zeros(t.size), fs * oversample, "trapezoid")
 
 
 def check_fs(fs: float) -> None:
@@ -244,12 +244,12 @@ def _times(duration_s: float, fs: float, oversample: int) -> FloatArray:
     return times
 
 
-def _smooth(ramp: FloatArray) -> FloatArray:
+def raised_cosine(ramp: FloatArray) -> FloatArray:
     """Return a raised cosine: 0 up to ramp = 0, 1 from ramp = 1 on."""
     risen: FloatArray = 0.5 - 0.5 * np.cos(pi * np.clip(ramp, 0.0, 1.0))
     return risen
 
 
-def _integral(rate: FloatArray, t: FloatArray) -> FloatArray:
+def integral(rate: FloatArray, t: FloatArray) -> FloatArray:
     """Return the integral of the piecewise linear rate, exact at the times t."""
     return np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))))

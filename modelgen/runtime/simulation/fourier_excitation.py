@@ -9,12 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.write_record import write_record
 from modelgen.runtime.simulation.closed_loop import bandwidth_hz, vibration
-from modelgen.runtime.simulation.excitation import Excitation
+from modelgen.runtime.simulation.excitation import Excitation, integral, raised_cosine
 from modelgen.runtime.simulation.multisine import multisine
 from modelgen.runtime.simulation.plant import Plant
 from modelgen.runtime.simulation.thresholds import PIECES_A_SAMPLE, RAMP_PERIODS, RAMP_RANGE
@@ -80,12 +79,12 @@ def series_excitation(
     middles[0], middles[-1] = 0.5 * ramps[0], t[-1] - 0.5 * ramps[-1]
     rate, amplitude = np.zeros(t.size), np.zeros(t.size)
     for step, middle, ramp in zip(steps, middles, ramps, strict=True):
-        rate += step * _smooth((t - middle) / ramp + 0.5)
+        rate += step * raised_cosine((t - middle) / ramp + 0.5)
     for k, force in enumerate(shape.forces):
         # the multisine waits until the speed is reached
-        begun = _smooth((t - middles[k]) / ramps[k] - 0.5)
-        amplitude += force * begun * _smooth((middles[k + 1] - t) / ramps[k + 1] - 0.5)
-    window = _smooth(t / ramp_s) * _smooth((t[-1] - t) / ramp_s)
+        begun = raised_cosine((t - middles[k]) / ramps[k] - 0.5)
+        amplitude += force * begun * raised_cosine((middles[k + 1] - t) / ramps[k + 1] - 0.5)
+    window = raised_cosine(t / ramp_s) * raised_cosine((t[-1] - t) / ramp_s)
     for k, (a, b) in enumerate(zip(shape.sines, shape.cosines, strict=True), start=1):
         rate += window * (a * np.sin(2.0 * pi * k * t / t[-1]) + b * np.cos(2.0 * pi * k * t / t[-1]))
     # in speeds of the driven body: the limit holds for the fastest one
@@ -93,10 +92,4 @@ def series_excitation(
     force_wave = (
         scale[1] * limits["force"] * amplitude * multisine(t, shape.low_hz, shape.high_hz, shape.tilt)
     )
-    reference = np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))))
-    return Excitation(reference, rate, force_wave, fs * PIECES_A_SAMPLE, "series")
-
-
-def _smooth(ramp: FloatArray) -> FloatArray:
-    """Return a raised cosine: 0 up to ramp = 0, 1 from ramp = 1 on."""
-    return np.asarray(0.5 - 0.5 * np.cos(pi * np.clip(ramp, 0.0, 1.0)), dtype=float)
+    return Excitation(integral(rate, t), rate, force_wave, fs * PIECES_A_SAMPLE, "series")
