@@ -9,7 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.thresholds import LARGEST_CLOCK, LARGEST_LAG
+from modelgen.runtime.iv.thresholds import LARGEST_CLOCK, LARGEST_LAG, LATE_SHARE, LATE_TOLERANCE
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
@@ -98,6 +98,18 @@ class Effect:
     def runs_away(self, size: float, fs: float) -> bool:
         """Tell whether a size is no small misalignment any more; fs in Hz."""
         return self.samples(size, fs) > LARGEST_LAG or (self.kind == "clock" and abs(size) > LARGEST_CLOCK)
+
+    def follows(self, size: float, late: Mapping[str, float], fs: float) -> bool:
+        """Tell whether a force can act behind a low-pass of this size: that much later than commanded.
+
+        Cascades of lags are late by no less than one lag with their bend, averages by half their length;
+        sensors that are late themselves make a force seem earlier. `late` says by how many s forces are
+        recorded late, where that is known, `fs` is in Hz.
+        """
+        if self.kind not in ("lag", "average") or size > 0.0 or self.channel not in late:
+            return True
+        least = self.samples(size, fs) * (0.5 if self.kind == "average" else 1.0)
+        return -late[self.channel] * fs > LATE_SHARE * least - LATE_TOLERANCE
 
     def _width(self, size: float) -> float:
         """Return the time constant of a lag, or the length of an average, in s."""

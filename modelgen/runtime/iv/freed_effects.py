@@ -57,6 +57,11 @@ class Freed:
     stds: tuple[float, ...] = ()
     others: Grown = ()
 
+    @property
+    def late_forces(self) -> dict[str, float]:
+        """By how many s forces are recorded late, where that was estimated with the fit."""
+        return {channel: late for channel, late, _ in self.fit.delays}
+
 
 def fit_with_effects(
     setting: Setting,

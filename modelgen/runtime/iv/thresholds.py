@@ -127,6 +127,8 @@ SAMPLES_AN_UNKNOWN = 10
 EFFECT_ROUNDS, KNOWN_ROUNDS = 25, 6
 # A lag or a delay beyond this, in samples, is no small misalignment any more.
 LARGEST_LAG = 50.0
+# A force that acts behind a low-pass is late by this share of what that delays, give or take so many samples.
+LATE_SHARE, LATE_TOLERANCE = 0.5, 0.2
 # Clocks of quartz differ by some 1e-4, those of cheap converters by 1e-3; beyond this it is no clock.
 LARGEST_CLOCK = 0.01
 # Done when nothing moves by more than this share of its standard deviation, or of its value.

@@ -43,6 +43,19 @@ def test_every_effect_has_a_name_of_its_own_and_words() -> None:
             assert effect.said(size).startswith(effect.words if size > 0.0 else effect.negative)
 
 
+def test_no_force_acts_behind_a_low_pass_before_that_lets_it() -> None:
+    lag = EFFECTS["lag of Gamma_m"]
+    (average,) = lag.forms
+    size = -0.5e-6  # a lag of 1 ms; an average over 3.5 ms, late by half of that
+    for effect, least in ((lag, 0.5e-3), (average, 0.5e-3 * np.sqrt(3.0))):
+        for late, follows in ((0.8 * least, False), (1.5 * least, True), (-least, False)):
+            assert effect.follows(size, {"Gamma_m": -late}, FS) == follows
+        # a reading may be filtered without a delay, and of other delays nothing may be known
+        assert effect.follows(-size, {"Gamma_m": 0.0}, FS)
+        assert effect.follows(size, {}, FS)
+    assert EFFECTS["delay of q_c"].follows(-1.0, {"Gamma_m": 0.0}, FS)
+
+
 @pytest.mark.parametrize("name", FRICTIONS)
 @settings(deadline=None)
 @given(size=st.floats(1e-12, 1e12))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
@@ -24,6 +24,7 @@ from modelgen.runtime.iv.thresholds import EXACTNESS, LITTLE_OWN
 class Seen:
     """What a residual says: scores, effects that are nearly columns, and rows that grow with those tested.
 
+    Sizes that no channel can have do not matter, and stand in for nothing.
     `masses` are further masses with which least squares leave clearly less, where it is more than noise.
     `folded` is what forces move that bend between samples, as a mean square, shape (c, c).
     """
@@ -71,11 +72,24 @@ def look(
         seen = [tested[index] for index in doubtful]
         noise = noise_rows(now.fit, now.setting, seen, [rows[index] for index in doubtful])
         found = without_noise(found, now.fit, seen, noise, others, slope)
+    beyond = {one.effect.name for one in found if not _believable(one, job, now)}
+    found = tuple(
+        replace(one, matters=False, likely=False) if one.effect.name in beyond else one for one in found
+    )
     told = {one.effect.name for one in found if one.own > LITTLE_OWN}
     hidden = tuple(effect for effect in tested if effect.name not in told)
     bent = effect_rows(now.fit, now.setting, simulated, folded_forces(job.model))
     folded = moves_within(now.fit, bent, others, slope)
-    return Seen(found, hidden, tuple(tested), rows, masses, folded)
+    left = [entry for entry in zip(tested, rows, strict=True) if entry[0].name not in beyond]
+    return Seen(
+        found, hidden, tuple(one for one, _ in left), tuple(row for _, row in left), masses, folded
+    )
+
+
+def _believable(score: Score, job: Job, now: Freed) -> bool:
+    """Tell whether an effect has a size that its channel can have."""
+    effect, fs = score.effect, min(record.fs for record in job.records)
+    return not effect.runs_away(score.size, fs) and effect.follows(score.size, now.late_forces, fs)
 
 
 def _unexplained(job: Job, now: Freed) -> bool:

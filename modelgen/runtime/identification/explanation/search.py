@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -147,7 +147,8 @@ class Search:
             if solved is None:
                 return None
             effects, found = solved
-            real = [self._is_real(*one) for one in zip(effects, found.sizes, strict=True)]
+            sized = zip(effects, found.sizes, strict=True)
+            real = [self._is_real(*one, found.late_forces) for one in sized]
             # zeros that a start brought along are nuisances: they stay, whatever their size is
             for place in range(self.given, len(effects) - 1):
                 real[place] &= abs(found.sizes[place]) > certain * found.stds[place]
@@ -170,13 +171,14 @@ class Search:
         except (IdentifiabilityError, DataError):
             return None
 
-    def _is_real(self, effect: Effect, size: float) -> bool:
+    def _is_real(self, effect: Effect, size: float, late: Mapping[str, float]) -> bool:
         """Tell whether physics allows a size, and it is not next to nothing."""
         drift = abs(size) * max(record.n for record in self.job.records)
         nothing = (effect.kind == "clock" and drift < LEAST_CLOCK_DRIFT) or (
             effect.kind == "gain" and abs(size) < LEAST_GAIN
         )
-        return effect.possible(size) and not nothing
+        fs = min(record.fs for record in self.job.records)
+        return effect.possible(size) and not nothing and effect.follows(size, late, fs)
 
     def _with(self, tried: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Search:
         """Return the search with the effect that leaves least; of equals the one that explained most."""

@@ -23,8 +23,15 @@ from tests.runtime.two_mass_records import SMALL, two_mass_records
 
 Solved = tuple[tuple[Effect, ...], Freed]
 EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), 2)}
-FRICTION, LATE, GAIN, OTHER = (
-    EFFECTS[name] for name in ("Coulomb friction on c", "delay of q_c", "gain of q_c", "constant force on c")
+FRICTION, LATE, GAIN, OTHER, LAG = (
+    EFFECTS[name]
+    for name in (
+        "Coulomb friction on c",
+        "delay of q_c",
+        "gain of q_c",
+        "constant force on c",
+        "lag of Gamma_m",
+    )
 )
 
 
@@ -34,13 +41,14 @@ def job() -> Job:
     return Job(SMALL, records, choose_filter(SMALL, records))
 
 
-def solved(monkeypatch: pytest.MonkeyPatch, certain: dict[str, float]) -> None:
-    """Let every fit find sizes that are so many of their standard deviations."""
+def solved(monkeypatch: pytest.MonkeyPatch, certain: dict[str, float], late_s: float = 0.0) -> None:
+    """Let every fit find sizes that are so many of their standard deviations, and forces late by so much."""
+    left = SimpleNamespace(delays=(("Gamma_m", late_s, 1e-6),))
 
     def fit(setting: Any, rows: Any, start: Any, effects: tuple[Effect, ...], *rest: Any) -> Solved:
         stds = tuple(1e-6 for _ in effects)
         sizes = tuple(certain[effect.name] * 1e-6 for effect in effects)
-        return effects, Freed(cast(Any, None), cast(Any, SimpleNamespace()), setting, sizes, stds)
+        return effects, Freed(cast(Any, None), cast(Any, left), setting, sizes, stds)
 
     monkeypatch.setattr(module, "fit_in_shape", fit)
 
@@ -70,8 +78,17 @@ def test_an_effect_whose_sign_physics_forbids_is_not_taken(monkeypatch: pytest.M
     assert searching(LATE)._freed(FRICTION) is None
 
 
+@pytest.mark.parametrize(("late", "taken"), [(0.0, False), (-0.8, True), (2.0, False)])
+def test_a_force_that_acts_behind_a_lag_is_as_late_as_that(
+    monkeypatch: pytest.MonkeyPatch, late: float, taken: bool
+) -> None:
+    size = -0.5e-6  # a time constant of a millisecond, `late` of which the force is recorded late
+    solved(monkeypatch, {LAG.name: 1e6 * size}, late_s=1e-3 * late)
+    assert (searching()._freed(LAG) is not None) == taken
+
+
 def test_effects_that_take_each_other_s_place_do_not_do_so_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    left = SimpleNamespace(misfit=0.0, solution=SimpleNamespace(x=np.zeros(6)))
+    left = SimpleNamespace(misfit=0.0, delays=(), solution=SimpleNamespace(x=np.zeros(6)))
 
     def fit(setting: Any, rows: Any, start: Any, effects: tuple[Effect, ...], *rest: Any) -> Solved:
         sizes = (*(1e-7 for _ in effects[1:]), 1e-4)  # only the last one is certain
