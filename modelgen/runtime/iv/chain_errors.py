@@ -89,8 +89,9 @@ def _link_effects(stiffness: str, bodies: tuple[str, ...]) -> Iterator[Effect]:
                  f"{stiffness} between {pair} softens",
                  "compare amplitudes; give the link a stiffness3",
                  _spring(stiffness, lambda d: d**3))  # fmt: skip
-    yield Effect(f"backlash of {stiffness}", "form", f"there is backlash between {pair}",
-                 f"{stiffness} between {pair} softens", "compare amplitudes, or preload the link",
+    # a gap has one sign
+    yield Effect(f"backlash of {stiffness}", "form", f"there is backlash between {pair}", "",
+                 "compare amplitudes, or preload the link",
                  _spring(stiffness, lambda d: -np.sign(d)))  # fmt: skip
 
 
