@@ -81,9 +81,7 @@ def look(
     bent = effect_rows(now.fit, now.setting, simulated, folded_forces(job.model))
     folded = moves_within(now.fit, bent, others, slope)
     left = [entry for entry in zip(tested, rows, strict=True) if entry[0].name not in beyond]
-    return Seen(
-        found, hidden, tuple(one for one, _ in left), tuple(row for _, row in left), masses, folded
-    )
+    return Seen(found, hidden, tuple(one for one, _ in left), tuple(row for _, row in left), masses, folded)
 
 
 def _believable(score: Score, job: Job, now: Freed) -> bool:
