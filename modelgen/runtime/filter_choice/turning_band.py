@@ -11,6 +11,7 @@ from math import pi, sqrt
 import numpy as np
 
 from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF, TURNS_CLEARLY
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
@@ -42,10 +43,13 @@ def direction_cutoff(
     """Return the cut-off in Hz of velocities whose signs are directions, from that of the rows and dynamics.
 
     Of arms it is the band in which all sensed speeds tell when they turn: joints turn as fast as friction
-    lets them. What of a chain's velocities is beyond the dynamics is not known to be motion.
+    lets them. Where springs give some of the speeds it is that of the rows, as these hold far more noise.
+    What of a chain's velocities is beyond the dynamics is not known to be motion.
     """
     if not model.is_arm:
         return min(dynamics_hz or cutoff_hz, cutoff_hz)
+    if isinstance(model.kernel, DeflectedKernel) and model.kernel.speeds:
+        return cutoff_hz
     found, keys = [], frozenset(model.direction_keys)
     for signal in model.signals:
         if signal.key not in keys or (signal.sensor is None and signal.actuator is None):

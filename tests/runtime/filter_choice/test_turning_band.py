@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,3 +42,14 @@ def test_joints_turn_as_fast_as_their_encoders_tell() -> None:
     assert direction_cutoff(arm, [swinging(arm, 1e-5), swinging(arm, 1e-3)], 10.0, 2.0) == loud
     assert direction_cutoff(arm, [swinging(arm, 1.0)], 10.0, 2.0) == 10.0
     assert direction_cutoff(chain, [swinging(chain, 1e-5)], 10.0, 2.0) == 2.0
+
+
+def test_speeds_that_springs_give_turn_behind_the_cut_off_of_the_rows() -> None:
+    spec = catalogued("elastic_two_link")
+    motors, links = spec.sensor_sets["encoders"][:2], spec.sensor_sets["encoders"][2:]
+    spec = replace(spec, sensor_sets={"motors": motors, "mixed": (motors[0], *links)})
+    found = {}
+    for name in spec.sensor_sets:
+        model = model_of(spec, sensor_set=name)
+        found[name] = direction_cutoff(model, [swinging(model, 1e-5)], 10.0, 2.0)
+    assert found["mixed"] == 10.0 < found["motors"]
