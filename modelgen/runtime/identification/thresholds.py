@@ -58,6 +58,7 @@ LITTLE_LEFT = 0.05
 # What is found after one of these kinds may be what its form leaves: all that it moves is left open.
 ROUGH = {"form", "mass"}
 # A clock that drifts by fewer samples than this over the longest record is none: rows are no more exact.
+# Nor is so short a delay told, though it is estimated.
 LEAST_CLOCK_DRIFT = 0.02
 # No gain is known to this share: what so small a one explains on a long way is something else.
 LEAST_GAIN = 1e-6

@@ -93,7 +93,7 @@ class Search:
             return self._holding(shown[0])
         tried += [one for one in self._tried(shown) if _names(one[1]) not in self.before] if room else []
         if not tried:
-            quiet = below_noise(shown[0].effect, shown[0].size, self.job.records)
+            quiet = self._small(shown[0].effect, shown[0].size)
             return self._holding(shown[0], *(() if quiet else (left_of(shown[0], shown),)))
         return self._with(tried)
 
@@ -101,7 +101,7 @@ class Search:
         """Tell of each effect that is estimated whether it is certain, and large enough to be named."""
         certain = normal_beyond(0.5 * LEVEL)
         return [
-            abs(size) > certain * std and not below_noise(effect, size, self.job.records)
+            abs(size) > certain * std and not self._small(effect, size)
             for effect, size, std in zip(self.effects, self.now.sizes, self.now.stds, strict=True)
         ]
 
@@ -173,12 +173,22 @@ class Search:
 
     def _is_real(self, effect: Effect, size: float, late: Mapping[str, float]) -> bool:
         """Tell whether physics allows a size, and it is not next to nothing."""
-        drift = abs(size) * max(record.n for record in self.job.records)
-        nothing = (effect.kind == "clock" and drift < LEAST_CLOCK_DRIFT) or (
+        nothing = (effect.kind == "clock" and self._out_of_step(effect, size) < LEAST_CLOCK_DRIFT) or (
             effect.kind == "gain" and abs(size) < LEAST_GAIN
         )
         fs = min(record.fs for record in self.job.records)
         return effect.possible(size) and not nothing and effect.follows(size, late, fs)
+
+    def _out_of_step(self, effect: Effect, size: float) -> float:
+        """Return by how many samples a delay, or a clock at the end, is out of step; infinite for others."""
+        if effect.kind == "clock":
+            return abs(size) * max(record.n for record in self.job.records)
+        return abs(size) * max(record.fs for record in self.job.records) if effect.kind == "delay" else np.inf
+
+    def _small(self, effect: Effect, size: float) -> bool:
+        """Tell whether an effect is below what a reading, or its instant, is known to."""
+        late = self._out_of_step(effect, size)
+        return late < LEAST_CLOCK_DRIFT or below_noise(effect, size, self.job.records)
 
     def _with(self, tried: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Search:
         """Return the search with the effect that leaves least; of equals the one that explained most."""

@@ -19,7 +19,7 @@ from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score
-from tests.runtime.two_mass_records import SMALL, two_mass_records
+from tests.runtime.two_mass_records import FS, SMALL, two_mass_records
 
 Solved = tuple[tuple[Effect, ...], Freed]
 EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), 2)}
@@ -85,6 +85,16 @@ def test_a_force_that_acts_behind_a_lag_is_as_late_as_that(
     size = -0.5e-6  # a time constant of a millisecond, `late` of which the force is recorded late
     solved(monkeypatch, {LAG.name: 1e6 * size}, late_s=1e-3 * late)
     assert (searching()._freed(LAG) is not None) == taken
+
+
+@pytest.mark.parametrize(
+    ("samples", "certain", "told"), [(0.01, 20.0, False), (0.1, 20.0, True), (0.1, 2.0, False)]
+)
+def test_a_delay_of_a_hundredth_of_a_sample_is_not_told(samples: float, certain: float, told: bool) -> None:
+    search = searching(LATE)
+    size = samples / FS
+    search = replace(search, now=replace(search.now, sizes=(size,), stds=(size / certain,)))
+    assert search.told() == [told]
 
 
 def test_effects_that_take_each_other_s_place_do_not_do_so_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
