@@ -76,7 +76,7 @@ def test_every_way_to_the_terminal_is_guarded(name: str, capsys: pytest.CaptureF
 def test_a_file_of_such_a_name_is_refused_from_the_command_line(trap: Path) -> None:
     if sys.platform == "win32":
         pytest.skip("no such file can be")
-    text = "t,q_m,F\n" + "".join(f"{k / 1000},{k % 7},{k % 5}\n" for k in range(500))
+    text = "t,q_m,F\n" + "".join(f"{k / 1000},{k * (500 - k) / 1e4},{k % 5}\n" for k in range(500))
     (trap / "a\x1b[2J.csv").write_text(text, encoding="utf-8")
     module = Path(__file__).resolve().parents[2] / "generated" / "emps_rigid_qm.py"
     result = CliRunner().invoke(app, ["identify", "a\x1b[2J.csv", "--model", str(module)])

@@ -34,6 +34,7 @@ LATER = (
     "joined",
     "verdict",
 )
+NO_MODES = Modes(notes=("No modes: the estimate was saved without them.",))
 CHANGED = "was changed by hand: identify again, or undo the change"
 
 
@@ -73,7 +74,7 @@ def estimate_parts(document: Mapping[str, Any], where: str) -> dict[str, Any]:
             saved.other_solutions,
         ),
         "checks": saved.checks,
-        "modal": saved.modes or Modes(notes=("No modes: the estimate was saved without them.",)),
+        "modal": NO_MODES if saved.modes is None else saved.modes,
         "contents": saved.contents,
     }
 
