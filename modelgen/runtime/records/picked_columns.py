@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from modelgen.errors import Problem
 from modelgen.magnitudes import FACTOR_REMEDY, is_usable, shown_number
 from modelgen.runtime.files.source import Source
 from modelgen.runtime.files.units import Unit, unit_from_text
 from modelgen.runtime.records.record import missing_name
+
+NAME_IT = "name it (--map {key}=COLUMN), or let `modelgen import` propose one"
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,9 @@ def pick_columns(
         place = mapping.get(key, key)
         column = source.column(place.removeprefix("-"))
         if column not in source.known:
-            problems.append(missing_name(f"{source.path}: channel {key}", "column", column, source.names))
+            absent = missing_name(f"{source.path}: channel {key}", "column", column, source.names)
+            unnamed = "" if key in mapping else f"; {NAME_IT.format(key=key)}"
+            problems.append(replace(absent, remedy=absent.remedy + unnamed))
         unit = unit_from_text(source.units.get(column, ""))
         factor = scales.get(key, unit.factor if unit else 1.0)
         if isinstance(factor, str):

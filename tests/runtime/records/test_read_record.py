@@ -150,7 +150,8 @@ def test_every_absent_name_is_reported_at_once(tmp_path: Path) -> None:
     assert problems == [
         "channel q_c: has no column q_mm; did you mean q_m? available: t, q_m, Gamma_m",
         "scale of q_c: has no scalar gain; available: none",
-        "channel a_c: has no column a_c; available: t, q_m, Gamma_m",
+        "channel a_c: has no column a_c; available: t, q_m, Gamma_m; "
+        "name it (--map a_c=COLUMN), or let `modelgen import` propose one",
         "scale of Gamma_m: is 0.0; give a magnitude from 1e-30 to 1e+30",
         "scale of q_d: has no channel q_d; did you mean q_c? available: q_c, a_c, Gamma_m",
         "times: has no column tt; did you mean t? available: t, q_m, Gamma_m",
