@@ -10,11 +10,19 @@ from modelgen.errors import DataError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.noise_bias import takes_instruments
 from modelgen.runtime.diagnostics.row_noise import row_noise
-from modelgen.runtime.diagnostics.thresholds import LARGEST_NOISE, LEAST_SNR_DB, NULL_SHARE, SIGNIFICANT_MOVE
+from modelgen.runtime.diagnostics.thresholds import (
+    CERTAINLY_MOVED,
+    LARGEST_NOISE,
+    LEAST_SNR_DB,
+    NULL_SHARE,
+    SIGNIFICANT_MOVE,
+)
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import SignalToNoise
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.tails import chi_square_tail
 from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
 from modelgen.runtime.parameters.dependence import Dependence
 from modelgen.runtime.parameters.parameter import Parameter
@@ -106,6 +114,40 @@ def null_columns(fit: Fit, model: Model, records: Sequence[Record], choice: Filt
             name = model.base_parameters[column]
             found.setdefault(name, f"{what}: a channel is not what the model means (sign, unit, faults)")
     return found
+
+
+def zero_columns(fit: Fit, model: Model) -> dict[str, str]:
+    """Return the columns of a chain's rows without a force that are zero within noise, with the reason.
+
+    Zero solves such a row, too: it leaves nothing there, weighs the more for it, and decides what other rows
+    have in common with it. A body without inertia that nothing moves is none.
+    """
+    if model.is_arm:
+        return {}
+    found: dict[str, str] = {}
+    forced = {block.row for block in fit.blocks if block.has_force}
+    for row in dict.fromkeys(block.row for block in fit.blocks if block.row not in forced):
+        names = [model.base_parameters[column] for column in model.regressor_columns[row]]
+        at = [fit.columns.index(name) for name in names if name in fit.columns]
+        if not at or chi_square_tail(_from_zero(fit, at), len(at)) < CERTAINLY_MOVED:
+            continue
+        row_name = next(block.row_name for block in fit.blocks if block.row == row)
+        why = (
+            f"row {row_name} has no force, and zero solves it as well: noise of the sensors hides its motion"
+        )
+        found |= dict.fromkeys(names, why)
+    return found
+
+
+def _from_zero(fit: Fit, at: Sequence[int]) -> float:
+    """Return the squared distance of some columns from zero in standard deviations (Wald)."""
+    values, covariance = fit.solution.x[at], hac_covariance(fit)[np.ix_(at, at)]
+    deviation = np.sqrt(np.maximum(np.diag(covariance), float(np.finfo(float).tiny)))
+    variances, directions = np.linalg.eigh(covariance / np.outer(deviation, deviation))
+    # what rounding has left of a variance tells no distance
+    known = variances > len(at) * float(np.finfo(float).eps)
+    moved = directions.T @ (values / deviation)
+    return float(np.sum(moved[known] ** 2 / variances[known]))
 
 
 def _drowned(fit: Fit, index: int, model: Model, record: Record, choice: FilterChoice) -> bool:

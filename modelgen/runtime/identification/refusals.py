@@ -16,7 +16,7 @@ from modelgen.runtime.diagnostics.motion_checks import (
     resting_bodies,
 )
 from modelgen.runtime.diagnostics.noise_bias import lost_in_noise
-from modelgen.runtime.diagnostics.parameter_checks import null_columns
+from modelgen.runtime.diagnostics.parameter_checks import null_columns, zero_columns
 from modelgen.runtime.diagnostics.row_noise import drowned_friction
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.thresholds import WITHOUT_NUMBER_PERCENT
@@ -51,7 +51,7 @@ def refusals(
     if unknown:
         raise DataError(*(missing_name("keep", "parameter", name, model.base_parameters) for name in unknown))
     reasons = unanswered(model, records, choice, fit) | one_way_columns(model, fit.absent)
-    reasons |= dependent_columns(fit, reasons) | resting_bodies(model, records)
+    reasons |= dependent_columns(fit, reasons) | zero_columns(fit, model) | resting_bodies(model, records)
     if fit.projected:  # noise, which biases least squares, may be what such a row leaves there
         reasons |= null_columns(fit, model, records, choice)
     reasons |= friction_and_offset(model, one_way_friction(model, fit), fit.columns)
