@@ -11,11 +11,11 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.noise_bias import takes_instruments
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.diagnostics.thresholds import (
-    CERTAINLY_MOVED,
     LARGEST_NOISE,
     LEAST_SNR_DB,
     NULL_SHARE,
     SIGNIFICANT_MOVE,
+    ZERO_LIKELY,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import SignalToNoise
@@ -129,7 +129,7 @@ def zero_columns(fit: Fit, model: Model) -> dict[str, str]:
     for row in dict.fromkeys(block.row for block in fit.blocks if block.row not in forced):
         names = [model.base_parameters[column] for column in model.regressor_columns[row]]
         at = [fit.columns.index(name) for name in names if name in fit.columns]
-        if not at or chi_square_tail(_from_zero(fit, at), len(at)) < CERTAINLY_MOVED:
+        if not at or chi_square_tail(_from_zero(fit, at), len(at)) < ZERO_LIKELY:
             continue
         row_name = next(block.row_name for block in fit.blocks if block.row == row)
         why = (

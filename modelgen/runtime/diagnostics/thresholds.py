@@ -40,9 +40,9 @@ LOST_SHARE = 1.0
 # A row without a force that leaves this share of its largest term, or a row that leaves this share of its
 # force, explains nothing.
 NULL_SHARE = 0.9
-# A row without a force is solved by its parameters, not by zero, if chance would put them as far from it
-# with less than this probability.
-CERTAINLY_MOVED = 1e-3
+# Zero solves a row without a force as well as its parameters do where chance puts them as far from it as they
+# are with at least this probability: it lies within the joint 95 % interval.
+ZERO_LIKELY = 0.05
 # A residual below this multiple of what noise of the sensors gives its row is noise.
 LARGEST_NOISE = 1.5
 # Friction in vibration counts where it is so many times what the model, beyond noise, leaves of its rows.
