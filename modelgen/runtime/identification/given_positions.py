@@ -8,7 +8,7 @@ values those are tried, and deflections of so many parts of the motion.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,21 +22,53 @@ from modelgen.runtime.identification.thresholds import (
     DEFLECTIONS,
     HELD_STEPS,
     LONGEST_LAG,
+    LONGEST_SERIES,
     MOST_STEPS,
+    ONE_WAY,
     POINT_TOLERANCE,
     ROUNDING,
+    SAME_RATIO,
     SETTLING_STEPS,
     WITHIN_NOISE,
 )
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
 
-def about_the_estimate(task: Task) -> Task:
-    """Return the task with rows that are linear about their estimate; the same where rows are linear.
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """Where steps came to rest: a point, and by which ratio they shrank along a direction.
+
+    The ratio is 0 where they did not shrink slowly; `point` and `along` have the shape (base parameters,).
+    """
+
+    point: FloatArray
+    along: FloatArray
+    ratio: float
+
+    def drift(self, fit: Fit, model: Model) -> FloatArray:
+        """Return what noise moves the estimate by through the point, as a mean square, shape (c, c).
+
+        A fit holds the point as it is. As that moves with the estimate by `ratio` along the direction, what
+        noise moves a step by is 1 / (1 - ratio) times as much when steps have come to rest.
+        """
+        ratio, along = self.ratio, self.along[_columns(fit, model)]
+        pull = fit.triangle[: len(along), : len(along)].T @ _weighted(fit, self.along, model)
+        length = float(along @ pull)
+        if not ratio or not length:
+            return np.zeros((len(along), len(along)))
+        share = float(pull @ hac_covariance(fit) @ pull) / length**2
+        return ((1.0 - ratio) ** -2 - 1.0) * share * np.outer(along, along)
+
+
+def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
+    """Return the task with rows that are linear about their estimate, and where that rests.
+
+    The same task, and None, where rows are linear.
 
     Where no start leads to an estimate, rows without given positions are left, if there are any.
 
@@ -47,7 +79,7 @@ def about_the_estimate(task: Task) -> Task:
     """
     kernel = task.model.kernel
     if not isinstance(kernel, DeflectedKernel):
-        return task
+        return task, None
     step("finding how far springs deflect")
     job = replace(task.job, late=(), rows_for_tag=None)
     settled: list[tuple[float, int, FloatArray]] = []
@@ -58,11 +90,11 @@ def about_the_estimate(task: Task) -> Task:
     for _, _, point in sorted(settled, key=lambda one: one[:2]):
         found = _rested(job, kernel, point)
         if found is not None:
-            model = replace(task.model, kernel=kernel.at(found, sampled=True))
-            return replace(task, model=model, job=replace(task.job, model=model))
+            model = replace(task.model, kernel=kernel.at(found.point, sampled=True))
+            return replace(task, model=model, job=replace(task.job, model=model)), found
     if len(kernel.rows) < len(task.model.rows):
         model = _rows_without(task.model, kernel)
-        return replace(task, model=model, job=replace(task.job, model=model, rows_for_tag=None))
+        return replace(task, model=model, job=replace(task.job, model=model, rows_for_tag=None)), None
     names = ", ".join(record.name for record in task.records)
     raise IdentifiabilityError.at(
         names,
@@ -85,13 +117,16 @@ def _rows_without(model: Model, kernel: DeflectedKernel) -> Model:
     )
 
 
-def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> FloatArray | None:
-    """Return the point at which steps come to rest, None where they do not.
+def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Rest | None:
+    """Return where steps come to rest, None where they do not.
 
     Nor where a spring pushes, or is more of a damper: the series that says what noise does ends early. Steps
-    within the noise that become no smaller, as reversals come and go with the point, are halved.
+    one way that shrink slowly, by the same ratio twice, are taken as the sum of their series (Aitken, 1927),
+    and all that is left to go has come to rest. Other steps within the noise that become no smaller, as
+    reversals come and go with the point, are halved.
     """
-    share, last = 1.0, np.inf
+    share, last, seen, slow = 1.0, np.inf, 0.0, Rest(point, np.zeros(len(point)), 0.0)
+    before: tuple[FloatArray, FloatArray] | None = None
     for _ in range(MOST_STEPS):
         try:
             fit = _fit(job, kernel, point)
@@ -100,16 +135,38 @@ def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> FloatArray 
         change = _moved(job.model, kernel, fit, point) - point
         left = abs(float(fit.triangle[-1, -1]))
         rounding = ROUNDING * _size(fit, point + change, job.model)
-        size = _size(fit, change, job.model)
-        if 0.5 * last < size < WITHIN_NOISE * left:
+        size, series, ratio = _size(fit, change, job.model), 1.0, 0.0
+        if before is not None and share == 1.0:
+            along = point - before[0]
+            ratio = _slow_ratio(fit, job.model, (along, change, change - before[1]))
+            if ratio and abs(ratio - seen) < SAME_RATIO:
+                series, slow = min(1.0 / (1.0 - ratio), LONGEST_SERIES), Rest(point, along, ratio)
+            seen = ratio if series == 1.0 else 0.0
+        if not ratio and 0.5 * last < size < WITHIN_NOISE * left:
             share *= 0.5
-        point, last = point + share * change, size
+        before, last = (point, change), size
+        point = point + share * series * change
         if not _holds(kernel, point):
             return None
-        if share * size <= max(POINT_TOLERANCE * left, rounding):
+        if share * size / (1.0 - slow.ratio) <= max(POINT_TOLERANCE * left, rounding):
             motion_hz = job.choice.dynamics_hz or job.choice.cutoff_hz
-            return point if kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG else None
+            rests = kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG
+            return replace(slow, point=point) if rests else None
     return None
+
+
+def _slow_ratio(fit: Fit, model: Model, steps: tuple[FloatArray, FloatArray, FloatArray]) -> float:
+    """Return by which ratio steps shrink that go one way slowly, 0 where they do not.
+
+    `steps` are the one taken last, the next, and how much that differs from the full step before.
+    """
+    along, change, bent = (_weighted(fit, one, model) for one in steps)
+    length = float(along @ along)
+    sizes = float(np.linalg.norm(along) * np.linalg.norm(change))
+    if not sizes or abs(float(along @ change)) < ONE_WAY * sizes:
+        return 0.0
+    ratio = 1.0 + float(along @ bent) / length
+    return ratio if 0.5 < ratio < 1.0 else 0.0
 
 
 def _stepped(
@@ -164,11 +221,19 @@ def _moved(model: Model, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -
     return found
 
 
+def _columns(fit: Fit, model: Model) -> list[int]:
+    return [model.base_parameters.index(name) for name in fit.columns]
+
+
+def _weighted(fit: Fit, change: FloatArray, model: Model) -> FloatArray:
+    """Return what a change of the estimate changes in the weighted rows, turned into as few as columns."""
+    width = len(fit.columns)
+    return fit.triangle[:width, :width] @ change[_columns(fit, model)]
+
+
 def _size(fit: Fit, change: FloatArray, model: Model) -> float:
     """Return the norm of what a change of the estimate changes in the weighted rows."""
-    columns = [model.base_parameters.index(name) for name in fit.columns]
-    width = len(fit.columns)
-    return float(np.linalg.norm(fit.triangle[:width, :width] @ change[columns]))
+    return float(np.linalg.norm(_weighted(fit, change, model)))
 
 
 def _holds(kernel: DeflectedKernel, point: FloatArray) -> bool:

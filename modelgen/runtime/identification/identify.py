@@ -85,8 +85,11 @@ def _identified(
     checks: CheckOptions,
 ) -> Estimate:
     """Return the estimate: every step of an identification by its name."""
-    task, solution = fitted(about_the_estimate(prepared(model, records, method, filters, checks)))
+    task, rest = about_the_estimate(prepared(model, records, method, filters, checks))
+    task, solution = fitted(task)
     chosen, again, fit, drift = task.method, partial(solution.at, task), solution.fit, solution.drift
+    if rest is not None:
+        drift = drift + rest.drift(fit, task.model)
     if task.checks.drift_check and chosen.matched:
         step("changing cut-off and weights")
         moved, notes = settings_drift(task, solution, again)

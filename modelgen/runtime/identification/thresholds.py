@@ -117,13 +117,15 @@ FEWEST_LEFT = 5000
 # Where rows hold positions that springs give: deflections as shares of the motion to start from, steps after
 # which starts are compared, the first of them that hold springs and dampers and as many more that hold
 # dampers, most steps, and the last step's size in units of the residual's norm, or of the rows' where there
-# is no noise; the largest angle in rad by which damping may delay a deflection.
+# is no noise; the least cosine between steps that go one way, how far ratios of a series differ, and its
+# longest sum in units of its first; the largest angle in rad by which damping may delay a deflection.
 DEFLECTIONS = (0.3, 0.1, 0.03, 0.01, 0.002)
 SETTLING_STEPS = 5
 HELD_STEPS = 2
 MOST_STEPS = 20
 POINT_TOLERANCE = 1e-4
 WITHIN_NOISE = 0.1
+ONE_WAY, SAME_RATIO, LONGEST_SERIES = 0.95, 0.05, 10.0
 ROUNDING = 1e-11
 LONGEST_LAG = 0.5
 
