@@ -31,6 +31,7 @@ from modelgen.runtime.least_squares.hac_covariance import influence_parts
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.numerics.bandwidth import scores_bandwidth
 from modelgen.runtime.parameters.unanswered_columns import columns_that_vanish
+from modelgen.runtime.records.channels import in_stretches
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.thresholds import WHOLE
 
@@ -57,31 +58,48 @@ def clipped_forces(
 
     A drive at its limit gives the force that it reads: rows then leave no more there than elsewhere.
     """
-    found = []
+    found: dict[str, Problem] = {}
     for index, block in enumerate(fit.blocks):
         record = records[block.record]
         for key in (actuator.key for actuator in model.actuators) if block.has_force else ():
-            extent = record.facts.extent(key)
-            sums, counts, at_limit = np.zeros(2), np.zeros(2), 0
-            for start in range(0, block.grid, WHOLE):
-                stretch = fit.between(index, start, start + WHOLE)
-                factor = choice.decimation[block.record]
-                first = block.start + factor * start
-                readings = record.read(key, first, min(first + factor * WHOLE, record.n))
-                limit = (readings == extent.greatest) | (readings == extent.least)
-                there = limit[np.minimum(factor * (stretch.part.place - start), len(limit) - 1)]
-                at_limit += int(limit.sum())
-                counts += np.bincount(there.astype(int), minlength=2)
-                sums += np.bincount(there.astype(int), stretch.residual**2, minlength=2)
-            few = at_limit < CLIPPED_RUN * OFTEN or counts[1] > CLIPPED_SHARE * counts.sum()
-            if few or sums[1] <= LEFT_AT_LIMIT * sums.sum():
-                continue
-            share = 100.0 * sums[1] / sums.sum()
-            what = f"reads its limit in {at_limit} samples, where {share:.0f} % of what row {block.row_name}"
-            what = f"{what} leaves stands: the reading is clipped, and the force is not"
-            remedy = "choose a larger range and record again, or cut the record there"
-            found.append(Problem(f"{record.name}, channel {key}", what, remedy))
-    return tuple(found)
+            where = f"{record.name}, channel {key}"
+            count = _at_limit(record, key)
+            if where in found or count < CLIPPED_RUN * OFTEN:
+                continue  # few readings stand there by chance, and rows of long records cost a pass
+            share = _left_at_limit(record, key, choice.decimation[block.record], fit, index)
+            if share > LEFT_AT_LIMIT:
+                what = f"reads its limit in {count} samples, where {100.0 * share:.0f} % of what row"
+                what = f"{what} {block.row_name} leaves stands: the reading is clipped, and the force is not"
+                remedy = "choose a larger range and record again, or cut the record there"
+                found[where] = Problem(where, what, remedy)
+    return tuple(found.values())
+
+
+def _at_limit(record: Record, key: str) -> int:
+    """Return how many readings of a channel are its greatest or its least."""
+
+    def count() -> int:
+        extent = record.facts.extent(key)
+        parts = in_stretches(record, key)
+        return sum(int(np.sum((part == extent.greatest) | (part == extent.least))) for part in parts)
+
+    return record.facts.kept(("at limit", key), count)
+
+
+def _left_at_limit(record: Record, key: str, factor: int, fit: Fit, index: int) -> float:
+    """Return the share of a block's squared residuals at a channel's limits; 0 where it is often there."""
+    extent, block = record.facts.extent(key), fit.blocks[index]
+    sums, counts, step = np.zeros(2), np.zeros(2), max(WHOLE // factor, 1)
+    for start in range(0, block.grid, step):
+        stretch = fit.between(index, start, start + step)
+        first = block.start + factor * start
+        readings = record.read(key, first, min(first + factor * step, record.n))
+        limit = (readings == extent.greatest) | (readings == extent.least)
+        there = limit[np.minimum(factor * (stretch.part.place - start), len(limit) - 1)].astype(int)
+        counts += np.bincount(there, minlength=2)
+        sums += np.bincount(there, stretch.residual**2, minlength=2)
+    often = counts[1] > CLIPPED_SHARE * counts.sum()
+    return 0.0 if often or not sums.any() else float(sums[1] / sums.sum())
 
 
 def resting_records(model: Model, records: Sequence[Record]) -> tuple[Advice, ...]:

@@ -52,10 +52,10 @@ def modulus(samples: FloatArray) -> float | None:
         return None
     sizes = np.abs(steps[alone] - 0.5 * (steps[alone - 1] + steps[alone + 1]))
     found, bent = float(np.median(sizes)), _bends(samples, steps, far)
-    turns = [turn for turn in TURNS if abs(turn - found) <= bent]
-    if not turns and len(alone) == 1:
+    usual_turns = [turn for turn in TURNS if abs(turn - found) <= bent]
+    if not usual_turns and len(alone) == 1:
         return None
-    size = min(turns, key=lambda turn: abs(turn - found)) if turns else found
+    size = min(usual_turns, key=lambda turn: abs(turn - found)) if usual_turns else found
     across = np.abs(np.diff(unwrapped(samples, size), 2))
     smooth = bool(across.max() <= SMOOTH_ACROSS * bent)
     return size if smooth and span <= size + 2.0 * usual else None
@@ -68,10 +68,15 @@ def _bends(samples: FloatArray, steps: FloatArray, far: np.ndarray) -> float:
     return max(float(bends.max(initial=0.0)), rounding)
 
 
+def turns(samples: FloatArray, size: float) -> FloatArray:
+    """Return how many turns of `size` (unit of the samples) a reading begins at each step, shape (n - 1,)."""
+    return np.asarray(np.round(np.diff(samples) / size))
+
+
 def unwrapped(samples: FloatArray, size: float) -> FloatArray:
     """Return a position, shape (n,), as if its reading had not begun again after every `size` (its unit)."""
-    turns = np.concatenate([[0.0], np.cumsum(np.round(np.diff(samples) / size))])
-    return np.asarray(samples - size * turns, dtype=float)
+    begun = np.concatenate([[0.0], np.cumsum(turns(samples, size))])
+    return np.asarray(samples - size * begun, dtype=float)
 
 
 def repeats(samples: FloatArray) -> tuple[int, int] | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import Problem
-from modelgen.runtime.filters.readings import modulus, repeats
+from modelgen.runtime.filters.readings import modulus, repeats, turns
 from modelgen.runtime.records.thresholds import GAP, NOTED_OFFSET, UNIFORM
 
 POSITIONS = ("rad", "m")
@@ -93,7 +93,7 @@ def reading_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) 
         numbers = samples.astype(float)
         size = modulus(numbers) if units[key] in POSITIONS else None
         if size is not None:
-            count = np.count_nonzero(np.round(np.diff(numbers) / size))
+            count = np.count_nonzero(turns(numbers, size))
             what = f"{key} jumps {count} time(s) by {size:.6g} {units[key]} across its range: its reading"
             findings.append(Finding(f"unwrap={key}", f"{what} begins again after every turn"))
         found = repeats(numbers)

@@ -19,7 +19,7 @@ import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import DataError, Problem, listed
-from modelgen.runtime.filters.readings import between_readings, modulus, repeats, unwrapped
+from modelgen.runtime.filters.readings import between_readings, modulus, repeats, turns, unwrapped
 from modelgen.runtime.records.faults import POSITIONS
 from modelgen.runtime.records.thresholds import GAP
 
@@ -74,7 +74,7 @@ def mend_turns(signals: Mapping[str, FloatArray], mends: Iterable[str]) -> Track
         size = modulus(mended[key])
         if size is not None:
             mended[key] = unwrapped(mended[key], size)
-            count = np.count_nonzero(np.round(np.diff(signals[key]) / size))
+            count = np.count_nonzero(turns(signals[key], size))
             said.append(f"{key} begins again after {size:.6g}: turns added at {count} samples")
     return Track(np.empty(0), mended, tuple(said))
 

@@ -10,7 +10,7 @@ import pytest
 
 from generated import emps300_qm_qc, emps_rigid_qm
 from modelgen.errors import DataError
-from modelgen.runtime.files.npy_channels import open_npy
+from modelgen.runtime.files.npy_channels import NpyChannels, open_npy
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import Filters
@@ -121,10 +121,19 @@ def written(folder: Path, n: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "iv"])
-def test_memory_does_not_grow_with_samples_from_files(method: str, tmp_path: Path) -> None:
+def test_memory_does_not_grow_with_samples_from_files(
+    method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # wide enough for chunks to be the same at both lengths
     filters = Filters(cutoff_hz=20.0, decimation=100, direction_cutoff_hz=40.0)
-    peaks = []
+    peaks, lengths = [], []
+    plain = NpyChannels.read
+
+    def read(self: NpyChannels, key: str, start: int, stop: int) -> np.ndarray:
+        lengths.append(min(stop, self.n) - start)
+        return plain(self, key, start, stop)
+
+    monkeypatch.setattr(NpyChannels, "read", read)
     for n in (20_000, 600_000, 900_000):  # the first loads the code
         folder = tmp_path / str(n)
         folder.mkdir()
@@ -138,3 +147,5 @@ def test_memory_does_not_grow_with_samples_from_files(method: str, tmp_path: Pat
             tracemalloc.stop()
     # what one channel would take that is kept; rows, several times, take half of it
     assert peaks[2] - peaks[1] < 8.0 * 300_000
+    # no step reads all of a record at a time
+    assert max(lengths) < 600_000
