@@ -147,7 +147,7 @@ def _values(arm: ArmSpec, model: Model, given: Mapping[str, Any]) -> Mapping[str
     from modelgen.cli.arguments import parameter_values
     from modelgen.cli.arms.simulate_arm import with_zeros
 
-    return with_zeros(model, parameter_values(arm, given["parameters"]))[0]
+    return with_zeros(arm, model, parameter_values(arm, given["parameters"]))[0]
 
 
 def _sets(arm: ArmSpec, asked: str | None) -> tuple[dict[str, PlannedSet], dict[str, str]]:

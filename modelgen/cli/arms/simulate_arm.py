@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 # what an arm can be without: its file says nothing of them
 NOTHING = ("inertia", "viscous", "coulomb", "offset", "damping", "stiffness3")
+SYMMETRIC = ("Ixy", "Ixz", "Iyz", "mx", "my", "mz")
 
 
 def simulated_arm(arm: ArmSpec, given: Mapping[str, Any]) -> Record:
@@ -35,7 +36,7 @@ def simulated_arm(arm: ArmSpec, given: Mapping[str, Any]) -> Record:
 
     sensors = recorded_set(arm, given["sensors"])
     model = arm_model(arm)
-    values, zero = with_zeros(model, parameter_values(arm, given["parameters"]))
+    values, zero = with_zeros(arm, model, parameter_values(arm, given["parameters"]))
     if zero:
         note([f"taken as zero: {', '.join(zero)}"])
     result = simulate_arm(
@@ -112,9 +113,23 @@ def arm_model(arm: ArmSpec) -> Model:
     return model_from_text(arm_module(arm_base_model(rows)), arm.name)
 
 
-def with_zeros(model: Model, given: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:
-    """Return parameters with zeros for drives that nothing is said of, and the names of these."""
-    zero = [name for name in model.parameters if name not in given and model.roles[name].role in NOTHING]
+def with_zeros(arm: ArmSpec, model: Model, given: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:
+    """Return parameters with zeros where an arm can be without them, and the names of these.
+
+    Without friction and offset; a link that is symmetric has its first moments and products of inertia zero,
+    one that does not move by itself may weigh nothing, and what no motion shows may be anything.
+    """
+    from modelgen.spec.arms.parameters import link_names
+
+    columns = model.base_jacobian(dict.fromkeys(model.parameters, 1.0)).T
+    absent = {name for name, column in zip(model.parameters, columns, strict=True) if not column.any()}
+    moving = {joint.name for joint in arm.moving}
+    for joint in arm.joints:
+        names = link_names(joint.name)
+        bare = joint.name not in moving and not set(names) & set(given)
+        absent |= {name for name in names if bare or name.split("_")[0] in SYMMETRIC}
+    absent |= {name for name in model.parameters if model.roles[name].role in NOTHING}
+    zero = [name for name in model.parameters if name in absent and name not in given]
     return {**given, **dict.fromkeys(zero, 0.0)}, zero
 
 

@@ -109,7 +109,7 @@ def identify(
     )
 
     wanted, of_records = sensors_from(sensors or ())
-    models = models_of(module or (), spec, wanted, amounts("--set", value or ()), trust)
+    models = models_of(module or (), spec, wanted, amounts("--set", value or ()), trust, data)
     outputs = OutputFiles(output, report_file, figure, overwrite, project_file)
     of_arm = any(model.is_arm for model in models.values())
     outputs.check(spec, controller, of_arm)  # before the work, not after it

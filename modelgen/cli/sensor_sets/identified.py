@@ -51,9 +51,16 @@ class Identified:
 
 
 def models_of(
-    modules: Sequence[Path], spec: str | None, sensors: Sequence[str], known: Mapping[str, float], trust: bool
+    modules: Sequence[Path],
+    spec: str | None,
+    sensors: Sequence[str],
+    known: Mapping[str, float],
+    trust: bool,
+    data: Sequence[Path] = (),
 ) -> dict[str, Model]:
     """Return the models by their sensor sets: of modules, or of a spec's sets (`sensors`; else all of them).
+
+    `data` are the files given as records: a spec may be among them where no option names one.
 
     Raises
     ------
@@ -71,7 +78,9 @@ def models_of(
         names = [name for one in sensors or (None,) for name in modules_of(described, one)]
         models = [spec_model(described, name) for name in names]
     else:
-        raise DataError.at("--model", "is missing", "give a generated module, or the chain with --spec")
+        specs = [path for path in data if path.suffix == ".toml"]
+        remedy = f"write --spec {specs[0]}" if specs else "give a generated module, or the chain with --spec"
+        raise DataError.at("--model", "is missing", remedy)
     titles = [model.sensor_set for model in models]
     twice = next((title for title in titles if titles.count(title) > 1), None)
     if twice is not None:

@@ -40,6 +40,8 @@ REMEDIES = {
     "link": "move this link and those before it faster, and through more postures",
     "gain": "add a record with a payload of known mass",
 }
+# Of a force without an offset, and of a symmetric link, these are zero, and relative to zero none is certain.
+OFTEN_ZERO = ("offset", "link")
 
 
 def slowest_mode_hz(model: Model, physical: Mapping[str, float]) -> float | None:
@@ -204,6 +206,8 @@ def uncertain_parameters(
     for entry in parameters:
         role = model.roles.get(entry.name)
         if role is None or entry.relative_std < percent or entry.name not in fit.columns:
+            continue
+        if role.role in OFTEN_ZERO and abs(entry.value) <= 1.96 * entry.std:
             continue
         index = fit.columns.index(entry.name)
         ratios = []

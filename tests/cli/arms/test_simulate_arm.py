@@ -95,3 +95,24 @@ def test_mistakes_of_a_controller_are_told(tmp_path: Path, text: str, what: str)
         "two_link", "--excitation", "fourier", "--controller", loop, "-o", tmp_path / "run.csv"
     )
     assert code == 2 and what in output, output
+
+
+def test_what_a_symmetric_link_has_not_and_what_nothing_shows_is_zero(tmp_path: Path) -> None:
+    text = catalog_path("elastic_two_link").read_text(encoding="utf-8")
+    options = (
+        "--sensors",
+        "encoders",
+        "--excitation",
+        "fourier",
+        "--duration-s",
+        1,
+        "-o",
+        tmp_path / "run.npz",
+    )
+    few = [line for line in text.splitlines() if not line.startswith(("Ixy_", "my_", "mz_", "Ixx_1 "))]
+    (tmp_path / "arm.toml").write_text("\n".join(few))
+    code, output = simulate(tmp_path / "arm.toml", *options)
+    assert code == 0 and "taken as zero" in output and "my_2" in output, output
+    (tmp_path / "arm.toml").write_text("\n".join(line for line in few if not line.startswith("Izz_2 ")))
+    code, output = simulate(tmp_path / "arm.toml", *options, "--overwrite")
+    assert code == 2 and "Izz_2: is missing" in output, output

@@ -19,6 +19,7 @@ from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
+from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.numerics.regressor import plain_regressors
 from modelgen.runtime.parameters.parameter import Parameter
@@ -64,8 +65,6 @@ def test_a_stiffness_below_its_mode_is_called_too_slow() -> None:
 
 def _fit_of_two_rows(scale: float):
     """A fit in which the column of K is `scale` times as large as the others, against a residual of 0.1."""
-    from modelgen.runtime.least_squares.wls import fit_matched
-
     rows = observation()
     weights = np.array([1.0, 1.0, 1.0, 1.0, 1.0, scale])
     blocks = tuple(replace(block, W=block.W * weights) for block in rows.blocks)
@@ -188,3 +187,13 @@ def test_the_columns_of_a_row_without_a_force_that_zero_solves_have_no_number() 
     load = TWO_MASS.regressor_columns[rows.blocks[1].row]
     assert set(found) == {TWO_MASS.base_parameters[column] for column in load}
     assert all("zero solves it as well" in why for why in found.values())
+
+
+def test_an_offset_whose_interval_holds_zero_is_no_sign_of_a_poor_motion() -> None:
+    estimate = identify(RIGID, rigid_record(), **values_of(**SETTINGS))
+    (entry,) = (one for one in estimate.parameters.identified if one.name == "offset")
+    fit = fit_matched(observe(RIGID, [rigid_record(noise=1e-7)], CHOICE))
+    zero, off = replace(entry, value=1e-9, std=1e-9), replace(entry, value=3e-9, std=1e-9)
+    assert uncertain_parameters(RIGID, fit, [zero], 10.0, None, None) == ()
+    (small,) = uncertain_parameters(RIGID, fit, [off], 10.0, None, None)
+    assert small.kind == "too small"
