@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 # what an arm can be without: its file says nothing of them
 NOTHING = ("inertia", "viscous", "coulomb", "offset", "damping", "stiffness3")
-SYMMETRIC = ("Ixy", "Ixz", "Iyz", "mx", "my", "mz")
 
 
 def simulated_arm(arm: ArmSpec, given: Mapping[str, Any]) -> Record:
@@ -119,6 +118,7 @@ def with_zeros(arm: ArmSpec, model: Model, given: Mapping[str, float]) -> tuple[
     Without friction and offset; a link that is symmetric has its first moments and products of inertia zero,
     one that does not move by itself may weigh nothing, and what no motion shows may be anything.
     """
+    from modelgen.runtime.parameters.parameter import may_be_zero
     from modelgen.spec.arms.parameters import link_names
 
     columns = model.base_jacobian(dict.fromkeys(model.parameters, 1.0)).T
@@ -127,7 +127,7 @@ def with_zeros(arm: ArmSpec, model: Model, given: Mapping[str, float]) -> tuple[
     for joint in arm.joints:
         names = link_names(joint.name)
         bare = joint.name not in moving and not set(names) & set(given)
-        absent |= {name for name in names if bare or name.split("_")[0] in SYMMETRIC}
+        absent |= {name for name in names if bare or may_be_zero(name, "link")}
     absent |= {name for name in model.parameters if model.roles[name].role in NOTHING}
     zero = [name for name in model.parameters if name in absent and name not in given]
     return {**given, **dict.fromkeys(zero, 0.0)}, zero

@@ -27,9 +27,9 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.thresholds import LEAST_TREND
 from modelgen.runtime.filters.zero_phase import DECIMATE_CUTOFF
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.hac_covariance import influence_parts
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence_parts
 from modelgen.runtime.model.model import Model, Sensor
-from modelgen.runtime.numerics.bandwidth import scores_bandwidth
+from modelgen.runtime.numerics.bandwidth import in_parts, scores_bandwidth
 from modelgen.runtime.parameters.unanswered_columns import columns_that_vanish
 from modelgen.runtime.records.channels import in_stretches
 from modelgen.runtime.records.record import Record
@@ -224,8 +224,18 @@ def band_above_filter(records: Sequence[Record], choice: FilterChoice) -> tuple[
 
 
 def _long_memory(fit: Fit, total_s: float) -> list[Advice]:
+    """Return that records are short for how long their residuals stay correlated; a wide window alone is not.
+
+    So long as a covariance is that of so many instants in place of one: the window behind which it is taken
+    is wider in any case, and of few instants is most of the record.
+    """
+    parts = influence_parts(fit)
     samples = sum({block.record: block.grid for block in fit.blocks}.values())
-    stretches = samples / scores_bandwidth(influence_parts(fit))
+    if samples >= FEWEST_STRETCHES * scores_bandwidth(parts):
+        return []
+    alone = sum(np.einsum("nc,nc->c", psi, psi) for part in parts for psi in in_parts(part))
+    told = alone > 0.0
+    stretches = samples * float(np.min(alone[told] / np.diag(hac_covariance(fit))[told], initial=np.inf))
     if stretches >= FEWEST_STRETCHES:
         return []
     what = (

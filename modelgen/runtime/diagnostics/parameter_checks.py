@@ -25,7 +25,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.tails import chi_square_tail
 from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
 from modelgen.runtime.parameters.dependence import Dependence
-from modelgen.runtime.parameters.parameter import Parameter
+from modelgen.runtime.parameters.parameter import Parameter, may_be_zero
 from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX
 from modelgen.runtime.records.record import Record
 
@@ -40,8 +40,6 @@ REMEDIES = {
     "link": "move this link and those before it faster, and through more postures",
     "gain": "add a record with a payload of known mass",
 }
-# Of a force without an offset, and of a symmetric link, these are zero, and relative to zero none is certain.
-OFTEN_ZERO = ("offset", "link")
 
 
 def slowest_mode_hz(model: Model, physical: Mapping[str, float]) -> float | None:
@@ -207,7 +205,7 @@ def uncertain_parameters(
         role = model.roles.get(entry.name)
         if role is None or entry.relative_std < percent or entry.name not in fit.columns:
             continue
-        if role.role in OFTEN_ZERO and abs(entry.value) <= 1.96 * entry.std:
+        if may_be_zero(entry.name, role.role) and abs(entry.value) <= 1.96 * entry.std:
             continue
         index = fit.columns.index(entry.name)
         ratios = []

@@ -6,6 +6,14 @@ import math
 from dataclasses import dataclass
 from statistics import NormalDist
 
+# Of a link that is symmetric these are zero.
+SYMMETRIC = ("Ixy", "Ixz", "Iyz", "mx", "my", "mz")
+
+
+def may_be_zero(name: str, role: str) -> bool:
+    """Tell whether a parameter of a right model may well be zero: relative to that none is certain."""
+    return role == "offset" or (role == "link" and name.split("_")[0] in SYMMETRIC)
+
 
 @dataclass(frozen=True)
 class Parameter:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from modelgen.errors import listed
 from modelgen.runtime.diagnostics.parameter_checks import REMEDIES
 from modelgen.runtime.parameters.dependence import INSEPARABLE
+from modelgen.runtime.parameters.parameter import may_be_zero
 from modelgen.runtime.results.thresholds import EXPLAINED, WIDE_PERCENT
 
 if TYPE_CHECKING:
@@ -168,8 +169,9 @@ def _wide(estimate: Estimate) -> Iterator[_Finding]:
     entries = [
         entry
         for entry in (*estimate.parameters.identified, *physical)
-        # a composite is not what was asked for where physical parameters are, and an offset may well be zero
-        if roles.get(entry.name, "" if physical else "composite") not in ("", "offset")
+        # a composite is not what was asked for where physical parameters are
+        if (role := roles.get(entry.name, "" if physical else "composite"))
+        and not may_be_zero(entry.name, role)
         and not entry.relative_std <= WIDE_PERCENT
     ]
     if entries:

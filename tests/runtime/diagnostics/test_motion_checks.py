@@ -10,14 +10,22 @@ import pytest
 
 from generated import emps300_qm_qc, emps_rigid_asymmetric_qm, three_mass_va_vb_vc
 from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.diagnostics.motion_checks import band_above_filter, one_way_friction, resting_bodies
+from modelgen.runtime.diagnostics.motion_checks import (
+    band_above_filter,
+    one_way_friction,
+    resting_bodies,
+    short_records,
+)
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
+from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.rigid_motion import (
     CHOICE,
@@ -218,3 +226,17 @@ def _pushed(force: np.ndarray) -> np.ndarray:
         v += (one - friction) / TRUTH["M"] / FS
         q += v / FS
     return np.array(found)
+
+
+def test_few_instants_are_no_long_memory_and_a_slow_error_is() -> None:
+    n = 90
+    record = rigid_record(n=n * CHOICE.decimation[0])
+
+    def told(left: np.ndarray) -> bool:
+        block = RowBlock(0, 0, "run", "m", "N", np.arange(n), n, left, np.ones((n, 1)), 0, True, 8.0, 0)
+        fit = fit_matched(Observation(("offset",), (block,), ()))
+        return bool(short_records([record], CHOICE, fit, None))
+
+    white = np.random.default_rng(0).standard_normal(n)
+    assert not told(np.diff(white, prepend=0.0))  # as of a differentiated reading: neighbours cancel
+    assert told(np.cumsum(white))
