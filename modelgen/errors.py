@@ -47,6 +47,14 @@ def listed(names: Iterable[str], between: str = ", ", most: int = 20, width: int
     return shown if len(texts) <= most else f"{shown} and {len(texts) - most} more"
 
 
+def signed_sum(terms: Iterable[tuple[bool, str]]) -> str:
+    """Return "-a + b - c" of terms without their signs and whether each is negative; of none, no text."""
+    text = ""
+    for negative, term in terms:
+        text += f" {'-' if negative else '+'} {term}" if text else f"{'-' if negative else ''}{term}"
+    return text
+
+
 def nearest(name: str, names: Iterable[str]) -> str | None:
     """Return the right name that a misspelt one is nearest to; None if none is near.
 

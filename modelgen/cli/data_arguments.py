@@ -90,7 +90,7 @@ def reading_options(
     columns = {**given.columns, **parse_mapping(options.mapping or ())}
     factors = {**given.scales, **parse_scales(options.scale or ())}
     # a misspelt key would leave the channel to a column that happens to have its name
-    units = {key: unit for model in models for key, unit in channel_units(model).items()}
+    units = {key: unit for model in models for key, unit in model.channel_units.items()}
     sources = directions_from(options.direction or ())
     measured = [key for model in models for key in model.channels if key not in sources]
     loads = [key for model in models for key in model.loads]
@@ -157,12 +157,6 @@ def carrying(readings: Sequence[Reading], given: Sequence[str], models: Sequence
         replace(reading, record=reading.record.carrying(*carried[reading.record.name]))
         for reading in readings
     ]
-
-
-def channel_units(model: Model) -> dict[str, str]:
-    """Return the SI unit of every channel of a model."""
-    sensors = {sensor.key: sensor.unit for sensor in model.sensors}
-    return sensors | {actuator.key: actuator.unit for actuator in model.actuators}
 
 
 def reading_lines(paths: Sequence[Path], readings: Sequence[Reading]) -> list[str]:

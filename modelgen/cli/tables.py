@@ -15,7 +15,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from modelgen.errors import listed
+from modelgen.errors import listed, signed_sum
 from modelgen.progress import is_terminal
 
 if TYPE_CHECKING:
@@ -217,10 +217,7 @@ def _size_text(coefficient: Exact) -> str:
 
 def _sum_text(parts: Sequence[tuple[Exact, str]]) -> str:
     parts = sorted(parts, key=lambda part: part[0] < 0)  # q_c - q_m reads better than -q_m + q_c
-    texts = [f"{'' if abs(c) == 1 else f'{_size_text(c)} '}{signal}" for c, signal in parts]
-    signs = ["-" if c < 0 else "+" for c, _ in parts]
-    first = f"{'-' if signs[0] == '-' else ''}{texts[0]}"
-    return first + "".join(f" {sign} {text}" for sign, text in zip(signs[1:], texts[1:], strict=True))
+    return signed_sum((c < 0, signal if abs(c) == 1 else f"{_size_text(c)} {signal}") for c, signal in parts)
 
 
 def _signal_text(signal: Signal) -> str:

@@ -6,6 +6,7 @@ import pprint
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 
+from modelgen.errors import signed_sum
 from modelgen.symbolic.equations.signals import Exact
 
 WIDTH = 100
@@ -18,15 +19,8 @@ def number(value: Exact) -> str:
 
 def weighted_sum(parts: Iterable[tuple[Exact, str]]) -> str:
     """Return ``a - 0.5 * b`` for [(1, "a"), (-1/2, "b")]; the empty sum is ``0.0``."""
-    text = ""
-    for coefficient, expression in parts:
-        size = coefficient if coefficient > 0 else -coefficient
-        factor = "" if size == 1 else f"{number(size)} * "
-        if not text:
-            text = f"{'-' if coefficient < 0 else ''}{factor}{expression}"
-        else:
-            text += f" {'-' if coefficient < 0 else '+'} {factor}{expression}"
-    return text or "0.0"
+    terms = ((c < 0, text if abs(c) == 1 else f"{number(c if c > 0 else -c)} * {text}") for c, text in parts)
+    return signed_sum(terms) or "0.0"
 
 
 def literal(value: object) -> str:

@@ -15,7 +15,7 @@ from fractions import Fraction
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import ModelError
+from modelgen.errors import ModelError, signed_sum
 from modelgen.symbolic.equations.equation_sums import exact_levers
 from modelgen.symbolic.equations.identifiability import identifiable_parameters
 from modelgen.symbolic.equations.row import IdentificationRows
@@ -46,12 +46,10 @@ class BaseParameter:
     @property
     def name(self) -> str:
         """Return the combination as text, for example ``O_m + 1/2*O_c``; long factors to six digits."""
-        parts: list[str] = []
-        for parameter, factor in self.combination:
-            size = "" if abs(factor) == 1 else f"{short_text(factor if factor > 0 else -factor)}*"
-            sign = ("-" if factor < 0 else "") if not parts else (" - " if factor < 0 else " + ")
-            parts.append(f"{sign}{size}{parameter}")
-        return "".join(parts)
+        return signed_sum(
+            (f < 0, name if abs(f) == 1 else f"{short_text(f if f > 0 else -f)}*{name}")
+            for name, f in self.combination
+        )
 
 
 @dataclass(frozen=True)

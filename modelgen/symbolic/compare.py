@@ -17,6 +17,8 @@ from fractions import Fraction
 
 import numpy as np
 
+from modelgen.symbolic.exact_dependencies import exact_dependencies
+
 EQUAL, COMBINATION, DIFFERENT = "equal", "equal up to a combination", "different"
 MOST_DERIVATIVES = 6
 TOLERANCE = (
@@ -90,7 +92,7 @@ def differentiated(row: FormalRow) -> FormalRow | None:
 
 def rank(rows: Sequence[FormalRow], rounded: bool = False) -> int:
     """Return the number of independent rows, by elimination over the rationals or by singular values."""
-    return _rank_of_doubles(rows) if rounded else len(_echelon(rows))
+    return _rank_of_doubles(rows) if rounded else len(rows) - len(exact_dependencies(rows))
 
 
 def _rank_of_doubles(rows: Sequence[FormalRow]) -> int:
@@ -171,20 +173,3 @@ def _derivative_of(row: FormalRow, other: FormalRow, rounded: bool) -> int:
 
 def _times(times: int) -> str:
     return {1: "first", 2: "second", 3: "third"}.get(times, f"{times}th")
-
-
-def _echelon(rows: Sequence[FormalRow]) -> list[dict[tuple[str, FormalSignal], Fraction]]:
-    """Return independent rows, each with a leading entry that the later ones do not have."""
-    kept: list[tuple[tuple[str, FormalSignal], dict[tuple[str, FormalSignal], Fraction]]] = []
-    for row in rows:
-        rest = dict(row)
-        for lead, pivot in kept:
-            if lead in rest:
-                factor = rest[lead] / pivot[lead]
-                for key, value in pivot.items():
-                    rest[key] = rest.get(key, Fraction(0)) - factor * value
-                    if rest[key] == 0:
-                        del rest[key]
-        if rest:
-            kept.append((min(rest), rest))
-    return [row for _, row in kept]

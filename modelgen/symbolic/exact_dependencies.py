@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
 
 from modelgen.symbolic.equations.signals import Exact, quotient
 
-#: one column of the regressor: (row, signal) -> exact coefficient
-Column = Mapping[tuple[int, str], Exact]
+#: where a coefficient stands in a column: (row, signal)
+Place = TypeVar("Place", bound=tuple[Any, Any])
 
 
-def exact_dependencies(columns: Sequence[Column]) -> dict[int, dict[int, Exact]]:
+def exact_dependencies(columns: Sequence[Mapping[Place, Exact]]) -> dict[int, dict[int, Exact]]:
     """Write every column that depends on earlier ones as their exact combination (sparse elimination)."""
-    pivots: dict[tuple[int, str], tuple[dict[tuple[int, str], Exact], dict[int, Exact]]] = {}
+    pivots: dict[Place, tuple[dict[Place, Exact], dict[int, Exact]]] = {}
     dependent: dict[int, dict[int, Exact]] = {}
     for index, column in enumerate(columns):
         vector = dict(column)
@@ -31,10 +32,10 @@ def exact_dependencies(columns: Sequence[Column]) -> dict[int, dict[int, Exact]]
 
 
 def _eliminate(
-    vector: dict[tuple[int, str], Exact],
+    vector: dict[Place, Exact],
     recipe: dict[int, Exact],
-    place: tuple[int, str],
-    pivots: Mapping[tuple[int, str], tuple[dict[tuple[int, str], Exact], dict[int, Exact]]],
+    place: Place,
+    pivots: Mapping[Place, tuple[dict[Place, Exact], dict[int, Exact]]],
 ) -> None:
     if place not in pivots or place not in vector:
         return

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modelgen.cli.data_arguments import DataOptions, channel_units, reading_options
+from modelgen.cli.data_arguments import DataOptions, reading_options
 from modelgen.errors import DataError, Problem, listed
 from modelgen.progress import counted
 
@@ -67,12 +67,12 @@ def _options(
 ) -> dict[str, Any]:
     """Return the options of `read` for one set; what is mapped for the others does nothing here."""
     every = reading_options(list(models.values()), options, *inputs)
-    others = {key for other in models.values() for key in (*channel_units(other), *other.channels)}
+    others = {key for other in models.values() for key in (*other.channel_units, *other.channels)}
     others -= {*model.channels}
     # what is no channel of the chain is where a direction comes from
     wanted = tuple(key for key in every["needed"] if key not in others)
     scales = {key: one for key, one in every["scales"].items() if key not in others}
-    return {**every, "needed": wanted, "scales": scales, "units": channel_units(model)}
+    return {**every, "needed": wanted, "scales": scales, "units": model.channel_units}
 
 
 def _read(path: Path, how: Mapping[str, Mapping[str, Any]]) -> tuple[str, Reading]:

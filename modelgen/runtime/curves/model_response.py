@@ -173,9 +173,7 @@ def model_response(
 
 def response_unit(model: Model, output: str, input: str) -> str:
     """Return the unit of a sensor's reading over an actuator's force."""
-    units = {sensor.key: sensor.unit for sensor in model.sensors}
-    units |= {actuator.key: actuator.unit for actuator in model.actuators}
-    return f"({units[output]})/({units[input]})"
+    return f"({model.channel_units[output]})/({model.channel_units[input]})"
 
 
 def _log_slopes(at: Callable[[Mapping[str, float]], ComplexArray], chain: UncertainChain) -> ComplexArray:

@@ -61,7 +61,7 @@ def misread(model: Model, record: Record, held: Sequence[str]) -> list[Problem]:
 
     `held` are forces that are commands behind a zero-order hold.
     """
-    units = {key: unit for key, unit in _units(model).items() if key in record.signals}
+    units = {key: unit for key, unit in model.channel_units.items() if key in record.signals}
     found: dict[str, Problem] = {}
     for number in range(len(record.facts.parts)):
         part = {key: record.facts.stretches(key)[number] for key in units}
@@ -70,14 +70,9 @@ def misread(model: Model, record: Record, held: Sequence[str]) -> list[Problem]:
     return list(found.values())
 
 
-def _units(model: Model) -> dict[str, str]:
-    units = {sensor.key: sensor.unit for sensor in model.sensors}
-    return units | {actuator.key: actuator.unit for actuator in model.actuators}
-
-
 def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
     measures = {sensor.key: sensor.measures for sensor in model.sensors}
-    units = _units(model)
+    units = model.channel_units
     used = [key for key in units if key in record.signals]
     extents = {key: record.facts.extent(key) for key in used}
     acts = any(extents[key].span > 0.0 for key in used if key not in measures)

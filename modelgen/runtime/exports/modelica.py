@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from modelgen.errors import signed_sum
 from modelgen.runtime.exports.case import Case, Written
 from modelgen.runtime.exports.mechanics import Lever, MechanicalBody
 from modelgen.runtime.exports.plain_text import free_name, quoted
@@ -152,13 +153,11 @@ def _equations(case: Case, names: _Names) -> Iterator[str]:
 
 
 def _sum(case: Case, names: _Names, lever: Lever, kind: str, form: str = "{}") -> str:
-    text = ""
+    terms = []
     for place, factor in lever:
         variable = form.format(names.made(f"{kind}_{case.mechanics.bodies[place].name}"))
-        size = "" if abs(factor) == 1.0 else f"{abs(factor)!r}*"
-        sign = ("-" if factor < 0.0 else "") if not text else (" - " if factor < 0.0 else " + ")
-        text += f"{sign}{size}{variable}"
-    return text or "0"
+        terms.append((factor < 0.0, variable if abs(factor) == 1.0 else f"{abs(factor)!r}*{variable}"))
+    return signed_sum(terms) or "0"
 
 
 def _forces(case: Case, names: _Names, place: int, body: MechanicalBody) -> str:

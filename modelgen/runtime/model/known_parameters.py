@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError, Problem, listed
+from modelgen.errors import DataError, Problem, listed, signed_sum
 from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.runtime.model.model import Model, Terms, model_from_module
 
@@ -209,13 +209,8 @@ def _determined(slope: FloatArray) -> list[bool]:
 
 def _sum_text(names: list[str], factors: FloatArray) -> str:
     """Return a sum as modules write it, ``O_m + 0.5*O_c``; factors to six digits."""
-    text = ""
-    for name, factor in zip(names, factors.tolist(), strict=True):
-        if factor:
-            size = "" if abs(factor) == 1.0 else f"{abs(factor):.6g}*"
-            sign = (" - " if factor < 0.0 else " + ") if text else ("-" if factor < 0.0 else "")
-            text += f"{sign}{size}{name}"
-    return text
+    pairs = [(name, factor) for name, factor in zip(names, factors.tolist(), strict=True) if factor]
+    return signed_sum((f < 0.0, name if abs(f) == 1.0 else f"{abs(f):.6g}*{name}") for name, f in pairs)
 
 
 def _module(model: Model, held: Mapping[str, float], reduced: _Reduced) -> ModuleType:

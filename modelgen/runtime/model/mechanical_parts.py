@@ -1,8 +1,22 @@
-"""Rows, friction, cubic springs and roles of parameters: entries of a module as records."""
+"""Actuators, rows, friction, cubic springs and roles of parameters: entries of a module as records."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A measured or known force (or torque) on a body.
+
+    `lever` is the body's motion when the chain moves as a rigid one: force times lever is comparable across
+    gears. A row has the lever of its first body.
+    """
+
+    key: str
+    body: str
+    unit: str
+    lever: float
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from modelgen.runtime.model.arm_model import arm_fields
 from modelgen.runtime.model.chain_fields import chain_fields
 from modelgen.runtime.model.contract_check import is_arm, module_problems
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
-from modelgen.runtime.model.mechanical_parts import CubicSpring, Friction, Role, RowInfo
+from modelgen.runtime.model.mechanical_parts import Actuator, CubicSpring, Friction, Role, RowInfo
 from modelgen.runtime.model.module_file import execute_file, execute_text
 
 # (coefficient, signal or feature key) pairs to be summed; the key "1" is the constant
@@ -45,20 +45,6 @@ class Sensor:
     def order(self) -> int:
         """How often a position is differentiated in the reading: 0, 1 or 2."""
         return {"position": 0, "velocity": 1, "acceleration": 2}[self.measures]
-
-
-@dataclass(frozen=True)
-class Actuator:
-    """A measured or known force (or torque) on a body.
-
-    `lever` is the body's motion when the chain moves as a rigid one: force times lever is comparable across
-    gears. A row has the lever of its first body.
-    """
-
-    key: str
-    body: str
-    unit: str
-    lever: float
 
 
 @dataclass(frozen=True)
@@ -137,6 +123,11 @@ class Model:
         """Keys a record must bring: every sensor and actuator in use, and signals that have neither."""
         used = dict.fromkeys(signal.channel for signal in self.signals)
         return tuple(key for key in used if key not in self.derived and key not in self.loads)
+
+    @property
+    def channel_units(self) -> dict[str, str]:
+        """The SI unit of every sensor and actuator, by its channel."""
+        return {one.key: one.unit for one in self.sensors} | {one.key: one.unit for one in self.actuators}
 
     @property
     def is_arm(self) -> bool:

@@ -15,7 +15,7 @@ from statistics import NormalDist
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
-from modelgen.errors import listed
+from modelgen.errors import listed, signed_sum
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.parameters.thresholds import (
@@ -42,13 +42,8 @@ class ParameterSum:
     @property
     def text(self) -> str:
         """The sum as one writes it, "J_c + 0.3 F_vc"."""
-        said = ""
-        for coefficient, name in self.terms:
-            number = f"{abs(coefficient):.2g}"
-            size = "" if number == "1" else f"{number} "
-            sign = " - " if coefficient < 0.0 else " + "
-            said += f"{sign}{size}{name}" if said else f"{'-' if coefficient < 0.0 else ''}{size}{name}"
-        return said
+        sizes = ((c < 0.0, f"{abs(c):.2g} {name}".removeprefix("1 ")) for c, name in self.terms)
+        return signed_sum(sizes)
 
     @property
     def known(self) -> bool:

@@ -48,7 +48,7 @@ class RecordPlots:
         DataError
             When a channel is absent, or matplotlib is not installed.
         """
-        record, keys, units = self._record, self._keys(channels), _units(model)
+        record, keys, units = self._record, self._keys(channels), model.channel_units if model else {}
         axes = panels(axes, len(keys))
         for axis, key in zip(axes, keys, strict=True):
             time_s, low, high = channel_buckets(record, key, MOST)
@@ -70,7 +70,7 @@ class RecordPlots:
 
         Parameters, result and errors as those of the call.
         """
-        record, keys, units = self._record, self._keys(channels), _units(model)
+        record, keys, units = self._record, self._keys(channels), model.channel_units if model else {}
         axes = panels(axes, len(keys))
         for axis, key in zip(axes, keys, strict=True):
             found, colour = record.facts.spectrum(key), colours(axis)
@@ -99,10 +99,3 @@ class RecordPlots:
         if not keys:
             raise DataError.at("channels", "are none", "name one at least")
         return keys
-
-
-def _units(model: Model | None) -> dict[str, str]:
-    if model is None:
-        return {}
-    sensors = {entry.key: entry.unit for entry in model.sensors}
-    return sensors | {entry.key: entry.unit for entry in model.actuators}

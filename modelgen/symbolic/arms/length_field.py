@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
+from modelgen.errors import signed_sum
 from modelgen.symbolic.arms.expressions.prime_field import PRIME, residue
 from modelgen.symbolic.equations.signals import short_text
 
@@ -53,14 +54,12 @@ def combination_text(combination: tuple[tuple[str, Factor], ...]) -> str:
 
     What is left of an angle of 45 degrees, say, whose sine is no fraction, is not shown.
     """
-    parts: list[str] = []
-    for parameter, factor in combination:
-        if isinstance(factor, int | Fraction) and abs(Fraction(factor)) < NOTHING:
-            continue
-        negative, size = _signed_text(factor)
-        sign = ("-" if negative else "") if not parts else (" - " if negative else " + ")
-        parts.append(f"{sign}{size}{'*' if size else ''}{parameter}")
-    return "".join(parts)
+    shown = [
+        (parameter, *_signed_text(factor))
+        for parameter, factor in combination
+        if not (isinstance(factor, int | Fraction) and abs(Fraction(factor)) < NOTHING)
+    ]
+    return signed_sum((negative, f"{size}{'*' * bool(size)}{name}") for name, negative, size in shown)
 
 
 def _signed_text(factor: Factor) -> tuple[bool, str]:
@@ -79,14 +78,13 @@ def _signed_text(factor: Factor) -> tuple[bool, str]:
 
 
 def _polynomial_text(polynomial: Any) -> str:
-    parts: list[str] = []
+    parts: list[tuple[bool, str]] = []
     for coefficient, powers in _terms(polynomial):
         factors = [name if power == 1 else f"{name}**{power}" for name, power in powers.items()]
         if abs(coefficient) != 1 or not factors:
             factors.insert(0, short_text(abs(coefficient)))
-        sign = ("-" if coefficient < 0 else "") if not parts else (" - " if coefficient < 0 else " + ")
-        parts.append(sign + "*".join(factors))
-    return parts[0] if len(parts) == 1 else f"({''.join(parts)})"
+        parts.append((coefficient < 0, "*".join(factors)))
+    return signed_sum(parts) if len(parts) == 1 else f"({signed_sum(parts)})"
 
 
 def _terms(polynomial: Any) -> list[tuple[Fraction, dict[str, int]]]:
