@@ -16,75 +16,42 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from modelgen.errors import (
-        DataError,
-        IdentifiabilityError,
-        ModelError,
-        ModelgenError,
-        RenderError,
-        SpecError,
-    )
-    from modelgen.render.writer import generate
-    from modelgen.report.arm_drawing import draw_arm
-    from modelgen.report.chain_drawing import draw_chain
-    from modelgen.runtime.exports.export import export
-    from modelgen.runtime.identification.identify import identify
-    from modelgen.runtime.identification.methods import IV, TLS, WLS, Auto, Pham2002
-    from modelgen.runtime.identification.options import CheckOptions, Filters
-    from modelgen.runtime.identification.sklearn_estimator import ChainEstimator
-    from modelgen.runtime.joining.identify_jointly import identify_jointly
-    from modelgen.runtime.model.control_export import control_system
-    from modelgen.runtime.model.known_parameters import with_known
-    from modelgen.runtime.model.model import load_model, model_from_module
-    from modelgen.runtime.records.dataframe import record_from_frame
-    from modelgen.runtime.records.read_record import read_record
-    from modelgen.runtime.records.record import Record
-    from modelgen.runtime.results.estimate import Estimate
-    from modelgen.runtime.simulation.arms.joint_controller import JointController
-    from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm
-    from modelgen.runtime.simulation.simulate import simulate
-    from modelgen.spec.arms.load import load_arm
-    from modelgen.spec.load import load_spec
-    from modelgen.symbolic.pipeline import build
+    from modelgen.errors import DataError as DataError
+    from modelgen.errors import IdentifiabilityError as IdentifiabilityError
+    from modelgen.errors import ModelError as ModelError
+    from modelgen.errors import ModelgenError as ModelgenError
+    from modelgen.errors import RenderError as RenderError
+    from modelgen.errors import SpecError as SpecError
+    from modelgen.render.writer import generate as generate
+    from modelgen.report.arm_drawing import draw_arm as draw_arm
+    from modelgen.report.chain_drawing import draw_chain as draw_chain
+    from modelgen.runtime.exports.export import export as export
+    from modelgen.runtime.identification.identify import identify as identify
+    from modelgen.runtime.identification.methods import IV as IV
+    from modelgen.runtime.identification.methods import TLS as TLS
+    from modelgen.runtime.identification.methods import WLS as WLS
+    from modelgen.runtime.identification.methods import Auto as Auto
+    from modelgen.runtime.identification.methods import Pham2002 as Pham2002
+    from modelgen.runtime.identification.options import CheckOptions as CheckOptions
+    from modelgen.runtime.identification.options import Filters as Filters
+    from modelgen.runtime.identification.sklearn_estimator import ChainEstimator as ChainEstimator
+    from modelgen.runtime.joining.identify_jointly import identify_jointly as identify_jointly
+    from modelgen.runtime.model.control_export import control_system as control_system
+    from modelgen.runtime.model.known_parameters import with_known as with_known
+    from modelgen.runtime.model.model import load_model as load_model
+    from modelgen.runtime.model.model import model_from_module as model_from_module
+    from modelgen.runtime.records.dataframe import record_from_frame as record_from_frame
+    from modelgen.runtime.records.read_record import read_record as read_record
+    from modelgen.runtime.records.record import Record as Record
+    from modelgen.runtime.results.estimate import Estimate as Estimate
+    from modelgen.runtime.simulation.arms.joint_controller import JointController as JointController
+    from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm as simulate_arm
+    from modelgen.runtime.simulation.simulate import simulate as simulate
+    from modelgen.spec.arms.load import load_arm as load_arm
+    from modelgen.spec.load import load_spec as load_spec
+    from modelgen.symbolic.pipeline import build as build
 
 __version__ = "0.1.0"
-
-__all__ = [
-    "IV",
-    "TLS",
-    "WLS",
-    "Auto",
-    "ChainEstimator",
-    "CheckOptions",
-    "DataError",
-    "Estimate",
-    "Filters",
-    "IdentifiabilityError",
-    "JointController",
-    "ModelError",
-    "ModelgenError",
-    "Pham2002",
-    "Record",
-    "RenderError",
-    "SpecError",
-    "build",
-    "control_system",
-    "draw_arm",
-    "draw_chain",
-    "export",
-    "generate",
-    "identify",
-    "identify_jointly",
-    "load_arm",
-    "load_model",
-    "load_spec",
-    "model_from_module",
-    "read_record",
-    "record_from_frame",
-    "simulate",
-    "simulate_arm",
-    "with_known",
-]
 
 _HOMES = {
     "Auto": "modelgen.runtime.identification.methods",
@@ -122,6 +89,8 @@ _HOMES = {
     "JointController": "modelgen.runtime.simulation.arms.joint_controller",
     "simulate_arm": "modelgen.runtime.simulation.arms.simulate_arm",
 }
+
+__all__ = list(_HOMES)
 
 
 # Type checkers see the imports above; with this function they would let any misspelt name pass.

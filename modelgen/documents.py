@@ -7,9 +7,11 @@ key of ten thousand parts takes TOML's parser minutes. The text is scanned befor
 from __future__ import annotations
 
 import json
+import math
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
 from modelgen.errors import DataError, ModelgenError, Problem
@@ -95,6 +97,17 @@ def _integer(digits: str) -> int:
     return int(digits)
 
 
+def plain_json(value: Any) -> Any:
+    """Return a value in JSON's types: dataclasses as tables, null for a number that is not finite."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain_json(asdict(value))
+    if isinstance(value, Mapping):
+        return {str(key): plain_json(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain_json(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def _too_deep(where: str, error: type[ModelgenError]) -> ModelgenError:
     return error.at(where, "nests lists or tables too deeply", "use the tables of the format")
 
@@ -128,20 +141,22 @@ def _check_depth(text: str, marks: re.Pattern[str], where: str, error: type[Mode
 def _check_integers(document: Any, where: str, error: type[ModelgenError]) -> None:
     problems = [
         Problem(f"{where}: {path}", "is an integer beyond 64 bits", "shorten the number")
-        for path, value in _leaves(document)
+        for path, value in leaves(document)
         if isinstance(value, int) and value not in INTEGERS
     ]
     if problems:
         raise error(*problems)
 
 
-def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every value that is no list or table, with its path."""
+def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every value that is no list, table or dataclass, with its path."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = {one.name: getattr(value, one.name) for one in fields(value)}
     if isinstance(value, dict):
         for key, item in value.items():
-            yield from _leaves(item, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list):
+            yield from leaves(item, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, (list, tuple)):
         for index, item in enumerate(value):
-            yield from _leaves(item, f"{path}[{index}]")
+            yield from leaves(item, f"{path}[{index}]")
     else:
         yield path, value

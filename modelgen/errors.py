@@ -12,7 +12,7 @@ Every error carries one `Problem` per mistake: where it is, what is wrong and wh
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import islice
@@ -53,6 +53,18 @@ def signed_sum(terms: Iterable[tuple[bool, str]]) -> str:
     for negative, term in terms:
         text += f" {'-' if negative else '+'} {term}" if text else f"{'-' if negative else ''}{term}"
     return text
+
+
+def aligned(rows: Sequence[Sequence[str]], left: int | None = None) -> list[str]:
+    """Return the rows of a table as lines, the first `left` columns (None: all) to the left, others right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            text.ljust(width) if left is None or i < left else text.rjust(width)
+            for i, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
 
 
 def nearest(name: str, names: Iterable[str]) -> str | None:

@@ -11,7 +11,8 @@ import pytest
 from jinja2 import Environment, StrictUndefined
 
 from modelgen.errors import SpecError
-from modelgen.spec.load import ChainSpec, catalog_names, catalog_path, load_spec, parse_spec
+from modelgen.spec.chain import ChainSpec
+from modelgen.spec.load import catalog_names, catalog_path, load_spec, parse_spec
 
 NAMES = ("emps300", "emps_rigid", "emps_rigid_asymmetric", "three_mass", "tree", "two_mass_bench")
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
 from modelgen.chain_picture.svg import STYLE
-from modelgen.chain_picture.symbols import circle, number, path, shown, text, width
+from modelgen.chain_picture.symbols import circle, number, page, path, shown, text, width
 
 Point = tuple[float, float, float]
 Place = tuple[float, float]
@@ -21,6 +20,11 @@ MARGIN = 60.0
 DRUM, THICK = 26.0, 9.0  # half the length and half the thickness of a joint
 ARROW = 24.0  # of an axis, beyond its drum
 NEAR = 14.0  # labels nearer than that stand side by side
+OWN_STYLE = (
+    ".chain path.bone{stroke-width:6;stroke-linecap:round;stroke:var(--c-faint)}"
+    ".chain path.drum{fill:var(--c-body);stroke-width:1.6}"
+    ".chain text.sensor{paint-order:stroke;stroke:var(--c-paper);stroke-width:4px}"
+)
 _COSINE, _SINE = math.cos(math.pi / 6), 0.5
 _BASE = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))
 
@@ -77,20 +81,7 @@ def arm_svg(skeleton: ArmSkeleton, alone: bool = True) -> str:
     pieces += _labels(skeleton.joints, places)
     wide, high = 2 * side + scale * (upper[0] - lower[0]), 2 * edge + scale * (upper[1] - lower[1])
     pieces.append(_triad((40.0, high - 30.0)))
-    return _page(skeleton.title, wide, high, pieces, alone)
-
-
-def _page(title: str, wide: float, high: float, pieces: Sequence[str], alone: bool) -> str:
-    size = f'viewBox="0 0 {number(wide)} {number(high)}" width="{number(wide)}" height="{number(high)}"'
-    space = 'xmlns="http://www.w3.org/2000/svg" ' if alone else ""
-    widest = "" if alone else f' style="max-width:{number(wide)}px"'
-    head = f'<svg {space}class="chain" role="img" {size}{widest}>'
-    bones = ".chain path.bone{stroke-width:6;stroke-linecap:round;stroke:var(--c-faint)}"
-    drums = ".chain path.drum{fill:var(--c-body);stroke-width:1.6}"
-    halo = ".chain text.sensor{paint-order:stroke;stroke:var(--c-paper);stroke-width:4px}"
-    paper = f'<rect class="paper" width="{number(wide)}" height="{number(high)}"/>'
-    style = f"<style>{STYLE}{bones}{drums}{halo}</style>"
-    return "\n".join([head, f"<title>{escape(title)}</title>", style, paper, *pieces, "</svg>", ""])
+    return page(skeleton.title, (wide, high), STYLE + OWN_STYLE, pieces, alone, widest=not alone)
 
 
 def _flat(point: Point) -> Place:

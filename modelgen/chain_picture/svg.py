@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
 from modelgen.chain_picture.diagram import ChainDiagram, DrawnBody, DrawnDeflection, DrawnLink
 from modelgen.chain_picture.symbols import (
@@ -18,7 +17,7 @@ from modelgen.chain_picture.symbols import (
     floor,
     force,
     gear,
-    number,
+    page,
     path,
     spring,
     text,
@@ -99,17 +98,8 @@ def chain_svg(diagram: ChainDiagram, alone: bool = True) -> str:
         wide = max(wide, right + MARGIN)
     bodies = {body.name: body for body in diagram.bodies}
     pieces += [_body(grid, node, bodies[node.name]) for node in by_name.values()]
-    return _page(diagram, wide, bottom + (2.0 * LANE if around else 0.0), pieces, alone)
-
-
-def _page(diagram: ChainDiagram, wide: float, high: float, pieces: Sequence[str], alone: bool) -> str:
-    size = f'viewBox="0 0 {number(wide)} {number(high)}" width="{number(wide)}" height="{number(high)}"'
-    space = 'xmlns="http://www.w3.org/2000/svg" ' if alone else ""
-    head = f'<svg {space}class="chain" role="img" {size}'
-    head += f' style="max-width:{number(wide)}px">'
-    paper = f'<rect class="paper" width="{number(wide)}" height="{number(high)}"/>'
-    title = f"<title>{escape(diagram.title)}</title>"
-    return "\n".join([head, title, f"<style>{STYLE}</style>", paper, *pieces, "</svg>", ""])
+    high = bottom + (2.0 * LANE if around else 0.0)
+    return page(diagram.title, (wide, high), STYLE, pieces, alone, widest=True)
 
 
 def _grid(diagram: ChainDiagram, nodes: Sequence[TreeNode]) -> _Grid:

@@ -5,6 +5,7 @@ Every text goes through `text`, which escapes it; numbers are written with at mo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 
 LONGEST = 24  # letters of a name that are shown; the whole of it appears under the pointer
@@ -15,6 +16,19 @@ GEAR = 44.0  # width of the sign of a ratio
 def number(value: float) -> str:
     """Return a coordinate as SVG."""
     return f"{value:.1f}".removesuffix(".0")
+
+
+def page(
+    title: str, size: tuple[float, float], style: str, pieces: Sequence[str], alone: bool, widest: bool
+) -> str:
+    """Return a picture of a width and height; `alone` in a file of its own, `widest` grows no wider."""
+    wide, high = map(number, size)
+    space = 'xmlns="http://www.w3.org/2000/svg" ' if alone else ""
+    head = f'<svg {space}class="chain" role="img" viewBox="0 0 {wide} {high}" width="{wide}" height="{high}"'
+    head += f' style="max-width:{wide}px">' if widest else ">"
+    paper = f'<rect class="paper" width="{wide}" height="{high}"/>'
+    above = (f"<title>{escape(title)}</title>", f"<style>{style}</style>", paper)
+    return "\n".join([head, *above, *pieces, "</svg>", ""])
 
 
 def shown(name: str) -> str:

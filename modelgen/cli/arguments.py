@@ -15,7 +15,7 @@ from modelgen.magnitudes import REMEDY, is_usable, shown_number
 if TYPE_CHECKING:
     from modelgen.runtime.simulation.excitation import Excitation
     from modelgen.spec.arms.arm import ArmSpec
-    from modelgen.spec.load import ChainSpec
+    from modelgen.spec.chain import ChainSpec
     from modelgen.symbolic.equations.newton import MotionEquations
     from modelgen.symbolic.sensor_set_overview import SetSummary
 
@@ -63,7 +63,7 @@ def sensor_sets(chain: ChainSpec, chosen: str | None) -> list[str]:
 
 def modules_of(spec: ChainSpec | ArmSpec, chosen: str | None) -> list[str]:
     """Return the sensor sets that modules are generated for; "" for an arm that has none."""
-    from modelgen.spec.load import ChainSpec
+    from modelgen.spec.chain import ChainSpec
     from modelgen.spec.words import shown, suggest
 
     if isinstance(spec, ChainSpec):

@@ -31,13 +31,11 @@ def describe(prediction: Prediction) -> dict[str, Any]:
     }
 
 
-def describe_monte_carlo(
-    found: Mapping[str, Sequence[Spread]], order: Sequence[str], experiments: int
-) -> dict[str, Any]:
-    """Return the spreads of every set, and what they make of the predicted order, as plain values."""
+def describe_monte_carlo(found: Mapping[str, Sequence[Spread]], experiments: int) -> dict[str, Any]:
+    """Return the spreads of every set, in the predicted order, and what they make of it, as plain values."""
     from modelgen.runtime.planning.monte_carlo import misorders, worst_spread
 
-    found_order = misorders(order, {name: worst_spread(spreads) for name, spreads in found.items()})
+    found_order = misorders([*found], {name: worst_spread(spreads) for name, spreads in found.items()})
     return {
         "experiments": experiments,
         "sets": {

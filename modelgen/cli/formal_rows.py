@@ -72,16 +72,13 @@ def simplest(value: float, tolerance: float) -> Fraction:
 
 def _column_parameters(model: Model) -> list[dict[str, Fraction]]:
     """Return every column as a sum of physical parameters, or as itself where it is no such sum."""
-    rng = np.random.default_rng(0)
-    jacobians = [
-        model.base_jacobian({**model.known, **{name: rng.uniform(0.5, 2.0) for name in model.parameters}})
-        for _ in range(2)
-    ]
+    from modelgen.runtime.exports.sums import linear_shares
+
+    gradients, _, linear = linear_shares(model)
     columns = []
-    for name, here, there in zip(model.base_parameters, *jacobians, strict=True):
-        linear = name not in model.composites and np.allclose(here, there, rtol=1e-12, atol=0.0)
-        pairs = zip(model.parameters, here, strict=True)
-        shares = {p: exact(float(c)) for p, c in pairs if linear and c}
+    for name, gradient, is_sum in zip(model.base_parameters, gradients, linear, strict=True):
+        pairs = zip(model.parameters, gradient.tolist(), strict=True)
+        shares = {p: exact(c) for p, c in pairs if is_sum and c and name not in model.composites}
         columns.append(shares or {name: Fraction(1)})
     return columns
 
@@ -163,18 +160,14 @@ class _Translation:
         """Return the coordinates that a sensor reads; the direct model holds the ratio of a deflection."""
         if sensor.body is not None:
             return {sensor.body: Fraction(1)}
-        from modelgen.runtime.simulation.plant import body_order, felt_accelerations
+        from modelgen.runtime.simulation.plant import body_order, sensor_levers
 
         bodies, place = body_order(self._model), [s.key for s in self._model.sensors].index(sensor.key)
+        levers = sensor_levers(self._model)[place]
         if sensor.order == 2:
             # what the equations of motion were solved for has lost a few digits
-            felt = felt_accelerations(self._model)[place]
-            found = [
-                _solved(c) if abs(c) > SOLVED * np.abs(felt).max() else Fraction(0) for c in felt.tolist()
-            ]
+            least = SOLVED * np.abs(levers).max()
+            found = [_solved(c) if abs(c) > least else Fraction(0) for c in levers.tolist()]
         else:
-            ones = dict.fromkeys((*self._model.parameters, *self._model.known), 1.0)
-            space = self._model.state_space(ones, {friction.body: 1 for friction in self._model.friction})
-            first = sensor.order * len(bodies)
-            found = [exact(c) for c in space.C[place, first : first + len(bodies)].tolist()]
+            found = [exact(c) for c in levers.tolist()]
         return {body: share for body, share in zip(bodies, found, strict=True) if share}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modelgen.cli.reversed_sensors import with_reversed
-from modelgen.errors import DataError, shortened
+from modelgen.errors import DataError, aligned, shortened
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import SEPARATOR, open_record, paths_of
 from modelgen.runtime.files.source import Columns, Source
@@ -205,9 +205,7 @@ def import_lines(described: Description, written: Path | None, module: Path | No
         numbers = [_number(entry[key]) for key in ("minimum", "maximum", "first")]
         named = [shortened(entry[key] or "", WIDEST) for key in ("column", "unit")]
         rows.append([*named, factor, str(entry["samples"]), *numbers])
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    for row in rows:
-        lines.append("  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip())
+    lines += aligned(rows)
     if len(shown) < len(columns):
         lines.append(f"and {len(columns) - len(shown)} more columns: --json lists them all")
     lines.append("")

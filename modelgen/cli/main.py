@@ -14,25 +14,12 @@ from typing import Annotated, Any
 import typer
 
 from modelgen.cli.command_group import CheckedCommand, ExplainedGroup
-from modelgen.cli.examples import examples_of
+from modelgen.cli.examples import PURPOSES, examples_of
 from modelgen.cli.options import expanded
 
 # name on the command line -> module and function, in the order of the help
 COMMANDS = {
-    "demo": ("modelgen.cli.commands.demo", "demo"),
-    "new": ("modelgen.cli.commands.new", "new"),
-    "show": ("modelgen.cli.commands.show", "show"),
-    "generate": ("modelgen.cli.commands.generate", "generate"),
-    "import": ("modelgen.cli.commands.import_file", "import_file"),
-    "identify": ("modelgen.cli.commands.identify", "identify"),
-    "simulate": ("modelgen.cli.commands.simulate", "simulate"),
-    "validate": ("modelgen.cli.commands.validate", "validate"),
-    "compare": ("modelgen.cli.commands.compare", "compare"),
-    "export": ("modelgen.cli.commands.export", "export"),
-    "run": ("modelgen.cli.commands.run", "run"),
-    "fleet": ("modelgen.cli.commands.fleet", "fleet"),
-    "trend": ("modelgen.cli.commands.trend", "trend"),
-    "design": ("modelgen.cli.commands.design", "design"),
+    name: "import_file" if name == "import" else name for names in PURPOSES.values() for name in names
 }
 
 
@@ -48,8 +35,7 @@ def application(names: Iterable[str] = COMMANDS) -> typer.Typer:
         help="Identification models of spring-coupled chains: derive, generate, simulate, identify.",
     )
     for name in names:
-        module, function = COMMANDS[name]
-        command = getattr(import_module(module), function)
+        command = getattr(import_module(f"modelgen.cli.commands.{COMMANDS[name]}"), COMMANDS[name])
         app.command(name, cls=CheckedCommand, epilog=examples_of(name))(expanded(command))
     return app
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from modelgen.atomic_write import write_whole
+from modelgen.documents import plain_json
 from modelgen.errors import Problem, visible
 from modelgen.progress import is_terminal
 
@@ -79,15 +79,7 @@ def deliver(facts: Any, printed: Callable[[], None], how: ResultOptions) -> None
 
 
 def _json_text(value: Any) -> str:
-    text = json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(plain_json(value), indent=2, ensure_ascii=False, allow_nan=False)
     if not text.replace("\n", "").isprintable():  # JSON itself allows some characters that steer a terminal
         text = "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
     return text
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

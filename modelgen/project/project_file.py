@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from modelgen.documents import toml_document
+from modelgen.documents import leaves, toml_document
 from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import FREQUENCY_REMEDY, LARGEST_COUNT, REMEDY, is_frequency, is_usable
 from modelgen.project.tables import ProjectTable
@@ -97,7 +97,7 @@ def _without(document: Mapping[str, Any], wrong: Sequence[str]) -> dict[str, Any
 def _number_problems(where: str, table: ProjectTable) -> list[Problem]:
     """Return which numbers nothing can be calculated with."""
     problems = []
-    for key, value in _leaves(table, ""):
+    for key, value in leaves(table):
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             continue
         if isinstance(value, int) and abs(value) > LARGEST_COUNT:
@@ -110,21 +110,6 @@ def _number_problems(where: str, table: ProjectTable) -> list[Problem]:
         elif value == 0.0 and key.startswith("data.scales"):
             problems.append(Problem(f"{where}{key}", "is zero", "give the factor to SI units"))
     return problems
-
-
-def _leaves(value: Any, key: str) -> Iterator[tuple[str, Any]]:
-    """Yield every value that is no table and no list, with its key."""
-    if is_dataclass(value):
-        for one in fields(value):
-            yield from _leaves(getattr(value, one.name), f"{key}.{one.name}" if key else one.name)
-    elif isinstance(value, dict):
-        for name, item in value.items():
-            yield from _leaves(item, f"{key}.{name}")
-    elif isinstance(value, tuple):
-        for index, item in enumerate(value):
-            yield from _leaves(item, f"{key}[{index}]")
-    else:
-        yield key, value
 
 
 def _model_problems(where: str, table: ProjectTable) -> list[Problem]:

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 from modelgen.render.printer import literal
 from modelgen.render.units import motion_of, unit_of_signal
-from modelgen.spec.chain import Body
-from modelgen.spec.load import ChainSpec
+from modelgen.spec.chain import Body, ChainSpec
 from modelgen.spec.units import force_unit, signal_unit
 from modelgen.symbolic.base_parameters import BaseModel
 from modelgen.symbolic.equations.equation_sums import levers

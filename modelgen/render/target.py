@@ -12,7 +12,7 @@ from modelgen.render.environment import environment
 from modelgen.render.languages import C99, MATLAB, Language, feature_source, signal_sum, state_space_lines
 from modelgen.render.plain_model import PlainModel, plain_model
 from modelgen.render.user_templates import render_templates
-from modelgen.spec.load import ChainSpec
+from modelgen.spec.chain import ChainSpec
 from modelgen.symbolic.pipeline import build
 
 #: target -> (its language, template -> suffix of the file it makes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from modelgen.spec.load import ChainSpec, Sensor
+from modelgen.spec.chain import ChainSpec, Sensor
 from modelgen.spec.units import Motion, force_unit, signal_unit
 from modelgen.symbolic.equations.row import IdentificationRows, NeededSignal
 

@@ -10,7 +10,7 @@ from modelgen.generated_module.module_check import module_problems, seal
 from modelgen.render.environment import environment
 from modelgen.render.view import ModelView, model_view
 from modelgen.spec.arms.arm import ArmSpec
-from modelgen.spec.load import ChainSpec
+from modelgen.spec.chain import ChainSpec
 from modelgen.symbolic.pipeline import build
 
 

@@ -18,27 +18,13 @@ from typing import Any
 from modelgen.documents import Document
 from modelgen.errors import SpecError
 from modelgen.read_file import SPEC, read_text
-from modelgen.spec.chain import GROUND, LINK_ROLES, Body, ChainSpec, Friction, Link, Parameter, Sensor
+from modelgen.spec.chain import GROUND, LINK_ROLES, Body, ChainSpec, Friction, Link, Sensor
 from modelgen.spec.number_expression import PI
 from modelgen.spec.references import check_references
 from modelgen.spec.spec_file import SpecFile, describes_arm, in_file, spec_file
 from modelgen.spec.tables import check_tables
 from modelgen.spec.units import Motion
 from modelgen.spec.words import shown, suggest
-
-__all__ = [
-    "GROUND",
-    "Body",
-    "ChainSpec",
-    "Link",
-    "Parameter",
-    "Sensor",
-    "catalog_arms",
-    "catalog_names",
-    "catalog_path",
-    "load_spec",
-    "parse_spec",
-]
 
 
 def load_spec(path: str | os.PathLike[str]) -> ChainSpec:

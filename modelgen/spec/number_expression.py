@@ -42,10 +42,10 @@ class Misread(ValueError):
         self.what, self.remedy = what, remedy
 
 
-def exact_number(text: str) -> Fraction:
+def exact_number(text: str, remedy: str = GRAMMAR) -> Fraction:
     """Return the value of a text of numbers, pi, + - * / and brackets.
 
-    Decimals are what was written ("0.1" is 1/10); pi is `PI`.
+    Decimals are what was written ("0.1" is 1/10); pi is `PI`. What is of another form has this remedy.
 
     Raises
     ------
@@ -54,14 +54,14 @@ def exact_number(text: str) -> Fraction:
     """
     if len(text) > LONGEST:
         raise Misread(f"has {len(text)} characters", f"shorten it to {LONGEST}, or write the number itself")
-    return _Reading(text).all()
+    return _Reading(text, remedy).all()
 
 
 class _Reading:
     """Recursive descent over one text; `_at` is where the next token begins."""
 
-    def __init__(self, text: str) -> None:
-        self._text = text.rstrip(" ")
+    def __init__(self, text: str, remedy: str) -> None:
+        self._text, self._remedy = text.rstrip(" "), remedy
         self._at = self._depth = 0
 
     def all(self) -> Fraction:
@@ -131,8 +131,10 @@ class _Reading:
         at = self._next()
         if at >= len(self._text):
             what = "ends where a number should stand" if self._text else "is empty"
-            raise Misread(what)
+            raise Misread(what, self._remedy)
         word = _WORD.match(self._text, at)
         assert word is not None
         shown = word[0] if len(word[0]) <= 20 else f"{word[0][:17]}..."
-        raise Misread(f"cannot be read from {shown!r} at character {at + 1} on", _MEANT.get(word[0], GRAMMAR))
+        raise Misread(
+            f"cannot be read from {shown!r} at character {at + 1} on", _MEANT.get(word[0], self._remedy)
+        )

@@ -11,7 +11,7 @@ module text         modelgen.render.writer.render(view)    one NumPy file
 from __future__ import annotations
 
 from modelgen.errors import SpecError
-from modelgen.spec.load import ChainSpec
+from modelgen.spec.chain import ChainSpec
 from modelgen.symbolic.base_parameters import BaseModel, base_model
 from modelgen.symbolic.equations.newton import motion_equations
 from modelgen.symbolic.rows import identification_rows

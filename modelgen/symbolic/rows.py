@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from modelgen.errors import ModelError
-from modelgen.spec.load import ChainSpec
+from modelgen.spec.chain import ChainSpec
 from modelgen.spec.units import ORDER
 from modelgen.symbolic.elimination.composites import Composites
 from modelgen.symbolic.elimination.elimination import eliminated_rows

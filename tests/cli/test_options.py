@@ -22,8 +22,10 @@ QC, AC = (str(ROOT / "generated" / f"emps300_{name}.py") for name in ("qm_qc", "
 
 
 def listed(command: str) -> dict[str, object]:
-    module, function = COMMANDS[command]
-    return dict(signature(expanded(getattr(import_module(module), function))).parameters)
+    function = COMMANDS[command]
+    return dict(
+        signature(expanded(getattr(import_module(f"modelgen.cli.commands.{function}"), function))).parameters
+    )
 
 
 @pytest.mark.parametrize("command", ESTIMATING)

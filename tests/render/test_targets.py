@@ -17,7 +17,8 @@ from modelgen.render.languages import C99, MATLAB
 from modelgen.render.target import target_files, user_files
 from modelgen.render.writer import generate
 from modelgen.runtime.model.model import Model, model_from_text
-from modelgen.spec.load import ChainSpec, catalog_path, load_spec
+from modelgen.spec.chain import ChainSpec
+from modelgen.spec.load import catalog_path, load_spec
 
 N = 7
 CASES = [

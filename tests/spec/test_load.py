@@ -14,7 +14,8 @@ from typing import Any, get_args
 import pytest
 
 from modelgen.errors import Problem, SpecError
-from modelgen.spec.load import ChainSpec, Link, Parameter, Sensor, load_spec, parse_spec
+from modelgen.spec.chain import ChainSpec, Link, Parameter, Sensor
+from modelgen.spec.load import load_spec, parse_spec
 from modelgen.spec.units import Measures, Motion, Role, force_unit, parameter_unit, signal_unit
 
 GOOD = """

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from modelgen.errors import ModelError
-from modelgen.spec.load import ChainSpec, parse_spec
+from modelgen.spec.chain import ChainSpec
+from modelgen.spec.load import parse_spec
 from modelgen.symbolic.equations.equation_sums import NEVER
 from modelgen.symbolic.equations.sensor_reading import Candidate
 from modelgen.symbolic.equations.sensor_span import Sensing

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -23,9 +24,10 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import counted
 
 if TYPE_CHECKING:
+    from modelgen.cli.candidates import Judge
     from modelgen.runtime.model.model import Model
+    from modelgen.runtime.planning.planned_experiment import Experiment
     from modelgen.runtime.planning.sensor_set_ranking import Prediction
-    from modelgen.runtime.simulation.excitation import Excitation
     from modelgen.runtime.simulation.instrument import Instrument
     from modelgen.spec.chain import ChainSpec
 
@@ -100,11 +102,12 @@ def design(
     and boxes, and write it with --optimise. Of an elastic arm also a fast one about its modes, and what every
     sensor set would find in both, or in those of --excitation files.
     """
-    from modelgen.cli.arguments import amounts, check_method, parameter_values
+    from modelgen.cli.arguments import amounts, check_method, excitation_from, parameter_values
     from modelgen.cli.arms.design_arm import chain_unless_arm
     from modelgen.cli.design_tables import design_tables
     from modelgen.cli.tables import console
-    from modelgen.runtime.planning.sensor_set_ranking import rank
+    from modelgen.runtime.planning.planned_experiment import experiment
+    from modelgen.runtime.planning.sensor_set_ranking import judge_set
 
     check_result(result)
     check_method(method)
@@ -115,25 +118,44 @@ def design(
     models, instruments, refused = _sets(
         chain, candidates, most_sensors, sensors, noise or (), resolution or (), price or ()
     )
-    kinds = _excitations(excitation or ())
+    kinds = [excitation_from(text)[0] for text in excitation or ("chirp", "trapezoid")]
     lasting = 2.0 if duration_s is None else duration_s
     options: dict[str, Any] = {"fs": fs or 5000.0, "duration_s": lasting, "method": method}
-    ranked = rank(_predictions(models, values, instruments, kinds, options))
-    described = _predicted(ranked, options, refused, wanted_percent)
-    described["cures"] = _cures(chain, models, values, instruments, ranked, kinds, options)
+    ranked, cured = _judged(
+        chain, models, values, instruments, partial(judge_set, excitations=kinds, **options)
+    )
+    described = {**_predicted(ranked, options, refused, wanted_percent), "cures": cured}
     if monte_carlo:
-        described["monte_carlo"] = _confirm(ranked, models, values, instruments, kinds, options, monte_carlo)
+        plan = partial(experiment, parameters=values, instruments=instruments, excitations=kinds, **options)
+        described["monte_carlo"] = _confirm(ranked, models, plan, monte_carlo)
     if optimise is not None:
         best = _complete(ranked[0], models)
-        search = {
-            "criterion": criterion or "worst",
-            "rounds": rounds,
-            "limits": amounts("--limit", limit or ()),
-        }
+        limits = amounts("--limit", limit or ())
+        search = {"criterion": criterion or "worst", "rounds": rounds, "limits": limits}
         described["excitation"] = _optimise(
             best, values, instruments, options, search, optimise, result.overwrite
         )
     deliver(described, lambda: console().print(design_tables(described)), result)
+
+
+def _judged(
+    chain: ChainSpec,
+    models: Mapping[str, Model],
+    values: Mapping[str, float],
+    instruments: Mapping[str, Instrument],
+    judge: Judge,
+) -> tuple[tuple[Prediction, ...], dict[str, list[str]]]:
+    """Return what is predicted of the sets, most precise first, and what would cure those that lack some."""
+    from modelgen.cli.candidates import cures
+    from modelgen.runtime.planning.sensor_set_ranking import rank
+
+    named = counted(list(models.items()), "predicting")
+    ranked = rank([judge(title, model, values, instruments) for title, model in named])
+    lacking = [one for one in ranked if one.missing]
+    return ranked, {
+        one.sensor_set: cures(chain, models[one.sensor_set], values, instruments, one, judge)
+        for one in (counted(lacking, "looking for cures") if lacking else ())
+    }
 
 
 def _predicted(
@@ -197,71 +219,19 @@ def _sets(
     return models, instruments, {}
 
 
-def _excitations(given: Sequence[str]) -> list[str | Excitation]:
-    from modelgen.cli.arguments import excitation_from
-
-    return [excitation_from(text)[0] for text in given or ("chirp", "trapezoid")]
-
-
-def _predictions(
-    models: Mapping[str, Model],
-    values: Mapping[str, float],
-    instruments: Mapping[str, Instrument],
-    kinds: Sequence[str | Excitation],
-    options: Mapping[str, Any],
-) -> list[Prediction]:
-    from modelgen.runtime.planning.sensor_set_ranking import judge_set
-
-    return [
-        judge_set(title, model, values, instruments, kinds, **options)
-        for title, model in counted(list(models.items()), "predicting")
-    ]
-
-
-def _cures(
-    chain: ChainSpec,
-    models: Mapping[str, Model],
-    values: Mapping[str, float],
-    instruments: Mapping[str, Instrument],
-    ranked: Sequence[Prediction],
-    kinds: Sequence[str | Excitation],
-    options: Mapping[str, Any],
-) -> dict[str, list[str]]:
-    """Return what would cure each set that leaves parameters open."""
-    from modelgen.cli.candidates import cures
-    from modelgen.runtime.planning.sensor_set_ranking import judge_set
-
-    def judge(
-        title: str, model: Model, values: Mapping[str, float], instruments: Mapping[str, Instrument]
-    ) -> Prediction:
-        return judge_set(title, model, values, instruments, kinds, **options)
-
-    open_ones = [one for one in ranked if one.missing]
-    return {
-        one.sensor_set: cures(chain, models[one.sensor_set], values, instruments, one, judge)
-        for one in (counted(open_ones, "looking for cures") if open_ones else ())
-    }
-
-
 def _confirm(
     ranked: Sequence[Prediction],
     models: Mapping[str, Model],
-    values: Mapping[str, float],
-    instruments: Mapping[str, Instrument],
-    kinds: Sequence[str | Excitation],
-    options: Mapping[str, Any],
+    plan: Callable[[Model], Experiment],
     draws: int,
 ) -> dict[str, Any]:
     from modelgen.cli.design_tables import describe_monte_carlo
     from modelgen.runtime.planning.monte_carlo import monte_carlo
-    from modelgen.runtime.planning.planned_experiment import experiment
 
-    found = {}
-    for prediction in ranked:
-        if prediction.precisions:
-            planned = experiment(models[prediction.sensor_set], values, instruments, kinds, **options)
-            found[prediction.sensor_set] = monte_carlo(planned, draws)
-    return describe_monte_carlo(found, list(found), draws)
+    found = {
+        one.sensor_set: monte_carlo(plan(models[one.sensor_set]), draws) for one in ranked if one.precisions
+    }
+    return describe_monte_carlo(found, draws)
 
 
 def _complete(best: Prediction, models: Mapping[str, Model]) -> Model:

@@ -47,8 +47,6 @@ def compare_forces(
     DataError
         When a channel is missing, or a record too short for the filters.
     """
-    if not records:
-        raise DataError.at("records", "there are none", "give at least one Record")
     extended = with_derived(model, records)
     refuse_lacking(extended, model.channels)
     base, absent = base_values(model, parameters)

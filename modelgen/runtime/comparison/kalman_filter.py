@@ -23,14 +23,14 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.comparison.kalman_model import KalmanModel
-from modelgen.runtime.comparison.thresholds import NOISE_SHARE, PARAMETER_STD, PASSES, SETTLED, VELOCITY_STD
-from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.comparison.thresholds import LEAST_NOISE, PARAMETER_STD, PASSES, SETTLED, VELOCITY_STD
 from modelgen.runtime.iv.output_error import Response
-from modelgen.runtime.iv.thresholds import CUTOFF_SHARE, FILTER_ORDER
 from modelgen.runtime.least_squares.hac_covariance import long_run_covariance
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.prediction.predictor import noise_of
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.plant import make_plant
+from modelgen.runtime.simulation.thresholds import CUTOFF_SHARE
 from modelgen.runtime.simulation.validate import initial_state
 
 
@@ -92,8 +92,8 @@ def _pass(
     model, n = chain.plant.model, chain.states
     z = np.column_stack([record.signals[sensor.key] for sensor in model.sensors])
     u = np.column_stack([record.signals[actuator.key] for actuator in model.actuators])
-    R = np.diag([_noise(column, record.fs) ** 2 for column in z.T])
-    q = np.diag([_noise(column, record.fs) ** 2 for column in u.T])
+    R = np.diag([max(noise_of(column, record.fs), LEAST_NOISE) ** 2 for column in z.T])
+    q = np.diag([max(noise_of(column, record.fs), LEAST_NOISE) ** 2 for column in u.T])
     s = np.concatenate([initial_state(chain.plant, record, CUTOFF_SHARE * record.fs), theta])
     P = np.zeros((s.size,) * 2)
     P[:n, :n] = np.diag(_first_variances(chain, record, R))
@@ -128,11 +128,3 @@ def _first_variances(chain: KalmanModel, record: Record, R: FloatArray) -> Float
     moving = max(float(np.ptp(record.signals[chain.plant.model.sensors[0].key])) * VELOCITY_STD, 1e-9)
     half = chain.states // 2
     return np.repeat([max(float(np.diag(R).max()), 1e-18), moving**2], half)
-
-
-def _noise(samples: FloatArray, fs: float) -> float:
-    """Return the standard deviation of white noise on a channel, from what lies above its dynamics."""
-    left_over = samples - zero_phase(samples, FILTER_ORDER, NOISE_SHARE * fs, fs)
-    # of white noise, the share of the band above the filter remains
-    middle = left_over[len(samples) // 20 : -len(samples) // 20 or None]
-    return max(float(np.std(middle)) / float(np.sqrt(1.0 - 2.0 * NOISE_SHARE)), 1e-12)

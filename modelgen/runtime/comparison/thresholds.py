@@ -19,8 +19,8 @@ VELOCITY_STD = 0.02
 PASSES = 8
 # Parameters rest when none moves by more than this share of its deviation.
 SETTLED = 0.05
-# Noise is what a filter at this share of the sampling frequency leaves over.
-NOISE_SHARE = 0.25
+# Least noise of a channel (SI).
+LEAST_NOISE = 1e-12
 
 # Central differences by the parameters, in shares of their size.
 RELATIVE_STEP = 1e-5

@@ -113,7 +113,7 @@ def all_disagreements(
         Observes and fits with other settings.
     directions : bool
         Whether the model has any: their cut-off is then changed as well.
-    coordinates : Coordinates, optional
+    coordinates : FitCoordinates, optional
         What to compare in, by default the fit's columns.
     """
     seen = coordinates or own_columns(fit)

@@ -17,7 +17,7 @@ from modelgen.runtime.model.chain_matrices import ChainMatrices, chain_matrices
 from modelgen.runtime.model.link_couplings import couples_as, couplings
 from modelgen.runtime.model.mechanical_parts import Friction
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.simulation.plant import felt_accelerations
+from modelgen.runtime.simulation.plant import sensor_levers
 
 NEGLIGIBLE = 1e-12  # of a lever's largest entry: what rounding leaves of a zero
 
@@ -99,7 +99,7 @@ def mechanics(model: Model) -> Mechanics:
     return Mechanics(
         tuple(_body(model, name) for name in names),
         tuple(_springs(model, matrices)),
-        tuple(_readings(model, len(names))),
+        tuple(_readings(model)),
         tuple(
             MechanicalActuator(actuator.key, names.index(actuator.body), actuator.unit)
             for actuator in model.actuators
@@ -160,12 +160,8 @@ def _pointed(lever: FloatArray) -> Lever:
     return tuple((place, sign * factor) for place, factor in pairs)
 
 
-def _readings(model: Model, count: int) -> Iterator[MechanicalSensor]:
-    felt = felt_accelerations(model)
-    ones = dict.fromkeys((*model.parameters, *model.known), 1.0)
-    space = model.state_space(ones, {entry.body: 1 for entry in model.friction})
-    for index, sensor in enumerate(model.sensors):
-        row = felt[index] if sensor.order == 2 else space.C[index, sensor.order * count :][:count]
+def _readings(model: Model) -> Iterator[MechanicalSensor]:
+    for row, sensor in zip(sensor_levers(model), model.sensors, strict=True):
         size = np.abs(row).max()
         # what equations were solved for has lost a few digits
         factors = [float(f"{c:.12g}") if sensor.order == 2 else float(c) for c in row]

@@ -7,12 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modelgen.array_types import FloatArray, IntArray
+from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.results.estimate import Estimate
 
 LINEAR = 1e-12  # how little a gradient may differ between two points of a linear function
 DETERMINED = 1e-9  # share of a singular value below which nothing is determined
+
+
+def linear_shares(model: Model) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return base parameters as shares @ physical + constant, and which of them are such sums.
+
+    Shapes (columns, parameters), (columns,) and (columns,): gradients of sums are the same at any point.
+    """
+    rng = np.random.default_rng(0)
+    points = [{**model.known, **{name: rng.uniform(0.5, 2.0) for name in model.parameters}} for _ in range(2)]
+    here, there = (model.base_jacobian(point) for point in points)
+    constant = model.base_from_physical(points[0]) - here @ [points[0][n] for n in model.parameters]
+    return here, constant, np.all(np.abs(here - there) <= LINEAR * np.abs(here), axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,15 +41,9 @@ class Sums:
     @classmethod
     def of(cls, model: Model, estimate: Estimate) -> Sums:
         """Find them: their gradients are the same at any point."""
-        rng = np.random.default_rng(0)
-        points = [
-            {**model.known, **{name: rng.uniform(0.5, 2.0) for name in model.parameters}} for _ in range(2)
-        ]
-        here, there = (model.base_jacobian(point) for point in points)
-        constant = model.base_from_physical(points[0]) - here @ [points[0][n] for n in model.parameters]
-        linear = np.all(np.abs(here - there) <= LINEAR * np.abs(here), axis=1)
+        shares, constant, linear = linear_shares(model)
         rows = np.flatnonzero(np.isfinite(estimate.base) & linear)
-        return cls(rows, here[rows], constant[rows])
+        return cls(rows, shares[rows], constant[rows])
 
     def following(self, model: Model, base: FloatArray, nominal: Mapping[str, float]) -> dict[str, float]:
         """Return the parameters without a value that the sums determine, the others being known.

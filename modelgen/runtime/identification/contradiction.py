@@ -32,7 +32,10 @@ def contradiction(fit: Fit, other: Fit, share: float = 1.0) -> FloatArray:
 
 
 def below_zero(model: Model, fit: Fit, drift: FloatArray) -> dict[str, float]:
-    """Return by how many standard deviations columns are negative that cannot be; drift is (c, c)."""
+    """Return by how many standard deviations columns are negative that cannot be.
+
+    `drift` is the covariance of the columns by settings, shape (c, c), in SI.
+    """
     negative = negative_columns(model, fit)
     if not negative:
         return {}

@@ -172,7 +172,7 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
         try:
             made = rows.lines(asked, [block.place for block in blocks])
         except DataError as error:  # of a record that is read in stretches the simulation is made now
-            raise diverged(f"its simulation fails ({error.problems[0].what})", fit, model) from error
+            raise simulation_failed(error, fit, model) from error
         for index, lines in zip(indices, made, strict=True):
             found[index] = lines
     power = np.zeros(len(fit.columns))

@@ -21,9 +21,7 @@ from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.thresholds import (
     BETWEEN,
-    CUTOFF_SHARE,
     FAR,
-    FILTER_ORDER,
     FINEST,
     MOST_EVALUATIONS,
     RELATIVE_STEP,
@@ -40,6 +38,7 @@ from modelgen.runtime.simulation.closed_loop import (
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulation.simulate import simulate
+from modelgen.runtime.simulation.thresholds import CUTOFF_SHARE, FILTER_ORDER
 from modelgen.runtime.simulation.validate import initial_state
 from modelgen.runtime.stick_slip.hybrid_system import refinement
 

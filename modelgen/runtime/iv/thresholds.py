@@ -61,10 +61,6 @@ VANISHED_ROW = 1e-6
 # Rows hold no more exactly than to this share of their largest term.
 EXACTNESS = 1e-3
 
-# The reference's rate is the measured velocity below this share of the sampling frequency.
-CUTOFF_SHARE = 0.1
-# Of the low-pass in front of that derivative.
-FILTER_ORDER = 4
 # Points a sample on a spline through the force: straight lines take (pi f / fs)^2 / 3 off a sine of f Hz.
 BETWEEN = 4
 # Fits: weights of the channels come from the residuals of the fit before.

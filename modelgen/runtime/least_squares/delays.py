@@ -211,7 +211,7 @@ def _late_so_far(delays: Mapping[str, float], sample: float) -> list[Problem]:
 
 
 def steps_of(rates: Sequence[FloatArray]) -> BlockColumn:
-    """Return the column of the step of a delay, one array a block, from what `delay_rates` gives."""
+    """Return the column of the step of a delay, from what `delay_rates` gives, shape (n,) a block, per s."""
     return block_column(rates).changed(np.negative)
 
 

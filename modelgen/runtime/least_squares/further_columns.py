@@ -48,7 +48,7 @@ def with_columns(
 
 
 def joined_blocks(fit: Fit, extra: Sequence[Sequence[FloatArray]]) -> tuple[RowBlock, ...]:
-    """Return the blocks of a fit with further columns behind its own, one array a block each."""
+    """Return the blocks of a fit with further columns behind its own, of shape (n,) a block each."""
     W = replace(fit, projected=None).regressors.joined(extra)
     return tuple(
         replace(block.kept(), W=samples, touched=places)
@@ -76,7 +76,10 @@ def without_columns(larger: Fit, fit: Fit) -> Fit:
 
 
 def with_columns_free(fit: Fit, extra: Sequence[Sequence[FloatArray]]) -> Fit:
-    """Return a least-squares fit that leaves further columns free: those that `with_columns` would take."""
+    """Return a least-squares fit that leaves further columns free, those that `with_columns` would take.
+
+    Each has shape (n,) a block, in the unit of the row over that of its factor.
+    """
     joined = fit.regressors.joined(extra)
     triangle = triangle_of(regressed_rows(fit.blocks, fit.weights, joined))
     return with_regressors(fit, _projected_out(joined, triangle, len(fit.columns)))

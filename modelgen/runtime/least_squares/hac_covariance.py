@@ -59,7 +59,10 @@ def hac_covariance(fit: Fit, grown: bool = True) -> FloatArray:
 
 
 def covariance_of_bandwidth(fit: Fit, series: Sequence[FloatArray], least: float) -> FloatArray:
-    """Return `hac_covariance` of a fit with this influence and at least so many instants as bandwidth."""
+    """Return `hac_covariance` of a fit with this influence and at least so many instants as bandwidth.
+
+    `series` holds an array a record, shape (n, c), in SI units of the columns.
+    """
     r = fit.count
     return long_run_covariance(series, least) * r / (r - len(fit.columns) - fit.lost)
 

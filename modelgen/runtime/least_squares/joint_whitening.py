@@ -65,6 +65,7 @@ class JointWhitener:
     ) -> list[tuple[FloatArray, IntArray]]:
         """Return the same of rows that have some of all columns each, at `places`, in their order.
 
+        `samples` and `places` hold an array a row, shape (n, k) and (k,); the rows returned are alike.
         A row that is predicted from others has their columns as well.
         """
         found = []

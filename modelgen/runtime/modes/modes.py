@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
+from modelgen.errors import aligned
 from modelgen.runtime.modes.mode_values import ModalValue, PairValues
 from modelgen.runtime.parameters.rounded import with_interval
 
@@ -117,18 +118,18 @@ class Modes(Sequence[Mode]):
         """Return a table of the modes, with 95 % intervals, their shapes, antiresonances and notes."""
         rows = [("mode", "Hz (95 %)", "rad/s", "damping ratio", "time constants s", "peak Hz")]
         rows += [(str(k + 1), *cells(mode), peak_hz(mode)) for k, mode in enumerate(self.modes)]
-        lines = _aligned(rows) if self.modes else []
+        lines = _ruled(rows) if self.modes else []
         if any(len(mode.shape) > 1 for mode in self.modes):
             bodies = list(self.modes[0].shape)
             shapes = [("shape", *bodies)]
             shapes += [
                 (str(k + 1), *(f"{v:.3g}" for v in m.shape.values())) for k, m in enumerate(self.modes)
             ]
-            lines += ["", *_aligned(shapes)]
+            lines += ["", *_ruled(shapes)]
         if self.antiresonances:
             zeros = [("antiresonance", "Hz (95 %)", "rad/s", "damping ratio", "time constants s")]
             zeros += [(f"{one.actuator} to {one.body}", *cells(one)) for one in self.antiresonances]
-            lines += ["", *_aligned(zeros)]
+            lines += ["", *_ruled(zeros)]
         for posture in self.postures:
             lines += [*([""] if lines else []), *_posture_lines(posture)]
         return "\n".join([*lines, *([""] if lines and self.notes else []), *self.notes])
@@ -139,7 +140,7 @@ def _posture_lines(posture: PostureModes) -> list[str]:
     taken = f" ({posture.record}, {posture.time_s:.4g} s)" if posture.time_s is not None else ""
     rows = [("motors", "Hz (95 %)", "rad/s", "damping ratio", "time constants s")]
     rows += [(word, *cells(one)) for word in ("free", "held") for one in getattr(posture, word)]
-    return [f"at {positions(posture)}{taken}", *_aligned(rows)]
+    return [f"at {positions(posture)}{taken}", *_ruled(rows)]
 
 
 class PostureRange(NamedTuple):
@@ -193,9 +194,6 @@ def shown(value: ModalValue) -> str:
     return with_interval(value.value, low, math.inf if value.high is None else value.high)
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = [
-        "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    ]
+def _ruled(rows: Sequence[Sequence[str]]) -> list[str]:
+    lines = aligned(rows)
     return [lines[0], "-" * max(map(len, lines)), *lines[1:]]

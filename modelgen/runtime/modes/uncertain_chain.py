@@ -168,7 +168,7 @@ def open_directions(
 ) -> FloatArray:
     """Return directions in shares of the parameters' sizes that change no base parameter, (parameters, k).
 
-    Parameters that are `known` do not take part.
+    `base` holds these, shape (columns,), NaN where not identified. What is `known` does not take part.
     """
     found = np.flatnonzero(np.isfinite(base))
     size = np.abs([values[name] or 1.0 for name in model.parameters])

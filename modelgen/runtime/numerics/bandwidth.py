@@ -87,7 +87,7 @@ def in_parts(series: Series | FloatArray, least: int = 1) -> Iterator[FloatArray
 
 
 def kept(series: Series | FloatArray) -> Series | FloatArray:
-    """Return a short series as an array, so that it is computed once."""
+    """Return a short series as an array, shape (n, c), so that it is computed once."""
     if not callable(series):
         return series
     found, held = [], 0

@@ -37,7 +37,7 @@ class BlockColumn(Sequence[FloatArray]):
         return np.zeros(count) if part is None else part
 
     def changed(self, change: Callable[[FloatArray], FloatArray]) -> BlockColumn:
-        """Return the column with every part changed by what leaves zeros as they are."""
+        """Return the column with every part, shape (n,), changed by what leaves zeros as they are."""
         return BlockColumn({index: change(part) for index, part in self.parts.items()}, self._counts)
 
 

@@ -199,7 +199,8 @@ class FilteredRecord:
 
         Each sensor's error counts by the logarithm of its size.
         """
-        noise = np.array([_noise(column, fs) for column in self._z.T])
+        rounding = [LEAST_NOISE * (float(np.std(column)) or 1.0) for column in self._z.T]
+        noise = np.maximum([noise_of(column, fs) for column in self._z.T], rounding)
         judged = min(len(self._z), JUDGED_SAMPLES)
         horizon = min(horizon, judged // 2)
         best, least = np.zeros((len(self._start), len(self._rows))), np.inf
@@ -254,10 +255,12 @@ class FilteredRecord:
         return np.asarray(np.linalg.solve(C @ P @ C.T + R, (Phi @ P @ C.T + S).T).T)
 
 
-def _noise(samples: FloatArray, fs: float) -> float:
-    """Return the standard deviation of white noise on a channel, from what lies above its dynamics."""
+def noise_of(samples: FloatArray, fs: float) -> float:
+    """Return the standard deviation of white noise on a channel, from what lies above its dynamics.
+
+    Samples have shape (n,), in the channel's unit; `fs` is in Hz.
+    """
     left_over = samples - zero_phase(samples, FILTER_ORDER, NOISE_SHARE * fs, fs)
     middle = left_over[len(samples) // 20 : -len(samples) // 20 or None]
     # of white noise, the share of the band above the filter remains
-    found = float(np.std(middle)) / float(np.sqrt(1.0 - 2.0 * NOISE_SHARE))
-    return max(found, LEAST_NOISE * (float(np.std(samples)) or 1.0))
+    return float(np.std(middle)) / float(np.sqrt(1.0 - 2.0 * NOISE_SHARE))

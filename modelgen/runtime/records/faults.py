@@ -111,6 +111,7 @@ def reading_problems(
 ) -> list[Problem]:
     """Return the `reading_faults` that no estimate stands, with what to do.
 
+    Signals have shape (n,), in the `units` given by channel.
     A force that repeats may be a command that is held so long; it is judged where `held` says which are.
     """
     problems = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -251,8 +251,10 @@ def missing_name(where: str, kind: str, name: str, available: Iterable[str]) -> 
     return Problem(where, f"has no {kind} {shortened(name)}", f"{hint}available: {listed(names)}")
 
 
-def refuse_lacking(records: Iterable[Record], needed: Iterable[str]) -> None:
-    """Raise DataError with one problem per channel that a record lacks."""
+def refuse_lacking(records: Sequence[Record], needed: Iterable[str]) -> None:
+    """Raise DataError with one problem per channel that a record lacks, or where there are no records."""
+    if not records:
+        raise DataError.at("records", "there are none", "give at least one Record")
     wanted = tuple(needed)
     lacking = [
         missing_name(one.name, "channel", key, one.keys)

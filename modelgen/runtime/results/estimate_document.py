@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
+from modelgen.documents import plain_json
 from modelgen.runtime.results.estimate_parts import FORMAT_VERSION
 
 if TYPE_CHECKING:
@@ -40,17 +39,4 @@ def estimate_document(estimate: Estimate) -> dict[str, Any]:
     parts = (estimate, estimate.model, estimate.fit, estimate.parameters)
     for name in (one.name for one in fields(SavedEstimate) if one.name not in own):
         own[name] = next(getattr(part, name) for part in parts if hasattr(part, name))
-    return {one.name: _plain(own[one.name]) for one in fields(SavedEstimate)}
-
-
-def _plain(value: Any) -> Any:
-    """Return a value in JSON's types; what is not finite becomes None."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return _plain(asdict(value))
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
+    return {one.name: plain_json(own[one.name]) for one in fields(SavedEstimate)}

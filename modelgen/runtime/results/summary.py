@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from modelgen.errors import listed
+from modelgen.errors import aligned, listed
 from modelgen.runtime.parameters.grouped_reasons import grouped_reasons
 from modelgen.runtime.results.check_tables import CheckTable, check_tables
 
@@ -190,14 +190,7 @@ def _titled(found: CheckTable) -> list[str]:
 
 def _table(rows: list[list[str]], left: int = 2) -> list[str]:
     """Align the columns of a table, the first `left` of them to the left; a rule under the header."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = [
-        "  ".join(
-            text.ljust(width) if i < left else text.rjust(width)
-            for i, (text, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    lines = aligned(rows, left)
     return [lines[0], "-" * max(len(line) for line in lines), *lines[1:]]
 
 

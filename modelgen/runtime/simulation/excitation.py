@@ -245,11 +245,11 @@ def _times(duration_s: float, fs: float, oversample: int) -> FloatArray:
 
 
 def raised_cosine(ramp: FloatArray) -> FloatArray:
-    """Return a raised cosine: 0 up to ramp = 0, 1 from ramp = 1 on."""
+    """Return a raised cosine, of the shape of `ramp`: 0 up to ramp = 0, 1 from ramp = 1 on."""
     risen: FloatArray = 0.5 - 0.5 * np.cos(pi * np.clip(ramp, 0.0, 1.0))
     return risen
 
 
 def integral(rate: FloatArray, t: FloatArray) -> FloatArray:
-    """Return the integral of the piecewise linear rate, exact at the times t."""
+    """Return the integral of the piecewise linear rate, exact at the times t in s, shape (n,) each."""
     return np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))))

@@ -123,6 +123,19 @@ def felt_accelerations(model: Model) -> FloatArray:
     return np.asarray(found * np.array(accelerometers), dtype=float)
 
 
+def sensor_levers(model: Model) -> FloatArray:
+    """Return what every sensor reads per coordinate of each body, differentiated as the sensor does.
+
+    Shape (sensors, bodies); of accelerometers they have lost the digits that solving equations costs.
+    """
+    found = felt_accelerations(model)
+    C = model.state_space(dict.fromkeys(_needed(model), 1.0), {one.body: 1 for one in model.friction}).C
+    for place, sensor in enumerate(model.sensors):
+        if sensor.order < 2:
+            found[place] = C[place, sensor.order * found.shape[1] :][: found.shape[1]]
+    return found
+
+
 def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | None = None) -> Plant:
     """Return the plant of a model with these parameter values.
 

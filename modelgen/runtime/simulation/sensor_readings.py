@@ -26,20 +26,29 @@ def instrument_keys(model: Model) -> tuple[str, ...]:
     return sensors + tuple(actuator.key for actuator in model.actuators)
 
 
-def check_levels(
-    keys: Sequence[str], option: str, levels: Mapping[str, float], *, signed: bool = False
-) -> None:
-    """Raise DataError for a level of a channel that is none of the keys, or (if not `signed`) below zero."""
-    lowest = -np.inf if signed else 0.0
-    remedy = "give a finite number" if signed else "give zero or a positive number"
-    problems = [missing_name(option, "channel", key, keys) for key in levels if key not in keys]
-    problems += [
-        Problem(f"{option}: {key}", f"is {level!r}", remedy)
-        for key, level in levels.items()
-        if not (lowest <= level < np.inf and level > -np.inf)
-    ]
-    if problems:
-        raise DataError(*problems)
+Levels = Mapping[str, float]
+
+
+def checked_levels(
+    keys: Sequence[str], noise: Levels | None, resolution: Levels | None, bias: Levels | None, seed: int
+) -> tuple[Levels, Levels, Levels]:
+    """Return noise, resolution and bias; DataError for one of no key, one out of range, a seed below zero."""
+    for option, given in (("noise", noise), ("resolution", resolution), ("bias", bias)):
+        lowest, remedy = 0.0, "give zero or a positive number"
+        if option == "bias":
+            lowest, remedy = -np.inf, "give a finite number"
+        levels = given or {}
+        problems = [missing_name(option, "channel", key, keys) for key in levels if key not in keys]
+        problems += [
+            Problem(f"{option}: {key}", f"is {level!r}", remedy)
+            for key, level in levels.items()
+            if not (lowest <= level < np.inf and level > -np.inf)
+        ]
+        if problems:
+            raise DataError(*problems)
+    if seed < 0:
+        raise DataError.at("seed", f"is {seed}", "give a whole number, 0 or more")
+    return dict(noise or {}), dict(resolution or {}), dict(bias or {})
 
 
 def readings(

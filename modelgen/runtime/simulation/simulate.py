@@ -6,7 +6,7 @@ events is exact (`stick_slip`), and so are torques, accelerations and friction a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TypedDict, Unpack
@@ -25,7 +25,7 @@ from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation, check_fs
 from modelgen.runtime.simulation.motion import move, true_signals
 from modelgen.runtime.simulation.plant import Plant, make_plant
-from modelgen.runtime.simulation.sensor_readings import check_levels, instrument_keys, readings
+from modelgen.runtime.simulation.sensor_readings import checked_levels, instrument_keys, readings
 from modelgen.runtime.stick_slip.hybrid_system import Event
 
 
@@ -178,7 +178,8 @@ def simulate(
     elif given["duration_s"] is not None:
         raise DataError.at("duration_s", "is given, but the Excitation has its own", "leave it out")
     settings = replace(settings, oversample=_oversample(excitation, settings.fs))
-    start = _initial_state(plant, given["initial_state"])
+    start = given_state(given["initial_state"], plant.bodies, "velocities")
+    start = np.zeros(2 * len(plant.bodies)) if start is None else start
     motion = move(plant, settings.controller, settings.drive, excitation, start, settings.oversample)
     true = true_signals(plant, motion)
     levels = (settings.noise, settings.resolution, settings.seed, settings.bias)
@@ -190,14 +191,9 @@ def simulate(
 
 def _settings(plant: Plant, given: SimulationOptions) -> Settings:
     """Return the checked settings; `oversample` may still be replaced by that of an Excitation."""
-    model, seed = plant.model, given["seed"]
-    noise, resolution, bias = (dict(given[key] or {}) for key in ("noise", "resolution", "bias"))
-    keys = instrument_keys(model)
-    check_levels(keys, "noise", noise)
-    check_levels(keys, "resolution", resolution)
-    check_levels(keys, "bias", bias, signed=True)
-    if seed < 0:
-        raise DataError.at("seed", f"is {seed}", "give a whole number, 0 or more")
+    model = plant.model
+    asked = given["noise"], given["resolution"], given["bias"]
+    noise, resolution, bias = checked_levels(instrument_keys(model), *asked, given["seed"])
     return Settings(
         plant.parameters,
         given["controller"] or default_controller(plant),
@@ -206,7 +202,7 @@ def _settings(plant: Plant, given: SimulationOptions) -> Settings:
         given["oversample"],
         MappingProxyType(noise),
         MappingProxyType(resolution),
-        seed,
+        given["seed"],
         MappingProxyType(bias),
         given["drive"] or Drive(),
     )
@@ -229,11 +225,13 @@ def _oversample(excitation: Excitation, fs: float) -> int:
     return round(ratio)
 
 
-def _initial_state(plant: Plant, given: npt.ArrayLike | None) -> FloatArray:
-    size = 2 * len(plant.bodies)
-    state = np.zeros(size) if given is None else np.array(given, dtype=float)
+def given_state(given: npt.ArrayLike | None, names: Sequence[str], rates: str) -> FloatArray | None:
+    """Return the initial state that is given, shape (2 coordinates,), in SI; raises DataError for no such."""
+    if given is None:
+        return None
+    size, state = 2 * len(names), np.array(given, dtype=float)
     if state.shape != (size,) or not np.isfinite(state).all():
-        remedy = f"give {size} finite numbers: positions, then velocities, of {', '.join(plant.bodies)}"
+        remedy = f"give {size} finite numbers: positions, then {rates}, of {', '.join(names)}"
         raise DataError.at("initial_state", f"has shape {state.shape} or is not finite", remedy)
     return state
 

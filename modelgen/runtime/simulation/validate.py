@@ -80,8 +80,6 @@ def validate(
         the model.
     """
     given = with_defaults("validate", options, ValidationOptions(cutoff_hz=None, oversample=None))
-    if not records:
-        raise DataError.at("records", "there are none", "give at least one Record")
     refuse_lacking(records, (*model.channels, "reference"))
     refuse_same_data(records, model.channels)
     plant = make_plant(model, parameters, actuator)

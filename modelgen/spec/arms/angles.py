@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from modelgen.magnitudes import is_usable
 from modelgen.spec.arms.arm import Angle
-from modelgen.spec.number_expression import GRAMMAR, PI, Misread, exact_number
+from modelgen.spec.number_expression import PI, Misread, exact_number
 from modelgen.spec.words import shown
 
 #: What is nearer to a multiple of 90 degrees is that multiple: 1.5708 rad is 3.7e-6 off pi/2, and a sixth
@@ -37,7 +37,7 @@ def read_angle(value: object) -> Angle:
     if isinstance(value, str):
         parts = _UNIT.fullmatch(value.strip())
         assert parts is not None
-        number = _number(parts["number"])
+        number = exact_number(parts["number"], f"write an angle, {EXAMPLE}")
         unit = parts["unit"] or ("rad" if _PI.search(value) else "deg")
         written = parts["unit"] is not None or unit == "rad"
     elif isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
@@ -80,14 +80,6 @@ def nearly_right(angle: Angle) -> bool:
     """Return whether an angle is so near to a multiple of 90 degrees that it may have been meant."""
     rest = math.remainder(angle.radians, 0.5 * math.pi)
     return bool(angle.cosine and angle.sine) and abs(rest) < NEARLY_RIGHT_RAD
-
-
-def _number(text: str) -> Fraction:
-    try:
-        return exact_number(text)
-    except Misread as found:
-        remedy = f"write an angle, {EXAMPLE}"
-        raise Misread(found.what, remedy if found.remedy == GRAMMAR else found.remedy) from None
 
 
 def _nearest_fraction(value: float) -> Fraction:

@@ -8,10 +8,11 @@ from fractions import Fraction
 
 from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.spec.arms.arm import Length
-from modelgen.spec.number_expression import GRAMMAR, LONGEST, Misread, exact_number
+from modelgen.spec.number_expression import LONGEST, Misread, exact_number
 from modelgen.spec.words import identifier_problem, shown
 
 EXAMPLE = 'for example 0.4318 (m), "431.8/1000", "L2" or "-L2/2"'
+REMEDY_OF_TEXT = f"write a number (m) or a multiple of one name, {EXAMPLE}"
 _MARKS = re.compile(r" *([-+*/]) *")
 _NAMED = re.compile(
     r"(?P<sign>[+-]?)(?:(?P<times>[^A-Za-z*]+)\*)?(?P<name>(?!pi\b|\d)\w+)(?:/(?P<over>[^A-Za-z*/]+))?"
@@ -28,7 +29,7 @@ def read_length(value: object) -> Length:
     """
     if isinstance(value, str):
         named = _NAMED.fullmatch(_MARKS.sub(r"\1", value.strip())) if len(value) <= LONGEST else None
-        length = _named(named) if named else Length(_number(value))
+        length = _named(named) if named else Length(exact_number(value, REMEDY_OF_TEXT))
     elif isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
         length = Length(Fraction(str(value)))
     else:
@@ -44,14 +45,6 @@ def sum_of_lengths(one: Length, other: Length) -> Length | None:
         return None
     factor = one.factor + other.factor
     return Length(factor, one.name if factor else None)
-
-
-def _number(text: str) -> Fraction:
-    try:
-        return exact_number(text)
-    except Misread as found:
-        remedy = f"write a number (m) or a multiple of one name, {EXAMPLE}"
-        raise Misread(found.what, remedy if found.remedy == GRAMMAR else found.remedy) from None
 
 
 def _named(found: re.Match[str]) -> Length:

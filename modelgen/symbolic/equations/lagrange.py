@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import sympy as sp
 
-from modelgen.spec.load import Body, ChainSpec
+from modelgen.spec.chain import Body, ChainSpec
 from modelgen.symbolic.equations.newton import MotionEquations, deflection
 from modelgen.symbolic.equations.signals import Signal
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from modelgen.spec.load import Body, ChainSpec, Link
+from modelgen.spec.chain import Body, ChainSpec, Link
 from modelgen.symbolic.equations.signals import Exact, Signal, Term, collect, coordinate, quotient
 from modelgen.symbolic.equations.term_sum import paused_collector
 

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 from sympy.polys.rings import PolyElement
 
-from modelgen.spec.load import ChainSpec, Sensor
+from modelgen.spec.chain import ChainSpec, Sensor
 from modelgen.symbolic.equations.signals import Exact
 
 

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from modelgen.errors import ModelError
-from modelgen.spec.load import ChainSpec
+from modelgen.spec.chain import ChainSpec
 from modelgen.spec.units import force_unit, signal_unit
 from modelgen.symbolic.equations.newton import deflection
 from modelgen.symbolic.equations.row import Feature, KeyTerm, NeededSignal, Row

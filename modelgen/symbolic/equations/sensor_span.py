@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
-from modelgen.spec.load import ChainSpec, Sensor
+from modelgen.spec.chain import ChainSpec, Sensor
 from modelgen.spec.units import ORDER
 from modelgen.symbolic.equations.newton import deflection
 from modelgen.symbolic.equations.signals import Exact, quotient

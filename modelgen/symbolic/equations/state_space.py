@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from modelgen.spec.load import Sensor
+from modelgen.spec.chain import Sensor
 from modelgen.spec.units import ORDER
 from modelgen.symbolic.equations.newton import MotionEquations, deflection
 from modelgen.symbolic.equations.sensor_span import Sensing

@@ -10,7 +10,12 @@ from hypothesis import strategies as st
 from generated import emps300_qm_qc
 from modelgen.errors import DataError
 from modelgen.runtime.model.model import model_from_module
-from modelgen.runtime.simulation.sensor_readings import check_levels, encoder_step, instrument_keys, readings
+from modelgen.runtime.simulation.sensor_readings import (
+    checked_levels,
+    encoder_step,
+    instrument_keys,
+    readings,
+)
 
 EMPS = model_from_module(emps300_qm_qc)
 TRUE = {"q_m": np.linspace(-1.0, 1.0, 20001), "q_c": np.zeros(20001), "Gamma_m": np.ones(20001)}
@@ -77,6 +82,7 @@ def test_readings_are_rounded_to_the_resolution() -> None:
 
 def test_every_wrong_level_is_named() -> None:
     with pytest.raises(DataError) as caught:
-        check_levels(instrument_keys(EMPS), "noise", {"q_n": 1.0, "q_c": -1.0, "Gamma_m": float("nan")})
+        noise = {"q_n": 1.0, "q_c": -1.0, "Gamma_m": float("nan")}
+        checked_levels(instrument_keys(EMPS), noise, None, None, 0)
     where = [(problem.where, problem.what) for problem in caught.value.problems]
     assert where == [("noise", "has no channel q_n"), ("noise: q_c", "is -1.0"), ("noise: Gamma_m", "is nan")]

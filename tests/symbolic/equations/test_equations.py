@@ -7,7 +7,8 @@ from fractions import Fraction
 
 import pytest
 
-from modelgen.spec.load import ChainSpec, catalog_names, catalog_path, load_spec, parse_spec
+from modelgen.spec.chain import ChainSpec
+from modelgen.spec.load import catalog_names, catalog_path, load_spec, parse_spec
 from modelgen.symbolic.equations.lagrange import lagrange_equations, newton_minus_lagrange
 from modelgen.symbolic.equations.newton import motion_equations
 from modelgen.symbolic.equations.signals import Signal, Term

@@ -31,8 +31,8 @@ from modelgen.runtime.simulation.arms.mounted_sensors import MountedSensor, sens
 from modelgen.runtime.simulation.arms.thresholds import (
     DURATION_S,
 )
-from modelgen.runtime.simulation.sensor_readings import check_levels, drawn, instrument_keys
-from modelgen.runtime.simulation.simulate import ModeChange
+from modelgen.runtime.simulation.sensor_readings import Levels, checked_levels, drawn, instrument_keys
+from modelgen.runtime.simulation.simulate import ModeChange, given_state
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +156,8 @@ def simulate_arm(
     elif given["duration_s"] is not None:
         raise DataError.at("duration_s", "is given, but the reference has its own", "leave it out")
     _refuse_impossible(plant, reference.motion)
-    start = _start(plant, reference.motion, given["initial_state"])
+    start = given_state(given["initial_state"], plant.coordinates.names, "speeds")
+    start = carried_start(plant, reference.motion) if start is None else start
     factor = nodes_a_sample(plant, controller, reference.motion)
     motion = followed(plant, reference, controller, start, factor)
     true = true_signals(plant, motion, factor)
@@ -192,19 +193,15 @@ def _recorded(model: Model, sensors: Sequence[MountedSensor] | None) -> tuple[st
 
 def _levels(
     model: Model, recorded: Sequence[str], given: ArmSimulationOptions
-) -> tuple[Mapping[str, float], Mapping[str, float], Mapping[str, float]]:
+) -> tuple[Levels, Levels, Levels]:
     """Return noise, resolution and bias, checked."""
-    noise, resolution, bias = (dict(given[key] or {}) for key in ("noise", "resolution", "bias"))
-    check_levels(recorded, "noise", noise)
-    check_levels(recorded, "resolution", resolution)
-    check_levels(recorded, "bias", bias, signed=True)
+    asked = given["noise"], given["resolution"], given["bias"]
+    levels = checked_levels(recorded, *asked, given["seed"])
     keys = [key for key in recorded if key not in model.derived]
-    summed = [key for level in (noise, resolution, bias) for key in level if key in model.derived]
+    summed = [key for level in levels for key in level if key in model.derived]
     if summed:
         raise DataError(*(missing_name("noise", "channel", key, keys) for key in summed))
-    if given["seed"] < 0:
-        raise DataError.at("seed", f"is {given['seed']}", "give a whole number, 0 or more")
-    return noise, resolution, bias
+    return levels
 
 
 def _refuse_impossible(plant: ArmPlant, reference: JointMotion) -> None:
@@ -227,17 +224,6 @@ def _refuse_impossible(plant: ArmPlant, reference: JointMotion) -> None:
     ):
         what = "give a mass matrix that is not positive definite: no links have these"
         raise DataError.at("parameters", what, "give mass, centre and inertia of each link together")
-
-
-def _start(plant: ArmPlant, reference: JointMotion, given: npt.ArrayLike | None) -> FloatArray:
-    if given is None:
-        return carried_start(plant, reference)
-    names = plant.coordinates.names
-    size, state = 2 * len(names), np.array(given, dtype=float)
-    if state.shape != (size,) or not np.isfinite(state).all():
-        remedy = f"give {size} finite numbers: positions, then speeds, of {', '.join(names)}"
-        raise DataError.at("initial_state", f"has shape {state.shape} or is not finite", remedy)
-    return state
 
 
 def _changes(plant: ArmPlant, motion: ArmMotion) -> tuple[ModeChange, ...]:

@@ -80,8 +80,6 @@ def validate_arm(
         When a channel is missing, records hold the same data, the motion runs away, or a payload is taken up
         within a record.
     """
-    if not records:
-        raise DataError.at("records", "there are none", "give at least one Record")
     needed = (*model.channels, *(f"reference_{name}" for name in joint_units(model)))
     needed = tuple(key for key in needed if key not in model.derived)
     refuse_lacking(records, needed)
