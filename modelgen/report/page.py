@@ -90,7 +90,7 @@ def report_page(
             model=model,
             verdict=estimate.verdict,
             asked=asked_for(estimate),
-            refused=grouped_reasons(estimate.not_identifiable),
+            refused=grouped_reasons(estimate.unanswered),
             modes=estimate.modes(),
             ranges=posture_ranges(estimate.modes()),
             style=Markup(style),

@@ -29,7 +29,7 @@ from modelgen.runtime.identification.explanation.held_commands import with_held_
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
-from modelgen.runtime.identification.refusals import all_refused, refusals
+from modelgen.runtime.identification.refusals import all_refused, refusals, refused_problems
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
@@ -285,13 +285,12 @@ def _stand_in(
     fit = found.found.fit
     refused, _ = refusals(task.model, task.records, task.choice, fit, task.checks.keep)
     if all(name in refused for name in fit.columns):
-        raise all_refused(refused) from None
+        raise all_refused(refused, task.model) from None
     bias = noise_bias(task.model, task.records, task.choice, fit)
     impossible = negative_columns(task.model, fit).keys() - refused.keys()
     biased = np.any(np.abs(bias) > STANDS_IN * np.abs(fit.solution.x))
     if biased or impossible or max(fit.left_shares) > LEFT_SHARE:
-        remedy = "record another motion, or sense more"
-        reasons = [Problem(name, reason, remedy) for name, reason in refused.items()]
+        reasons = refused_problems(refused, task.model)
         swapped = [Problem(one.where, one.what, one.remedy) for one in swapped_channels(task.job, fit)]
         raise IdentifiabilityError(*error.problems, *reasons, *swapped) from None
     note, drift = f"method wls: {why}; noise pulls it little", found.found.drift + np.outer(bias, bias)

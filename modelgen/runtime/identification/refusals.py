@@ -24,7 +24,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.dependence import dependences
-from modelgen.runtime.parameters.grouped_reasons import grouped_reasons
+from modelgen.runtime.parameters.grouped_reasons import grouped_reasons, reasons_of_parameters
 from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX, LARGEST_INDEX
 from modelgen.runtime.parameters.unanswered_columns import (
     columns_that_vanish,
@@ -51,7 +51,11 @@ def refusals(
     if unknown:
         raise DataError(*(missing_name("keep", "parameter", name, model.base_parameters) for name in unknown))
     reasons = unanswered(model, records, choice, fit) | one_way_columns(model, fit.absent)
-    reasons |= dependent_columns(fit, reasons) | zero_columns(fit, model) | resting_bodies(model, records)
+    reasons |= (
+        dependent_columns(fit, reasons, model=model)
+        | zero_columns(fit, model)
+        | resting_bodies(model, records)
+    )
     if fit.projected:  # noise, which biases least squares, may be what such a row leaves there
         reasons |= null_columns(fit, model, records, choice)
     reasons |= friction_and_offset(model, one_way_friction(model, fit), fit.columns)
@@ -80,31 +84,47 @@ def late_refusals(
     drift: FloatArray,
     keep: Sequence[str],
     bias: FloatArray | None = None,
+    model: Model | None = None,
 ) -> dict[str, str]:
     """Return what is refused once drift and bias are known: not all that is left, though.
 
     `drift` is the mean square by which settings move the estimate, shape (c, c), `bias` the bias by
     noise, shape (c,); both in the order of the columns of the fit and in their units.
     """
-    found = dependent_columns(fit, refused, drift) | (lost_in_noise(fit, bias) if bias is not None else {})
+    found = dependent_columns(fit, refused, drift, model) | (
+        lost_in_noise(fit, bias) if bias is not None else {}
+    )
     late = {name: reason for name, reason in found.items() if name not in refused and name not in keep}
     left = [name for name in fit.columns if name not in refused and name not in late]
     return {**refused, **late} if left else dict(refused)
 
 
-def all_refused(refused: Mapping[str, str]) -> IdentifiabilityError:
+def all_refused(refused: Mapping[str, str], model: Model) -> IdentifiabilityError:
     """Return the error that says that no parameter gets a number, with every reason."""
+    return IdentifiabilityError(*refused_problems(refused, model))
+
+
+def refused_problems(refused: Mapping[str, str], model: Model) -> tuple[Problem, ...]:
+    """Return a problem for every reason for which base parameters are refused, by the spec's parameters."""
+    told = [name for name in model.parameters if name not in model.absent]
+    reasons = dict(refused)
+    if not model.is_arm:
+        reasons = reasons_of_parameters(refused, model.composites, told)
     remedy = "record another motion, or sense more"
-    return IdentifiabilityError(*(Problem(one.who, one.why, remedy) for one in grouped_reasons(refused)))
+    return tuple(Problem(one.who, one.why, remedy) for one in grouped_reasons(reasons))
 
 
 def dependent_columns(
-    fit: Fit, otherwise: Container[str] = (), drift: FloatArray | float = 0.0
+    fit: Fit,
+    otherwise: Container[str] = (),
+    drift: FloatArray | float = 0.0,
+    model: Model | None = None,
 ) -> dict[str, str]:
     """Return the columns without a number because they move with others, exactly or nearly.
 
     Near dependence counts where it leaves a parameter with a standard deviation above its value, `drift`
     (shape (c, c)) included; columns that are refused `otherwise` are no news then.
+    `model` says which parameters composites are made of.
     """
     lost = _undetermined(fit)
     if not lost and fit.solution.condition_number < LARGEST_INDEX:
@@ -112,10 +132,10 @@ def dependent_columns(
     covariance = hac_covariance(fit) + drift
     found: dict[str, str] = {}
     for group in dependences(fit, covariance, HIGHEST_INDEX) if lost else ():
-        why = group.inseparable("W is short of rank")
+        why = group.inseparable("W is short of rank", model)
         found |= {name: why for name in group.columns if name in lost}
     for group in dependences(fit, covariance):
-        why = group.inseparable(group.index_said)
+        why = group.inseparable(group.index_said, model)
         for name in group.columns:
             index = fit.columns.index(name)
             spread = 100.0 * float(np.sqrt(max(covariance[index, index], 0.0)))

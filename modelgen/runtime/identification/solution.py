@@ -140,7 +140,7 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         model, job, method, plain = task.model, task.job, task.method, told.fit
         refused, advice = refusals(model, job.records, job.choice, plain, task.checks.keep)
         if all(name in refused for name in plain.columns):
-            raise all_refused(refused)
+            raise all_refused(refused, model)
     if method.robust is None and (clipped := clipped_forces(model, job.records, job.choice, plain)):
         raise IdentifiabilityError(*clipped)
     if by_default:

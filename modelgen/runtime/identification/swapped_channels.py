@@ -48,6 +48,10 @@ class _Sense:
     impossible: int
     unexplained: float
 
+    def as_well(self, other: _Sense) -> bool:
+        """Tell whether another fit leaves about as much or less; what explains nothing has any sign."""
+        return other.unexplained < min(self.unexplained / BETTER, BETTER)
+
     def explained_by(self, other: _Sense) -> bool:
         """Tell whether the worst row of another fit leaves much less; to leave all of a term is the worst."""
         return other.unexplained < BETTER * min(self.unexplained, 1.0)
@@ -80,7 +84,7 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         except ModelgenError:
             continue
         better = given.explained_by(found)
-        if not found.impossible and (better or (given.impossible and found.unexplained < BETTER)):
+        if not found.impossible and (better or (given.impossible and given.as_well(found))):
             tried.append((found, change))
     return (_told(job, given, *min(tried, key=lambda entry: entry[0].unexplained)),) if tried else ()
 

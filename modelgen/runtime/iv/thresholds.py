@@ -43,6 +43,8 @@ HELD_STARTS, HELD_PARTS = 3, (0.0, 0.5)
 LARGEST_STEP = 0.5
 # Nor can a parameter be this many times smaller or larger than at the start.
 FARTHEST = 1e4
+# Where a chain cannot be simulated, those that are so many times smaller or larger than at the start are why.
+MANY_TIMES = 10.0
 
 # Rounds of simulation and estimate, at most.
 ROUNDS = 20

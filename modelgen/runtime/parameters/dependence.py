@@ -17,6 +17,8 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import listed, signed_sum
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.grouped_reasons import parameters_in
 from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.parameters.thresholds import (
     HIGHEST_INDEX,
@@ -86,11 +88,21 @@ class Dependence:
         """The condition index in words, to two digits: more of them are rounding where it is large."""
         return f"condition index {float(f'{self.condition_index:.2g}'):.0f}"
 
-    def inseparable(self, because: str) -> str:
-        """Why its columns have no numbers of their own, and the sums of them that are known well."""
-        known = [one.said for one in self.combinations if one.known]
+    def inseparable(self, because: str, model: Model | None = None) -> str:
+        """Why its columns have no numbers of their own, and the sums of them that are known well.
+
+        With a model composites are told by the parameters in them.
+        """
+        names = self.columns
+        if model is not None and model.composites:
+            formulas = [model.composites.get(name, name) for name in names]
+            names = parameters_in(" ".join(formulas), model.parameters)
+        told_of = {*names}
+        known = [
+            one.said for one in self.combinations if one.known and told_of.issuperset(n for _, n in one.terms)
+        ]
         told = "; ".join([because, *([f"known is {joined(known)}"] if known else [])])
-        return f"{listed(self.columns, most=LISTED)} {INSEPARABLE} ({told})"
+        return f"{listed(names, most=LISTED)} {INSEPARABLE} ({told})"
 
 
 def dependences(fit: Fit, covariance: FloatArray, largest_index: float = LARGEST_INDEX) -> list[Dependence]:

@@ -20,6 +20,7 @@ from modelgen.frozen_values import FrozenValues
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.decorrelation import whitening
 from modelgen.runtime.parameters.composite_fit import PhysicalSolution, fit_composites
+from modelgen.runtime.parameters.grouped_reasons import DEPENDS
 from modelgen.runtime.parameters.nearest_parameters import nearest_parameters
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.robust_starts import robust_starts
@@ -190,7 +191,7 @@ def _solid(model: Model, values: Mapping[str, float]) -> bool:
 def _why_open(refused: Collection[str]) -> str:
     if not refused:
         return "cannot be worked out from the base parameters found: they leave it open"
-    return f"depends on {', '.join(refused)}, which the records cannot answer"
+    return f"{DEPENDS}{', '.join(refused)}, which the records cannot answer"
 
 
 def _is_start(start: Mapping[str, float], near: Mapping[str, float]) -> bool:

@@ -150,7 +150,7 @@ def refused_lines(estimate: Estimate) -> list[str]:
     """Return what has no number: names with one kind of reason share a line, with the reason of the first."""
     return [
         line
-        for one in grouped_reasons(estimate.not_identifiable)
+        for one in grouped_reasons(estimate.unanswered)
         for line in _wrapped(f"No number for {one.who}: {shortened(one.why, REASON)}", "  ")
     ]
 

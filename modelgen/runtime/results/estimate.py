@@ -24,6 +24,7 @@ from modelgen.runtime.modes.arm_modes import modes_of_arm
 from modelgen.runtime.modes.chain_of_fit import modes_of_fit
 from modelgen.runtime.modes.measured_peaks import with_peaks
 from modelgen.runtime.modes.modes import Modes
+from modelgen.runtime.parameters.grouped_reasons import reasons_of_parameters
 from modelgen.runtime.parameters.physical_parameters import Covariances
 from modelgen.runtime.results.answer import answer_html, answer_text
 from modelgen.runtime.results.checks import Checks
@@ -116,6 +117,18 @@ class Estimate:
     def not_identifiable(self) -> Mapping[str, str]:
         """Base or physical parameter to the reason why there is no number for it."""
         return self.parameters.not_identifiable
+
+    @property
+    def unanswered(self) -> Mapping[str, str]:
+        """The same by the parameters of the spec: reasons of composites of them are theirs.
+
+        Of an arm all of them: sums of its parameters are what there is to know.
+        """
+        if self.model.groupings:
+            return self.not_identifiable
+        told = [name for name in self.model.roles if name not in self.model.unseen]
+        numbers = {*self.params, *self.physical}
+        return reasons_of_parameters(self.not_identifiable, self.model.composites, told, numbers)
 
     @property
     def resid(self) -> FloatArray:

@@ -54,7 +54,7 @@ def markdown_table(estimate: Estimate) -> str:
     rows = [[_markdown(cell) for cell in row] for row in _rows(estimate)]
     lines = ["| " + " | ".join(HEADINGS) + " |", "|---|---|" + "---:|" * 5]
     lines += ["| " + " | ".join(row) + " |" for row in rows]
-    grouped = grouped_reasons(estimate.not_identifiable)
+    grouped = grouped_reasons(estimate.unanswered)
     refused = [f"- {_markdown(one.who)}: {_markdown(one.why)}" for one in grouped]
     return "\n".join([*lines, *(["", "Not identifiable:", "", *refused] if refused else [])]) + "\n"
 

@@ -134,7 +134,7 @@ def _delay(name: str, delay: float, std: float | None) -> str:
 
 
 def _refused(estimate: Estimate) -> list[str]:
-    reasons = dict(estimate.not_identifiable)
+    reasons = dict(estimate.unanswered)
     lines = []
     if estimate.model.groupings:  # of most parameters of an arm their sums say the same
         grouped = [

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from modelgen.errors import listed
 from modelgen.runtime.diagnostics.parameter_checks import REMEDIES
 from modelgen.runtime.parameters.dependence import INSEPARABLE
+from modelgen.runtime.parameters.grouped_reasons import DEPENDS
 from modelgen.runtime.parameters.parameter import may_be_zero
 from modelgen.runtime.results.thresholds import EXPLAINED, WIDE_PERCENT
 
@@ -114,12 +115,12 @@ def _findings(estimate: Estimate) -> Iterator[_Finding]:
 def refused_by_records(estimate: Estimate) -> dict[str, str]:
     """Return what the sensors could answer and the records did not, with the reason."""
     unseen = estimate.model.unseen
-    return {name: why for name, why in estimate.not_identifiable.items() if name not in unseen}
+    return {name: why for name, why in estimate.unanswered.items() if name not in unseen}
 
 
 def _refused(estimate: Estimate) -> Iterator[_Finding]:
     refused = refused_by_records(estimate)
-    roots = {name: why for name, why in refused.items() if not why.startswith("depends on ")} or refused
+    roots = {name: why for name, why in refused.items() if not why.startswith(DEPENDS)} or refused
     for name, why in list(roots.items())[:1]:
         others = f" (and {listed(list(roots)[1:], most=6)})" if len(roots) > 1 else ""
         action = _action(name, why, estimate)

@@ -120,3 +120,10 @@ def test_a_row_that_leaves_more_than_all_is_not_mended_by_leaving_all() -> None:
     given = _Sense(0, 3.54)
     assert not given.explained_by(_Sense(0, 0.995))
     assert given.explained_by(_Sense(0, 0.3))
+
+
+def test_a_reversal_that_explains_less_is_not_told_for_a_sign() -> None:
+    given = _Sense(2, 0.03)
+    assert given.as_well(_Sense(0, 0.03))
+    assert not given.as_well(_Sense(0, 0.4))
+    assert not _Sense(2, 0.8).as_well(_Sense(0, 0.6))

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from modelgen.runtime.parameters.grouped_reasons import grouped_reasons
+from modelgen.runtime.parameters.grouped_reasons import grouped_reasons, reasons_of_parameters
 
 REASONS = {
     "J": "J and K cannot be told apart in these records (condition index 90)",
@@ -15,3 +15,25 @@ def test_each_reason_is_said_once() -> None:
 
     assert [one.who for one in found] == ["J, K", "F_a (F_b likewise)"]
     assert [one.why for one in found] == [REASONS["J"], REASONS["F_a"]]
+
+
+def test_composites_are_told_by_the_parameters_of_the_spec() -> None:
+    apart, late = "J_a, J_b cannot be told apart in these records", "cannot be told from the delay of T"
+    reasons = {
+        "J_a": apart,
+        "C1": late,
+        "F_b/K": late,
+        "J_b": "depends on J_a, C1, which the records cannot answer",
+        "K": "its standard deviation is 90 % of its value",
+        "O_a + O_b": "never seen",
+    }
+    found = reasons_of_parameters(reasons, {"C1": "J_a*J_b/K"}, ("J_a", "F_a", "J_b", "F_b", "K"), {"F_a"})
+    assert found == {
+        "O_a + O_b": "never seen",
+        "J_a": apart,
+        "J_b": late,
+        "F_b": late,
+        "K": "its standard deviation is 90 % of its value",
+    }
+    assert "K" not in reasons_of_parameters(reasons, {}, ("K",), {"K"})
+    assert reasons_of_parameters({"J + M": "why"}, {}, ()) == {"J + M": "why"}

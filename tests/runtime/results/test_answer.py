@@ -58,9 +58,9 @@ def test_reasons_of_one_kind_share_a_line() -> None:
     reasons = {
         "F_a": "no constant-velocity motion of a in record one: 3 % of its power",
         "F_b": "no constant-velocity motion of b in record one: 40 % of its power",
-        "K": "its standard deviation is 46.8 % of its value",
+        "K_a": "its standard deviation is 46.8 % of its value",
         "S": "its standard deviation is 46.8 % of its value",
-        "J": "its standard deviation is 2e+03 % of its value",
+        "J_a": "its standard deviation is 2e+03 % of its value",
         "D": "cannot be told from M (W is short of rank)",
     }
     text = answer_text(replace(whole, parameters=replace(whole.parameters, not_identifiable=reasons)))
@@ -68,7 +68,7 @@ def test_reasons_of_one_kind_share_a_line() -> None:
     assert text.count("No number for") == 3
     assert "No number for D: cannot be told from M" in said
     assert "No number for F_a (F_b likewise): no constant-velocity motion of a in record one: 3 %" in said
-    assert "No number for K, S (J likewise): its standard deviation is 46.8 % of its value" in said
+    assert "No number for K_a, S (J_a likewise): its standard deviation is 46.8 % of its value" in said
 
 
 def test_no_text_is_markup() -> None:

@@ -13,11 +13,10 @@ from itertools import islice
 
 import numpy as np
 
-from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.iv.divergence import diverged
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.physical.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
-from modelgen.runtime.iv.physical.physical_iv import PLAIN, Found, Rows, fit_physical_iv
+from modelgen.runtime.iv.physical.physical_iv import MORE, PLAIN, Found, Rows, fit_physical_iv
 from modelgen.runtime.iv.physical.start_in_rows import start_in_rows
 from modelgen.runtime.iv.physical.starting_values import (
     cheap_starts,
@@ -132,8 +131,16 @@ def _first_found(setting: Setting, rows: Rows, beginnings: Iterable[Beginning], 
     known = next((found for found in held if found is not None), None)
     if known is not None or lost:
         return known or lost[0]
-    # the first start is the most likely one, and so is what became of it
-    raise failures[0] if failures else diverged("no physical parameters belong to its estimate")
+    # the first start is the most likely one, and so is what became of it; a motion that cannot be simulated
+    # is none that the user has seen
+    told = [error for error in failures if not isinstance(error.__cause__, DataError)]
+    raise (
+        told[0]
+        if told
+        else IdentifiabilityError.at(
+            "method iv", "no chain that can be simulated belongs to what the records give", MORE
+        )
+    )
 
 
 def _with_held_delays(

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.errors import DataError
+from modelgen.runtime.iv.divergence import simulation_failed
 from modelgen.runtime.iv.effect_rows import simulated_with
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments, simulated
 from modelgen.runtime.iv.physical.friction_rows import (
@@ -88,6 +90,11 @@ def step_from(
     """Linearise rows at p, make them white, and solve them with the instruments of a simulation at p.
 
     Without `white` each row has one weight only.
+
+    Raises
+    ------
+    IdentifiabilityError
+        Where the simulation fails.
     """
     model = setting.model
     moved = tuple(advanced(record, now.delays) for record in setting.records)
@@ -115,6 +122,9 @@ def step_from(
         Y = white_of(residual, block.place) + W[:, : len(now.p)] @ now.p
         whitened.append(replace(block.kept(), W=W, Y=Y))
         stacked.append(white_of(np.column_stack([z @ slope, -rate]), block.place))
+    if not all(np.all(np.isfinite(z)) for z in stacked):
+        failed = DataError.at("simulation", "is not finite", "record another motion")
+        raise simulation_failed(failed, plain, model) from failed
     names = (*model.parameters, *(f"delay of {channel}" for channel in now.delays))
     linear = replace(fit, columns=names, blocks=tuple(whitened))
     return GaussNewtonStep(fit, Z, slope, *_solved(two_stage(linear, tuple(stacked)), model, rules))

@@ -29,6 +29,7 @@ from modelgen.runtime.iv.thresholds import (
     FARTHEST,
     HOPELESS,
     LARGEST_STEP,
+    MANY_TIMES,
     NEAR,
     ROUGH_ROUNDS,
     SMALL_CHANGE,
@@ -47,6 +48,10 @@ Rows = Callable[[tuple[Record, ...]], Observation]
 
 SIGNED = ("offset", "viscous", "coulomb", "damping")
 PLAIN = Rules()
+MORE = (
+    "sense more (modelgen show --sensors all), give one of them as known, excite more, or give the delays of "
+    "forces where they are known (--delay none)"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +129,11 @@ def fit_physical_iv(
         if late and done > 1:
             observation = rows(tuple(advanced(record, now.delays) for record in setting.records))
             plain = replace(plain, blocks=tuple(block for block in observation.blocks if block.place.size))
-        step = step_from(setting, plain, now, rules, near)
+        try:
+            step = step_from(setting, plain, now, rules, near)
+        except IdentifiabilityError as error:
+            _refuse_led_away(_led_away(model, now.p, first, rules, MANY_TIMES))
+            raise error
         x, spread = step.x, step.spread
         move = np.r_[x[:c] - now.p, x[c:]]
         if not np.all(np.isfinite(move)):
@@ -139,7 +148,7 @@ def fit_physical_iv(
             return Found(observation, fit, now.p, x[:c], lost)
         near = near or bool(np.all((np.abs(move) <= NEAR * spread) | hopeless)) or done >= ROUGH_ROUNDS
         now = _moved(model, now, move, sample, rules)
-        _check_distance(model, now.p, first, rules)
+        _refuse_led_away(_led_away(model, now.p, first, rules, FARTHEST))
     raise _restless(model, x[:c], spread[:c])
 
 
@@ -170,8 +179,7 @@ def _restless(model: Model, values: FloatArray, spread: FloatArray) -> Identifia
         "method iv",
         f"the records do not hold {', '.join(loose)}: after {COMPOSITE_ROUNDS} rounds they still move, with "
         "standard deviations above their values",
-        "sense more (modelgen show --sensors all), give one of them as known, excite more, or give the "
-        "delays of forces where they are known (--delay none)",
+        MORE,
     )
 
 
@@ -204,8 +212,18 @@ def _moved(model: Model, now: Unknowns, move: FloatArray, sample: float, rules: 
     return Unknowns(now.p + length * move[:c], delays)
 
 
-def _check_distance(model: Model, p: FloatArray, first: FloatArray, rules: Rules) -> None:
-    for name, value, start in zip(model.parameters, p, first, strict=True):
-        far = not abs(start) / FARTHEST <= abs(value) <= abs(start) * FARTHEST
-        if far and start and _keeps_sign(model, name, rules):
-            raise diverged(f"{name} runs away")
+def _led_away(model: Model, p: FloatArray, first: FloatArray, rules: Rules, factor: float) -> list[str]:
+    """Return the parameters of a chain that steps have made so many times smaller or larger."""
+    return [
+        name
+        for name, value, start in zip(model.parameters, p.tolist(), first.tolist(), strict=True)
+        if start
+        and not abs(start) / factor <= abs(value) <= abs(start) * factor
+        and _keeps_sign(model, name, rules)
+    ]
+
+
+def _refuse_led_away(names: list[str]) -> None:
+    if names:
+        what = f"the records do not hold {', '.join(names)}: steps lead to where there is no such chain"
+        raise IdentifiabilityError.at("method iv", what, MORE)
