@@ -7,14 +7,21 @@ slow part of a controller, repeats a reading until the next one comes.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.filters.thresholds import (
+    AS_HIGH,
     ENOUGH_READINGS,
     FEWEST_READINGS,
+    FINER,
     IN_STEP,
+    LATE,
     MOST_REPEATS,
     ORDINARY_STEP,
+    REFINED,
+    SHORTEST,
     SMOOTH_ACROSS,
     STEPS_OF_READINGS,
     WRAP_SHARE,
@@ -79,13 +86,19 @@ def unwrapped(samples: FloatArray, size: float) -> FloatArray:
     return np.asarray(samples - size * begun, dtype=float)
 
 
-def repeats(samples: FloatArray) -> tuple[int, int] | None:
+def repeats(samples: FloatArray) -> tuple[float, float] | None:
     """Return after how many samples a new reading comes, and at which sample the first; None where at each.
 
     Parameters
     ----------
     samples : array, shape (n,)
         Readings whose steps are no larger than their resolution repeat by themselves, and do not count.
+
+    Returns
+    -------
+    tuple of float, or None
+        Both in samples, and no whole numbers where the rates are in no whole ratio: a reading is then seen at
+        the first sample after it has come.
     """
     steps = np.abs(np.diff(samples))
     changed = np.flatnonzero(steps) + 1
@@ -99,16 +112,45 @@ def repeats(samples: FloatArray) -> tuple[int, int] | None:
     for every in range(min(MOST_REPEATS, len(samples) // 2), 1, -1):
         phases = np.bincount(changed % every, minlength=every)
         if phases.max() >= IN_STEP * len(changed):
-            return every, int(phases.argmax())
+            return float(every), float(phases.argmax())
+    return _between_samples(changed)
+
+
+def _between_samples(changed: npt.NDArray[np.intp]) -> tuple[float, float] | None:
+    """Return the same of readings that come between samples, from where they change: no whole period fits.
+
+    A period of f per sample and one of 1 - f have the same line in the spectrum of what sampling shows.
+    """
+    there = changed - changed[0]
+    seen = np.zeros(int(there[-1]) + 1)
+    seen[there] = 1.0
+    size = FINER * quick_length(len(seen))
+    lines = np.abs(np.fft.rfft(seen - seen.mean(), size))
+    lines[: size // MOST_REPEATS] = 0.0
+    # of readings that skip a sample now and then all multiples of a line are as high
+    share = float(np.flatnonzero(lines > AS_HIGH * lines.max())[0]) / size
+    for every in (1.0 / share, 1.0 / (1.0 - share)):
+        if every < SHORTEST:
+            continue
+        start = every / (2.0 * np.pi) * float(np.angle(np.mean(np.exp(2j * np.pi * there / every))))
+        for _ in range(REFINED):
+            number = np.round((there - start) / every)
+            every, start = np.polyfit(number, there, 1).tolist()
+        late = there - every * number - start
+        within = np.abs(late) <= 0.5 + LATE
+        if min(np.mean(within), len(np.unique(number)) / len(number)) >= IN_STEP:
+            first = float(changed[0]) + start + float(late[within].min())
+            return every, first % every
     return None
 
 
-def between_readings(samples: FloatArray, every: int, first: int) -> FloatArray:
+def between_readings(samples: FloatArray, every: float, first: float) -> FloatArray:
     """Return a channel, shape (n,), interpolated (cubic) between its new readings, see `repeats`."""
     from scipy.interpolate import CubicSpline
 
-    places = np.arange(first, len(samples), every)
-    values = samples[places]
+    places = np.arange(first, len(samples) - 1, every)
+    # at the next sample each is seen, wherever between two it came
+    values = samples[np.floor(places).astype(int) + 1]
     if first > 0:  # what is repeated at the beginning came before the record did
         places, values = np.r_[first - every, places], np.r_[samples[0], values]
     smooth = CubicSpline(places, values, bc_type="natural")

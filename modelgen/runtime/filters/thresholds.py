@@ -54,6 +54,12 @@ WRAP_SHARE, ORDINARY_STEP, SMOOTH_ACROSS = 0.5, 0.25, 2.0
 # resolution (median): a slow motion repeats these.
 MOST_REPEATS, IN_STEP = 64, 0.98
 FEWEST_READINGS, STEPS_OF_READINGS, ENOUGH_READINGS = 50, 3.0, 20_000
+# Readings that come between samples: how much finer than its own lines the spectrum is read for their period,
+# how often the period is refined, and by how many samples a reading may be off it beside what sampling makes.
+FINER, REFINED, LATE = 4, 3, 0.05
+# The lowest line of at least this share of the highest is theirs; of readings that come more often than every
+# so many samples, changes at random fall into step as well.
+AS_HIGH, SHORTEST = 0.9, 1.2
 
 # A bend is looked for from this multiple of the noise on: of normal noise one sample in two million has it.
 # Bends are so many samples apart: farther away the difference of one is below 3 % of its peak.

@@ -98,7 +98,7 @@ def reading_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) 
             findings.append(Finding(f"unwrap={key}", f"{what} begins again after every turn"))
         found = repeats(numbers)
         if found is not None:
-            what = f"{key} has a new reading only every {found[0]} samples, and repeats it meanwhile"
+            what = f"{key} has a new reading only every {found[0]:.5g} samples, and repeats it meanwhile"
             findings.append(Finding(f"repeats={key}", what))
     return tuple(findings)
 

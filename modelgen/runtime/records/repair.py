@@ -86,7 +86,7 @@ def mend_repeats(track: Track, mends: Iterable[str]) -> Track:
         found = repeats(mended[key])
         if found is not None:
             mended[key] = between_readings(mended[key], *found)
-            said.append(f"{key} interpolated between its readings, which came every {found[0]} samples")
+            said.append(f"{key} interpolated between its readings, which came every {found[0]:.5g} samples")
     return Track(track.times, mended, tuple(said))
 
 

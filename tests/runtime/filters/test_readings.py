@@ -70,6 +70,32 @@ def test_repeated_readings_are_found_and_interpolated(every: int, first: int) ->
 
 
 @pytest.mark.parametrize(
+    ("every", "first"), [(2.5, 0.3), (1.6, 0.77), (1.25, 0.77), (2.7183, 0.3), (7.77, 0.0)]
+)
+def test_readings_that_come_between_samples_are_found_and_interpolated(every: float, first: float) -> None:
+    came = np.floor((np.arange(T.size) - first) / every) * every + first
+    held = np.round(np.interp(came, np.arange(T.size), ANGLE) * 1e6) / 1e6
+    found = repeats(held)
+    assert found is not None and found[0] == pytest.approx(every, abs=2e-4)
+    between = between_readings(held, *found)
+    inside = slice(20, -20)
+    # but for when they came, which only the model can tell
+    late = np.gradient(ANGLE)[inside]
+    wrong = (between - ANGLE)[inside]
+    wrong -= late * (late @ wrong) / (late @ late)
+    assert np.abs(held - ANGLE)[inside].max() > 0.01
+    assert np.abs(wrong).max() < 0.02 * np.abs(held - ANGLE)[inside].max()
+
+
+@pytest.mark.parametrize("share", [0.02, 0.2, 0.6])
+def test_readings_that_are_lost_at_random_have_no_period(share: float) -> None:
+    held = ANGLE.copy()
+    for place in np.flatnonzero(np.random.default_rng(1).random(T.size - 1) < share) + 1:
+        held[place] = held[place - 1]
+    assert repeats(held) is None
+
+
+@pytest.mark.parametrize(
     "samples",
     [
         ANGLE,
