@@ -2,7 +2,9 @@
 
 Noise in the columns of W does not average out: it adds its own power, N = E[dW^T dW], to W^T W, and
 E[dW^T dY] to W^T Y. What least squares would have found without them is (W^T W - N)^-1 (W^T Y - E[dW^T dY])
-(Fuller 1987, ch. 1). The noises are those of `noise_floor`, white before filter and derivatives.
+(Fuller 1987, ch. 1). Of columns that are not linear in the readings noise moves the mean, too: the square
+of a noisy speed is too large. What that adds to residuals, times W, stands beside E[dW^T dY]. The noises are
+those of `noise_floor`, white before filter and derivatives.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
 
@@ -105,7 +108,28 @@ def noise_effect(
             shared = ways.products(channel, *band)
             added[np.ix_(at, at)] += noise * shared[np.ix_(own, own)]
             crossed[at] += noise * shared[own, -1]
+        lifted = ways.of_residual(fit.all_parameters(model.base_parameters)).means[0]
+        crossed += most * weight**2 * _along_columns(block, ways.at, lifted, c)
     return _without_noise(fit, added, crossed)
+
+
+def _along_columns(
+    block: RowBlock, stretches: Sequence[range], lifted: FloatArray, columns: int
+) -> FloatArray:
+    """Return the products of a row's columns with what noise adds to its residual on average, shape (c,).
+
+    `lifted`, shape (samples,), is that in stretches of the record; they stand for all of it.
+    """
+    total, used = np.zeros(columns), 0
+    if not lifted.any():
+        return total
+    touched = np.arange(columns) if block.touched is None else block.touched
+    for one, values in zip(stretches, np.split(lifted, len(stretches)), strict=True):
+        first = round((one.start - block.start) / one.step)
+        rows = block.between(max(first, 0), first + len(one))
+        total[touched] += rows.W.T @ values[rows.place - first]
+        used += len(rows.place)
+    return total * (block.count / max(used, 1))
 
 
 def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> NoiseEffect:

@@ -1,4 +1,4 @@
-"""What white noise of the sensors does to the columns of rows, to first order.
+"""What white noise of the sensors does to the columns of rows, to first order, and to their mean.
 
 A column changes by its slope in a derivative of a reading times that derivative of the reading's noise.
 Slopes of columns that are linear in the readings are constants. Others change as slowly as the motion, noise
@@ -10,21 +10,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
-from modelgen.runtime.diagnostics.thresholds import SLOPE_SAMPLES, SLOPE_STEP, SLOPE_STRETCHES
+from modelgen.runtime.diagnostics.thresholds import (
+    NOISE_LINES,
+    SLOPE_SAMPLES,
+    SLOPE_STEP,
+    SLOPE_STRETCHES,
+)
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filters.noise_spectrum import low_pass
 from modelgen.runtime.model.arm_kernel import Kernel, Read
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model, Signal, Terms
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.filter_sections import matched_filtering
 from modelgen.runtime.rows.kernel_lines import formed, inner_orders, inner_reach, with_inner
-from modelgen.runtime.rows.record_rows import RecordRows
+from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
 from modelgen.runtime.rows.signal_plan import signal_plan
 
 
@@ -39,10 +45,16 @@ class NoiseWays:
     slopes : mapping of str to mapping of int to array, shape (c + 1, samples)
         Channel to how often its noise is differentiated to what each column changes by, and last the left
         side; there is one sample where all are linear.
+    means : array, shape (c + 1, samples)
+        What noise adds to each on average, to second order.
+    at : tuple of range
+        Where the samples are: stretches of the record's samples; none where all are linear.
     """
 
     columns: IntArray
     slopes: Mapping[str, Mapping[int, FloatArray]]
+    means: FloatArray
+    at: tuple[range, ...]
 
     def of_residual(self, x: FloatArray) -> NoiseWays:
         """Return the ways into Y - W x, a left side without columns; x has shape (columns of the model,)."""
@@ -51,7 +63,7 @@ class NoiseWays:
             channel: {order: (mixed @ slope)[None] for order, slope in by_order.items()}
             for channel, by_order in self.slopes.items()
         }
-        return NoiseWays(self.columns[:0], slopes)
+        return NoiseWays(self.columns[:0], slopes, (mixed @ self.means)[None], self.at)
 
     def products(self, channel: str, frequency_hz: FloatArray, power: FloatArray) -> FloatArray:
         """Return the mean products of what noise of a channel adds to columns and left side, (c + 1, c + 1).
@@ -87,16 +99,20 @@ def noise_ways(model: Model, record: Record, choice: FilterChoice, factor: int) 
 def _found(model: Model, record: Record, choice: FilterChoice, factor: int) -> tuple[NoiseWays, ...]:
     kernel = model.kernel
     of_lines: Mapping[str, Mapping[Read, FloatArray]] = {}
-    samples, orders = 1, dict[str, int]()
+    means: Mapping[str, FloatArray] = {}
+    samples, orders, at = 1, dict[str, int](), tuple[range, ...]()
     if kernel is not None:
-        values = _values(model, kernel, record, choice, factor)
+        at = _stretches(model, record, choice, factor)
+        values = _values(model, kernel, record, choice, factor, at)
         samples, orders = SLOPE_STRETCHES * SLOPE_SAMPLES, dict(kernel.orders)
-        of_lines = _line_slopes(kernel, values, {signal.channel for signal in _readings(model)})
+        lines = _Lines(kernel, values, {signal.channel for signal in _readings(model)})
+        of_lines, means = lines.slopes(), lines.means(partial(_shared, record, choice))
     plain = {one.key: {(one.channel, one.derivative): np.ones(1)} for one in _readings(model)}
     found = []
     for touched, left in zip(model.regressor_columns, model.measurement_columns, strict=True):
         slopes: dict[str, dict[int, FloatArray]] = {}
         sums: list[Terms] = [*touched.values(), left]
+        added = np.zeros((len(sums), samples))
         for place, (weight, key) in ((place, term) for place, terms in enumerate(sums) for term in terms):
             ways = of_lines[key] if key in of_lines else plain.get(key, {})
             for (channel, order), slope in ways.items():
@@ -105,7 +121,9 @@ def _found(model: Model, record: Record, choice: FilterChoice, factor: int) -> t
                 if times not in own:
                     own[times] = np.zeros((len(sums), samples))
                 own[times][place] += weight * slope
-        found.append(NoiseWays(np.array(list(touched), dtype=int), slopes))
+            if key in means and not orders.get(key, 0):  # a mean changes slowly
+                added[place] += weight * means[key]
+        found.append(NoiseWays(np.array(list(touched), dtype=int), slopes, added, at))
     return tuple(found)
 
 
@@ -114,22 +132,34 @@ def _readings(model: Model) -> list[Signal]:
     return [one for one in model.signals if (one.sensor or one.actuator) and one.channel not in model.loads]
 
 
+def _stretches(model: Model, record: Record, choice: FilterChoice, factor: int) -> tuple[range, ...]:
+    """Return stretches all over a record, at samples that rows keep."""
+    grid = unmasked_rows(model, record, choice, factor).grid
+    last = max(len(grid) - SLOPE_SAMPLES, 0)
+    starts = np.linspace(0, last, SLOPE_STRETCHES + 2)[1:-1].astype(int) * factor + grid.start
+    return tuple(range(start, start + SLOPE_SAMPLES * factor, factor) for start in starts.tolist())
+
+
 def _values(
-    model: Model, kernel: Kernel | DeflectedKernel, record: Record, choice: FilterChoice, factor: int
+    model: Model,
+    kernel: Kernel | DeflectedKernel,
+    record: Record,
+    choice: FilterChoice,
+    factor: int,
+    at: Sequence[range],
 ) -> dict[Read, FloatArray]:
     """Return what lines are made of, behind the low-pass, at the samples, shape (samples,) each."""
     inner = inner_orders(kernel)
     step = 1 if inner else factor  # what others are made of is differentiated at the full rate
     plan = signal_plan(model, matched_filtering(choice, record.fs, step), False)
     stencil = plan.filtering.stencil
-    reach, stride = inner_reach(kernel, stencil), SLOPE_SAMPLES * factor
-    starts = np.linspace(0, max(record.n - stride, 0), SLOPE_STRETCHES + 2)[1:-1].astype(int).tolist()
+    reach = inner_reach(kernel, stencil)
     orders: dict[str, list[int]] = {}
     for source, order in (read for read in dict.fromkeys(kernel.reads) if read[0] not in inner):
         orders.setdefault(source, []).append(order)
     found: dict[Read, list[FloatArray]] = {}
-    for start in starts:
-        rows = RecordRows(record, plan, range(start - reach, start + stride + reach, step))
+    for one in at:
+        rows = RecordRows(record, plan, range(one.start - reach, one.stop + reach, step))
         read: dict[Read, FloatArray] = {}
         for source, of in orders.items():
             table = rows.derivatives(source, of)
@@ -139,29 +169,109 @@ def _values(
     return {place: np.concatenate(parts) for place, parts in found.items()}
 
 
-def _line_slopes(
-    kernel: Kernel | DeflectedKernel, values: Mapping[Read, FloatArray], noisy: Set[str]
-) -> dict[str, dict[Read, FloatArray]]:
-    """Return d line / d reading at the samples, by line and reading; without those that are zero.
+def _shared(record: Record, choice: FilterChoice, channel: str, orders: Sequence[int]) -> FloatArray:
+    """Return the covariance of derivatives of a channel's noise in front of lines, shape (orders, orders)."""
+    spectrum, order = record.facts.spectrum(channel), np.array(orders)
+    top_hz = 0.5 * record.fs
+    frequency_hz = top_hz * (np.arange(NOISE_LINES) + 0.5) / NOISE_LINES
+    wide_hz = choice.signal_cutoff_hz or choice.cutoff_hz
+    power = spectrum.noise * low_pass(frequency_hz, wide_hz, choice.filter_order, record.fs) ** 2
+    rates = (2j * np.pi * frequency_hz) ** order[:, None]
+    return np.asarray(np.real(np.conj(rates) * power @ rates.T) * top_hz / NOISE_LINES)
 
-    A line that others are made of takes its noise there, differentiated as often as the line is.
-    """
-    if not isinstance(kernel, DeflectedKernel):
-        return _slopes(partial(formed, kernel), kernel.keys, values, noisy)
-    inner = kernel.inner
-    reads = {place: values[place] for place in inner.reads_of.values()}
-    below = _slopes(partial(formed, inner), inner.keys, reads, noisy) if inner.keys else {}
-    # a direction of what is given jumps: as one that is measured, it is without noise
-    directions = {f"{way} {one.name}" for one in kernel.speeds for way in ("sign", "forward", "backward")}
-    lines = [k for k in kernel.keys if not directions.intersection(key for _, key in kernel.sums.get(k, ()))]
-    settled = kernel.at(kernel.point, sampled=True)
-    found = _slopes(partial(formed, settled), lines, values, noisy | below.keys())
-    for ways in found.values():
-        for key, more in [place for place in ways if place[0] in below]:
-            along = ways.pop((key, more))
-            for (channel, order), slope in below[key].items():
-                ways[channel, order + more] = ways.get((channel, order + more), 0.0) + along * slope
-    return found
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """The lines of a kernel at values of what makes them, shape (samples,) each, and what is noisy of it."""
+
+    kernel: Kernel | DeflectedKernel
+    values: Mapping[Read, FloatArray]
+    noisy: Set[str]
+
+    def formed(self, values: Mapping[Read, FloatArray]) -> Mapping[str, FloatArray]:
+        """Return the lines, about a point with directions as those of samples."""
+        kernel = self.kernel
+        return formed(
+            kernel.at(kernel.point, sampled=True) if isinstance(kernel, DeflectedKernel) else kernel, values
+        )
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """The lines without directions of what is given: these jump, and as measured ones have no noise."""
+        if not isinstance(self.kernel, DeflectedKernel):
+            return tuple(self.kernel.keys)
+        sums, speeds = self.kernel.sums, self.kernel.speeds
+        directions = {f"{way} {one.name}" for one in speeds for way in ("sign", "forward", "backward")}
+        return tuple(
+            key for key in self.kernel.keys if not directions.intersection(k for _, k in sums.get(key, ()))
+        )
+
+    @cached_property
+    def below(self) -> dict[str, dict[Read, FloatArray]]:
+        """Slopes of lines that others are made of."""
+        if not isinstance(self.kernel, DeflectedKernel) or not self.kernel.inner.keys:
+            return {}
+        inner = self.kernel.inner
+        reads = {place: self.values[place] for place in inner.reads_of.values()}
+        return _slopes(partial(formed, inner), inner.keys, reads, self.noisy)
+
+    def slopes(self) -> dict[str, dict[Read, FloatArray]]:
+        """Return d line / d reading at the samples, by line and reading; without those that are zero.
+
+        A line that others are made of takes its noise there, differentiated as often as the line is.
+        """
+        found = _slopes(self.formed, self.keys, self.values, self.noisy | self.below.keys())
+        for ways in found.values():
+            for key, more in [place for place in ways if place[0] in self.below]:
+                along = ways.pop((key, more))
+                for (channel, order), slope in self.below[key].items():
+                    ways[channel, order + more] = ways.get((channel, order + more), 0.0) + along * slope
+        return found
+
+    def means(self, shared: Callable[[str, Sequence[int]], FloatArray]) -> dict[str, FloatArray]:
+        """Return what noise adds to lines on average, shape (samples,) each, to second order.
+
+        Along each principal axis of the derivatives of a channel's noise it is what deviations to both sides
+        add (Julier and Uhlmann 2004). `shared` gives the covariance of such derivatives.
+        """
+        here = self.formed(self.values)
+        found = {key: np.zeros_like(here[key]) for key in self.keys}
+        for channel in sorted(self.noisy):
+            moves = self._moves(channel)
+            orders = sorted({order for ways in moves.values() for order in ways})
+            if not orders:
+                continue
+            covariance = shared(channel, orders)
+            size = np.sqrt(np.diag(covariance))
+            if not size.all():
+                continue
+            sizes, axes = np.linalg.eigh(covariance / np.outer(size, size))
+            for axis in (axes * np.sqrt(np.maximum(sizes, 0.0))).T:
+                step = dict(zip(orders, size * axis, strict=True))
+                moved = {
+                    read: sum(slope * step[order] for order, slope in ways.items())
+                    for read, ways in moves.items()
+                }
+                both = [
+                    self.formed(
+                        {**self.values, **{r: self.values[r] + sign * one for r, one in moved.items()}}
+                    )
+                    for sign in (1.0, -1.0)
+                ]
+                for key in found:
+                    found[key] += 0.5 * (both[0][key] + both[1][key]) - here[key]
+        return found
+
+    def _moves(self, channel: str) -> dict[Read, dict[int, FloatArray]]:
+        """Return what changes with the noise of a channel, by its derivatives: their slopes."""
+        found: dict[Read, dict[int, FloatArray]] = {}
+        for source, order in self.values:
+            if source == channel:
+                found[source, order] = {order: np.ones(1)}
+            for (one, own), slope in self.below.get(source, {}).items():
+                if one == channel:
+                    found.setdefault((source, order), {})[own + order] = slope
+        return found
 
 
 def _slopes(

@@ -9,6 +9,7 @@ import pytest
 
 from modelgen import CheckOptions, Filters, identify
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.methods import WLS
@@ -76,3 +77,33 @@ def test_what_a_row_leaves_of_a_record_is_the_noise_that_is_expected_of_it() -> 
         added = (other.Y - other.W @ truth)[there] - (one.Y - one.W @ truth)[here]
         expected = row_noise(model, record, choice, choice.decimation[0], one.row, truth)
         assert expected == pytest.approx(np.std(added), rel=0.1)
+
+
+def test_noise_lifts_what_a_row_leaves_on_average_as_predicted() -> None:
+    """The squared speed of the second row; without friction, which turns earlier or later with noise."""
+    model, values, _ = arm()
+    smooth = {name: value * (not name.startswith("Fs")) for name, value in values.items()}
+    clean, truth = record_of(model, smooth, 10.0), model.base_from_physical(smooth)
+    choice = choose_filter(model, [clean], cutoff_hz=60.0, signal_cutoff_hz=200.0)
+
+    def read(level: float, seed: int) -> Record:
+        rng = np.random.default_rng(seed)
+        keys = [key for key in clean.signals if key.startswith("q_")]
+        return clean.edited({k: clean.signals[k] + level * rng.standard_normal(clean.n) for k in keys})
+
+    def left(level: float, seed: int = 0) -> np.ndarray:
+        block = observe(model, [read(level, seed)], choice).blocks[1]
+        found = np.full(block.grid, np.nan)
+        found[block.place] = block.Y - block.W @ truth
+        return found
+
+    # what is odd in the noise is gone from the mean of a record and its mirror image
+    pairs = [left(1e-4, seed) + left(-1e-4, seed) for seed in range(3)]
+    factor, start = choice.decimation[0], observe(model, [clean], choice).blocks[1].start
+    ways = noise_ways(model, read(1e-4, 5), choice, factor)[1]
+    at = (np.concatenate([*ways.at]) - start) // factor
+    lifted, expected = (0.5 * np.mean(pairs, axis=0) - left(0.0))[at], ways.of_residual(truth).means[0]
+    used = np.isfinite(lifted)
+    lifted, expected = lifted[used], expected[used]
+    assert len(lifted) > 200
+    assert float(lifted @ expected) / float(expected @ expected) == pytest.approx(1.0, abs=0.15)
