@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,7 +32,7 @@ from modelgen.runtime.numerics.tails import chi_square_tail
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import STRETCH
 
-# factors of the samples of a block, its index and their places on the grid -> shape (n, k)
+# factors of the samples of a block, its index and their places on the grid -> shape (k, n)
 Factors = Callable[[int, IntArray], FloatArray]
 
 OVER_RECORDS = "over the records"
@@ -72,14 +73,10 @@ def changing_inertia(
     """
     if model.is_arm or model.by_power or not exceeding_noise(model, records, choice, fit, LARGEST_NOISE):
         return None
-    found = [
-        one
-        for column, name in enumerate(fit.columns)
-        if name in model.roles and model.roles[name].role == "inertia"
-        for along, factors in _factors(fit, model, records, choice, name)
-        if (one := _tested(fit, column, along, factors)) is not None
-    ]
-    return max(found, key=lambda one: one.explained, default=None)
+    ways = list(_ways(fit, model, records, choice))
+    found = [one.tested(sums) for one, sums in zip(ways, _all_sums(fit, ways), strict=True)]
+    certain = [one for one in found if one is not None]
+    return max(certain, key=lambda one: one.explained, default=None)
 
 
 def changing_inertia_advice(found: ChangingInertia | None) -> tuple[Advice, ...]:
@@ -95,10 +92,8 @@ def changing_inertia_advice(found: ChangingInertia | None) -> tuple[Advice, ...]
     )
 
 
-def _factors(
-    fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice, name: str
-) -> Iterator[tuple[str, Factors]]:
-    """Yield what an inertia may change with, in words, and factors of its column."""
+def _ways(fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice) -> Iterator[_Changing]:
+    """Yield every inertia with what it may change with, in words, and factors of its column."""
     starts = np.cumsum([0, *(record.n * record.dt for record in records)])
 
     def sample(index: int, place: IntArray) -> IntArray:
@@ -115,23 +110,66 @@ def _factors(
         found = [np.ones_like(share), np.cos(np.pi * share)]
         while len(found) <= SLOW_CHANGES:
             found.append(2.0 * found[1] * found[-1] - found[-2])
-        return np.column_stack(found[1:])
+        return np.array(found[1:])
 
-    yield OVER_RECORDS, over_records
-    body = model.roles[name].bodies[0]
-    keys = [one.key for one in model.sensors if one.body == body and one.measures == "position"]
-    if not keys or model.units[name] != "kg m^2":
-        return
-
-    def with_angle(index: int, place: IntArray) -> FloatArray:
+    def with_angle(key: str, index: int, place: IntArray) -> FloatArray:
         if not place.size:
-            return np.zeros((0, 2))
+            return np.zeros((2, 0))
         at = sample(index, place)
         first = int(at[0])
-        q = records[fit.blocks[index].record].read(keys[0], first, int(at[-1]) + 1)[at - first]
-        return np.column_stack([np.cos(q), np.sin(q)])
+        q = records[fit.blocks[index].record].read(key, first, int(at[-1]) + 1)[at - first]
+        return np.array([np.cos(q), np.sin(q)])
 
-    yield f"with the angle of {body}", with_angle
+    for column, name in enumerate(fit.columns):
+        if name not in model.roles or model.roles[name].role != "inertia":
+            continue
+        yield _Changing(fit, column, OVER_RECORDS, over_records)
+        body = model.roles[name].bodies[0]
+        keys = [one.key for one in model.sensors if one.body == body and one.measures == "position"]
+        if keys and model.units[name] == "kg m^2":
+            yield _Changing(fit, column, f"with the angle of {body}", partial(with_angle, keys[0]))
+
+
+class _Sums(NamedTuple):
+    """What one walk over all rows gives.
+
+    Attributes
+    ----------
+    crossed : array, shape (c, k)
+        Products of the fit's columns with the factors' columns.
+    power, along : array, shape (k, k) and (k,)
+        Products of these with each other, and with the residual.
+    residual : array, shape (c,)
+        Products of the fit's columns with the residual.
+    squares : array, shape (k, k)
+        The factors' mean square.
+    """
+
+    crossed: FloatArray
+    power: FloatArray
+    along: FloatArray
+    residual: FloatArray
+    squares: FloatArray
+
+
+def _all_sums(fit: Fit, ways: Sequence[_Changing]) -> list[_Sums]:
+    """Return the sums of all inertias with their factors; several have the same factors."""
+    found = [_Sums(*(np.zeros(()) for _ in _Sums._fields)) for _ in ways]
+    for index, block in enumerate(fit.blocks):
+        square = fit.weights[index] ** 2
+        for start in range(0, block.grid, STRETCH):
+            part, R, e = fit.between(index, start, start + STRETCH)
+            left, made = R.across(e), dict[Factors, FloatArray]()
+            for place, one in enumerate(ways):
+                if one.factors not in made:
+                    made[one.factors] = one.factors(index, part.place)
+                factors = made[one.factors]
+                added = R.chosen(np.array([one.column])).T * factors
+                more = (R.across(added.T), added @ added.T, added @ e, left)
+                weighted = [square * product for product in more]
+                steps = (*weighted, factors @ factors.T / fit.count)
+                found[place] = _Sums(*(a + b for a, b in zip(found[place], steps, strict=True)))
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,44 +178,37 @@ class _Changing:
 
     fit: Fit
     column: int
+    along: str
     factors: Factors
 
-    def sums(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return what one walk over all rows gives.
-
-        Returns
-        -------
-        array, shape (c, k)
-            Shares of the fit's columns in it.
-        array, shape (k, k)
-            Power of what is its own.
-        array, shape (k,)
-            Product of that with the residual.
-        array, shape (k, k)
-            The factors' mean square.
-        """
-        fit = self.fit
-        crossed, power, along, squares = (np.zeros(()) for _ in range(4))
-        for index, block in enumerate(fit.blocks):
-            square = fit.weights[index] ** 2
-            for start in range(0, block.grid, STRETCH):
-                part, R, e = fit.between(index, start, start + STRETCH)
-                factors = self.factors(index, part.place)
-                added = R.chosen(np.array([self.column])) * factors
-                both = square * R.across(np.column_stack([added, e]))
-                crossed = crossed + both
-                power, along = power + square * (added.T @ added), along + square * (added.T @ e)
-                squares = squares + factors.T @ factors
-        crossed, residual = crossed[:, :-1], crossed[:, -1]
-        shares = fit.solution.inverse @ crossed
-        return shares, power - shares.T @ crossed, along - shares.T @ residual, squares / fit.count
+    def tested(self, sums: _Sums) -> ChangingInertia | None:
+        """Return the change of the inertia by the factors if it is certain and large."""
+        fit, inverse = self.fit, self.fit.solution.inverse
+        shares = inverse @ sums.crossed
+        power = sums.power - shares.T @ sums.crossed
+        along = sums.along - shares.T @ sums.residual
+        if np.linalg.cond(power) > 1.0 / np.finfo(float).eps:
+            return None
+        sizes = np.asarray(np.linalg.solve(power, along), dtype=float)
+        explained = float(sizes @ along) / fit.residual_norm**2
+        share = float(np.sqrt(sizes @ sums.squares @ sizes)) / abs(fit.solution.x[self.column])
+        if explained < CHANGES_EXPLAINED or share < LEAST_CHANGE_OF_INERTIA:
+            return None
+        series = [
+            partial(self.influence, shares, power, sizes, indices) for indices in fit.by_record.values()
+        ]
+        spread = long_run_covariance(series)
+        statistic = float(sizes @ np.linalg.lstsq(spread, sizes, rcond=None)[0])
+        if chi_square_tail(statistic, len(sizes)) > CHANGES_LEVEL:
+            return None
+        return ChangingInertia(fit.columns[self.column], self.along, share, explained, -shares @ sizes)
 
     def own(
         self, shares: FloatArray, index: int, start: int, stop: int
     ) -> tuple[IntArray, FloatArray, FloatArray]:
         """Return the places of a stretch of a block, what is not of the fit's columns, and the residual."""
         part, R, e = self.fit.between(index, start, stop)
-        added = R.chosen(np.array([self.column])) * self.factors(index, part.place)
+        added = R.chosen(np.array([self.column])) * self.factors(index, part.place).T
         w = self.fit.weights[index]
         return part.place, w * (added - R.times(shares)), w * e
 
@@ -193,24 +224,3 @@ class _Changing:
                 place, own, e = self.own(shares, index, start, stop)
                 psi[place - start] += own * (e - own @ sizes)[:, None]
             yield np.asarray(np.linalg.solve(power, psi.T).T)
-
-
-def _tested(fit: Fit, column: int, along: str, factors: Factors) -> ChangingInertia | None:
-    """Return the change of an inertia by factors if it is certain and large."""
-    changing = _Changing(fit, column, factors)
-    shares, power, along_residual, squares = changing.sums()
-    if np.linalg.cond(power) > 1.0 / np.finfo(float).eps:
-        return None
-    sizes = np.asarray(np.linalg.solve(power, along_residual), dtype=float)
-    explained = float(sizes @ along_residual) / fit.residual_norm**2
-    share = float(np.sqrt(sizes @ squares @ sizes)) / abs(fit.solution.x[column])
-    if explained < CHANGES_EXPLAINED or share < LEAST_CHANGE_OF_INERTIA:
-        return None
-    series = [
-        partial(changing.influence, shares, power, sizes, indices) for indices in fit.by_record.values()
-    ]
-    spread = long_run_covariance(series)
-    statistic = float(sizes @ np.linalg.lstsq(spread, sizes, rcond=None)[0])
-    if chi_square_tail(statistic, len(sizes)) > CHANGES_LEVEL:
-        return None
-    return ChangingInertia(fit.columns[column], along, share, explained, -shares @ sizes)

@@ -30,9 +30,11 @@ def quiet_sentence(loud: HighestDerivative, cutoff_hz: float, ceiling_hz: float,
     )
 
 
-def seen_sentence(one: HighestDerivative, cutoff_hz: float, order: int) -> str:
-    """Say up to where a derivative stands out of its noise, and by how much behind the filter."""
-    snr_db, index = one.snr_db(cutoff_hz, order)
+def seen_sentence(one: HighestDerivative, snr_db: float, index: int) -> str:
+    """Say up to where a derivative stands out of its noise, and by how much behind the filter.
+
+    `snr_db` is where it does most, in the record of this index.
+    """
     level = f"; noise is {percent(-snr_db)} of it in {one.records[index]}" if isfinite(snr_db) else ""
     return (
         f"The {derivative(one)} of {one.channel} stands out of its noise up to "

@@ -154,9 +154,9 @@ def choose_filter(
 def _seen(highest: Sequence[HighestDerivative], cutoff_hz: float, order: int) -> tuple[list[str], list[str]]:
     """Return which highest derivatives stand out of their noise, and warnings of the others."""
     moving = [one for one in highest if one.order and not one.still]
-    seen = [one for one in moving if one.snr_db(cutoff_hz, order)[0] > 0.0]
-    lost = [lost_note(one) for one in moving if one not in seen]
-    return [seen_sentence(one, cutoff_hz, order) for one in seen], lost
+    found = [(one, one.snr_db(cutoff_hz, order)) for one in moving]
+    lost = [lost_note(one) for one, (snr_db, _) in found if snr_db <= 0.0]
+    return [seen_sentence(one, *best) for one, best in found if best[0] > 0.0], lost
 
 
 def _decimations(

@@ -85,7 +85,7 @@ def forward_and_backward(sos: Sections, samples: FloatArray, mirrored: int) -> F
     Beyond these each pass takes the signal as constant. A response that is too long for a table is run sample
     by sample.
     """
-    if not is_tabled(np.asarray(sos, dtype=float)):
+    if not is_tabled(sos):
         from scipy.signal import sosfiltfilt
 
         padding = {"padtype": "odd", "padlen": mirrored} if mirrored else {"padtype": None}

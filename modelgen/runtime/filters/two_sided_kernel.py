@@ -9,6 +9,7 @@ impulse would lose digits with every derivative.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -100,15 +101,16 @@ def table_length(sos: FloatArray) -> int:
     DataError
         When the response takes more than half a million samples to end.
     """
-    if not is_tabled(sos):
+    if not _ending(sos) <= LONGEST_KERNEL // 2:
         what = f"has a pole at {longest_radius(sos):.9g}, so its response takes too long to end"
         raise DataError.at("filter", what, "give a higher cut-off frequency, or a stable filter")
     return int(2 ** np.ceil(np.log2(2.0 * max(_ending(sos), 64.0))))
 
 
-def is_tabled(sos: FloatArray) -> bool:
-    """Return whether the response of sections, shape (sections, 6), ends within half a million samples."""
-    return _ending(sos) <= LONGEST_KERNEL // 2
+@lru_cache(maxsize=64)
+def is_tabled(sos: Sections) -> bool:
+    """Return whether the response of sections (6 numbers each) ends within half a million samples."""
+    return _ending(np.asarray(sos, dtype=float)) <= LONGEST_KERNEL // 2
 
 
 def _ending(sos: FloatArray) -> float:

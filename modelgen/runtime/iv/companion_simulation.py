@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import pi
 
 import numpy as np
@@ -130,7 +130,7 @@ def run_beside(
 
         law = joint_controller(loop.controller) if loop is not None else None
         return _as_read(record, arm_beside(model, parameters, record, choice, law))
-    plant = make_plant(model, parameters)
+    plant = _plant(model, tuple(parameters.items()))
     if loop is not None and REFERENCE in record.signals:
         return _as_read(record, readings(plant, _closed(plant, record, choice, loop)))
     held = HeldMotion(plant, record, choice, readings)
@@ -149,7 +149,7 @@ def simulated_beside(
     index: int = 0,
 ) -> Simulated:
     """Return the same with the plant and the signals of all bodies; `index` says which record it is."""
-    plant = make_plant(model, parameters)
+    plant = _plant(model, tuple(parameters.items()))
     if loop is not None and REFERENCE in record.signals:
         true = true_signals(plant, _closed(plant, record, choice, loop))
     else:
@@ -157,6 +157,11 @@ def simulated_beside(
     keys = [entry.key for entry in model.actuators] + [entry.key for entry in model.sensors]
     read = {key: true[key] for key in keys}
     return _as_moved(Simulated(plant, _as_read(record, read), true, index), record, choice)
+
+
+@lru_cache(maxsize=4)  # all records are simulated with the same parameters, one after the other
+def _plant(model: Model, parameters: tuple[tuple[str, float], ...]) -> Plant:
+    return make_plant(model, dict(parameters))
 
 
 def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Simulated:

@@ -10,6 +10,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
+from modelgen.runtime.filters.block_numpy import largest
 from modelgen.runtime.iv.companion_simulation import Simulated, possible, simulated_beside
 from modelgen.runtime.iv.divergence import simulation_failed
 from modelgen.runtime.iv.effect import Changes, Effect
@@ -20,6 +21,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.block_column import BlockColumn
 from modelgen.runtime.numerics.threads import each
+from modelgen.runtime.records.channels import EditedChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
 from modelgen.runtime.rows.row_terms import channels_of_keys, channels_of_rows, mismatch_terms
@@ -109,8 +111,7 @@ def effect_rows(
                 {key: w for key, w in every[row].items() if not changes.keys().isdisjoint(reads.get(key, ()))}
                 for row in touched
             ]
-            changed = replace(calm, source=_changed(one.record, changes, size))
-            change = dict(zip(touched, (changed.mixed(moved) - calm.mixed(moved)) / size, strict=True))
+            change = dict(zip(touched, _moved_rows(calm, one.record, moved, changes, size), strict=True))
             found.append(
                 {index: change[row.row][row.place] for index, row in blocks.items() if row.row in change}
             )
@@ -122,6 +123,24 @@ def effect_rows(
         for own, made in zip(rows, found, strict=True):
             own |= made
     return tuple(BlockColumn(own, counts) for own in rows)
+
+
+def _moved_rows(
+    calm: RecordRows, record: Record, terms: Sequence[Mapping[str, float]], changes: Changes, size: float
+) -> FloatArray:
+    """Return what sums of signals and features change per unit of the changes of channels, (sums, grid).
+
+    Filters pass what is added to a signal by itself. Features are formed with and without `size` of it.
+    """
+    signals = calm.plan.signals
+    added = replace(calm, source=EditedChannels(record, record.name, record.n, changes))
+    found = added.mixed([{key: w for key, w in one.items() if key in signals} for one in terms])
+    formed = [{key: w for key, w in one.items() if key not in signals} for one in terms]
+    if any(formed):
+        more = {key: record.signals[key] + size * change for key, change in changes.items()}
+        changed = replace(calm, source=EditedChannels(record, record.name, record.n, more))
+        found += (changed.mixed(formed) - calm.mixed(formed)) / size
+    return found
 
 
 def _over_records(
@@ -198,13 +217,5 @@ def _rows(setting: Setting, record: Record, index: int) -> RecordRows:
 
 def _tried_size(spreads: Mapping[str, float], changes: Changes) -> float:
     """Return the size that is tried, from the standard deviations of the channels."""
-    shares = [
-        spreads[key] / float(np.max(np.abs(change))) for key, change in changes.items() if np.any(change)
-    ]
-    return TRIED_SHARE * min(shares, default=0.0)
-
-
-def _changed(record: Record, changes: Mapping[str, FloatArray], size: float) -> Record:
-    return record.edited(
-        {key: record.signals[key] + size * change for key, change in changes.items() if key in record.signals}
-    )
+    peaks = ((key, largest(change)) for key, change in changes.items())
+    return TRIED_SHARE * min((spreads[key] / peak for key, peak in peaks if peak), default=0.0)

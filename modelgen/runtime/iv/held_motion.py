@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from math import pi
 from threading import Lock
 from typing import NamedTuple
@@ -70,7 +71,7 @@ class HeldMotion:
         rate, inertia = 2.0 * pi * feedback_hz(choice), vibration(plant).drive_inertia
         controller = PositionVelocityController(inertia * rate**2, 2.0 * DAMPING_RATIO * inertia * rate)
         columns = tuple(plant.further[key] for key in further)
-        self._further, self._loop = further, ContinuousLoop(plant, controller, further=columns)
+        self._further, self._loop = further, _held_loop(plant, controller, columns)
         self._size, self._made, self._lock = self._slow.stretch, dict[int, Mapping[str, FloatArray]](), Lock()
         # the last one has the last sample as well
         self.count = max(-(-(record.n - 1) // self._size), 1)
@@ -126,6 +127,13 @@ class HeldMotion:
             self._starts.append(_Start(motion.states[-1].copy(), tuple(motion.modes[-1].tolist()), sums))
         signals = self._seen(self._plant, motion)
         return signals if stop == record.n else {key: part[:-1] for key, part in signals.items()}
+
+
+@lru_cache(maxsize=4)  # what it makes of the plant serves all records
+def _held_loop(
+    plant: Plant, controller: PositionVelocityController, further: tuple[int, ...]
+) -> ContinuousLoop:
+    return ContinuousLoop(plant, controller, further=further)
 
 
 class HeldChannels:

@@ -181,8 +181,11 @@ def _behind_window(blocks: Sequence[FloatArray], width: int) -> FloatArray:
 
     The sum of their squares is the kernel's sum over lags.
     """
-    ends = (2 * (width - 1), 2 * (width - 1))
-    twice = [moving_sum(moving_sum(np.pad(one, (ends, (0, 0))), width), width) for one in blocks]
+    ends, twice = 2 * (width - 1), []
+    for one in blocks:
+        padded = np.zeros((len(one) + 2 * ends, one.shape[1]), order="F")
+        padded[ends : ends + len(one)] = one
+        twice.append(moving_sum(moving_sum(padded, width), width))
     return np.asarray(np.concatenate(twice) / np.sqrt(window_power(width)))
 
 

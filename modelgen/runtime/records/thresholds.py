@@ -17,8 +17,9 @@ STILL = 3.0
 WHOLE = 1 << 18
 PIECES = 4
 # Of what filters make of a channel in memory so many bytes a sample are kept while a record is identified:
-# three settings of the filter, decimated by ten. Longer records are filtered whenever it is asked for.
-FILTERED_BYTES = 12
+# three settings of the filter, decimated by ten, and a velocity at the full rate, for directions. Longer
+# records are filtered whenever it is asked for.
+FILTERED_BYTES = 20
 MOST_FILTERED = 1 << 21
 # The record is active where its channels change by this share of what they do where they change most.
 ACTIVE = 0.36

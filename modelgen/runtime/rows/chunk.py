@@ -7,6 +7,8 @@ factors is that of the whole record.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping
+from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,8 @@ CHUNK_SAMPLES = 1 << 16
 HALOS = 8
 # The lines of a kernel, some hundreds at the full rate, make a sample as many times as large.
 KERNEL_SAMPLES = 1 << 14
+# Directions are kept in parts of so many samples; at both ends of a record they go on for multiples of these.
+DIRECTION_PART, BEYOND_ENDS = 1 << 15, 1 << 12
 KERNEL_HALOS = 2
 
 
@@ -55,15 +59,13 @@ class Chunk:
         self._directions: dict[str, FloatArray] = {}
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
-        """Return samples of a channel, shape (n,), at most the plan's margins and `halo` beyond the chunk."""
-        if channel not in self.plan.full_rate_channels:
-            return read_continued(self.source, channel, start, stop)
+        """Return samples of a channel, shape (n,); those near the chunk are read once."""
         before, behind = self.plan.margins
-        low = self.start - before - self.halo
+        low, high = self.start - before - self.halo, self.stop + behind + self.halo
+        if channel not in self.plan.full_rate_channels or start < low or stop > high:
+            return read_continued(self.source, channel, start, stop)
         if channel not in self._channels:
-            self._channels[channel] = read_continued(
-                self.source, channel, low, self.stop + behind + self.halo
-            )
+            self._channels[channel] = read_continued(self.source, channel, low, high)
         return self._channels[channel][start - low : stop - low]
 
     def filtered(self, channel: str, key: Hashable, make: Callable[[], npt.NDArray[Any]]) -> npt.NDArray[Any]:
@@ -79,8 +81,23 @@ class Chunk:
         before, behind = self.plan.feature_margins
         low = self.start - max(before, self.halo)
         if key not in self._directions:
-            self._directions[key] = self.plan.direction(self, key, low, self.stop + max(behind, self.halo))
+            self._directions[key] = self._direction(key, low, self.stop + max(behind, self.halo))
         return self._directions[key][start - low : stop - low]
+
+    def _direction(self, key: str, low: int, high: int) -> FloatArray:
+        """Return such a velocity; in parts that are the same for all chunks, where these are kept."""
+        channel, smooth = self.plan.directions[key]
+        if smooth is None or not is_kept(self.source):
+            return self.plan.direction(self, key, low, high)
+        ends = -(-max(*self.plan.feature_margins, self.halo) // BEYOND_ENDS) * BEYOND_ENDS
+        edges = [-ends, *range(DIRECTION_PART, self.source.n, DIRECTION_PART), self.source.n + ends]
+        parts = [part for part in pairwise(edges) if part[0] < high and part[1] > low]
+        made = [
+            made_once(self.source, channel, (smooth, *part), partial(self.plan.direction, self, key, *part))
+            for part in parts
+        ]
+        first = parts[0][0]
+        return np.concatenate(made)[low - first : high - first]
 
     def signals(self) -> KeptSignals:
         """Return every signal, feature and the constant "1" at the samples kept; made when asked for."""
@@ -149,9 +166,14 @@ def made_once(
 
     The array may have any shape.
     """
-    if not isinstance(source, Record) or source.source is not source or source.n > MOST_FILTERED:
+    if not isinstance(source, Record) or not is_kept(source):
         return make()
     return source.facts.filtered[channel].of(key, make)
+
+
+def is_kept(source: Channels) -> bool:
+    """Tell whether what is made of channels is kept: of a record in memory that is not long."""
+    return isinstance(source, Record) and source.source is source and source.n <= MOST_FILTERED
 
 
 def chunk_points(plan: SignalPlan, halo: int = 0, samples: int | None = None) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -118,6 +120,29 @@ def test_chunks_do_not_change_the_rows(samples: int) -> None:
         scale = np.abs(one).max(axis=1, keepdims=True)
         np.testing.assert_allclose(other / scale, one / scale, atol=1e-12)
     np.testing.assert_allclose(cut.derivatives("F", [1]), whole.derivatives("F", [1]), rtol=1e-9, atol=1e-9)
+
+
+def test_directions_are_made_once_for_all_chunks_and_cut_offs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("modelgen.runtime.rows.chunk.DIRECTION_PART", 1500)
+    record = swing()
+    choice = replace(choice_for(record), cutoff_hz=30.0)
+    chunked, other = rows_of(RIGID, record, samples=700), matched_rows(RIGID, record, choice, 7)
+    key = next(iter(chunked.plan.directions))
+    whole = chunked.plan.direction(next(chunked.chunks()), key, 0, record.n)
+    for rows in (chunked, other):
+        for chunk in rows.chunks():
+            found = chunk.direction(key, chunk.start, chunk.stop)
+            np.testing.assert_allclose(found, whole[chunk.start : chunk.stop], atol=1e-12)
+    kept = [
+        one for one in record.facts.filtered["q_m"]._found.values() if one.dtype == float and one.ndim == 1
+    ]
+    assert sum(len(one) for one in kept if len(one) >= 1500) < 1.5 * record.n + 3 * 4096
+    # of a record that is read in stretches nothing is kept
+    there = rows_of(RIGID, Record.over(record), samples=700)
+    for chunk in there.chunks():
+        found = chunk.direction(key, chunk.start, chunk.stop)
+        np.testing.assert_allclose(found, whole[chunk.start : chunk.stop], atol=1e-12)
+    assert not there.source.facts.filtered["q_m"]._found
 
 
 def test_a_constant_that_an_early_row_alone_holds_is_there_for_the_later_ones() -> None:
