@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from functools import lru_cache
 from multiprocessing import parent_process
+from threading import local
 from typing import TypeVar
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")
+
+# So many results a thread, made or being made, are ahead of the one that is asked for.
+WAITING = 2
+
+_here = local()
 
 
 def usable_threads() -> int:
@@ -24,14 +32,31 @@ def usable_threads() -> int:
 def each(work: Callable[[Item], Found], items: Iterable[Item], count: int) -> Iterator[Found]:
     """Yield what a function makes of each of `count` items, in their order; several threads take one each.
 
-    No item is kept once it has been worked on.
+    No item is kept once it has been worked on, and few results wait for who asks for them. What a thread
+    calls in turn runs in that thread.
     """
     workers = min(usable_threads(), count)
-    if workers <= 1:
+    if workers <= 1 or getattr(_here, "is_worker", False):
         yield from map(work, items)
         return
-    with ThreadPoolExecutor(workers) as pool:
-        yield from pool.map(work, items)
+    pool, waiting = _workers(usable_threads(), os.getpid()), deque[Future[Found]]()
+    try:
+        for item in items:
+            waiting.append(pool.submit(work, item))
+            if len(waiting) >= WAITING * workers:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    finally:
+        for one in waiting:
+            one.cancel()
+        wait(waiting)
+
+
+@lru_cache(maxsize=1)  # threads that are begun anew for every pass cost as much as a short one
+def _workers(count: int, process: int) -> ThreadPoolExecutor:
+    """Return the threads of a process, by its number: one that is forked off has none."""
+    return ThreadPoolExecutor(count, initializer=lambda: setattr(_here, "is_worker", True))
 
 
 def meanwhile(work: Callable[[], Found], here: bool = False) -> Callable[[], Found]:

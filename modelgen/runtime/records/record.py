@@ -140,7 +140,7 @@ class Record:
             raise DataError(*length_problems(self.name, joined))
         # the other channels are checked, and nobody can change them
         edited = Record._of(MappingProxyType(joined), self.fs, self.name, self.tag, self.n)
-        same = {key: found for key, found in self.facts.filtered.items() if key not in made}
+        same = {key: found for key, found in self.facts.channels.items() if key not in made}
         vars(edited)["facts"] = RecordFacts(edited, same)
         return edited
 

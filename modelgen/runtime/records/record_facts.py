@@ -8,7 +8,7 @@ mean) is asked of all of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar, cast
 
@@ -21,6 +21,7 @@ from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, mean_spectr
 from modelgen.runtime.filters.power_spectrum import power_spectrum
 from modelgen.runtime.filters.thresholds import JUMP_ORDER
 from modelgen.runtime.numerics.recent_arrays import RecentArrays
+from modelgen.runtime.numerics.threads import each
 from modelgen.runtime.records.channels import Channels, in_stretches
 from modelgen.runtime.records.period import first_lag
 from modelgen.runtime.records.thresholds import ACTIVE, FILTERED_BYTES, PIECES, WHOLE
@@ -48,25 +49,37 @@ class Extent:
         return self.greatest - self.least
 
 
+@dataclass(frozen=True, eq=False)
+class ChannelFacts:
+    """What is known of one channel: what filters made of it, and whatever else was worked out, by its key.
+
+    Records that hold the same samples of the channel share it.
+    """
+
+    filtered: RecentArrays
+    known: dict[Hashable, Any] = field(default_factory=dict)
+
+    def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """Return what was made under a key, made when first asked for."""
+        if key not in self.known:
+            self.known[key] = make()
+        return cast(Made, self.known[key])
+
+
 class RecordFacts:
     """The spectra, extents and periods of a record's channels. Reached as `Record.facts`.
 
-    `filtered` holds what filters made of each channel of a record in memory. Records that hold the same
-    samples of a channel share it: `same` is that of another record, of the channels that are the same.
+    `channels` holds those of each channel; `same` are those of another record, of the channels that are the
+    same.
     """
 
-    def __init__(self, source: Channels, same: Mapping[str, RecentArrays] | None = None) -> None:
+    def __init__(self, source: Channels, same: Mapping[str, ChannelFacts] | None = None) -> None:
         self._source = source
         shared = same or {}
-        self.filtered = {
-            key: shared[key] if key in shared else RecentArrays(FILTERED_BYTES * source.n)
+        self.channels = {
+            key: shared[key] if key in shared else ChannelFacts(RecentArrays(FILTERED_BYTES * source.n))
             for key in source.keys
         }
-        self._spectra: dict[str, ReadingSpectrum] = {}
-        self._powers: dict[tuple[str, int, bool], tuple[FloatArray, FloatArray]] = {}
-        self._extents: dict[str, tuple[Extent, FloatArray]] = {}
-        self._lags: dict[str, int | None] = {}
-        self._stretches: dict[str, tuple[FloatArray, ...]] = {}
         self._kept: dict[Hashable, Any] = {}
 
     def kept(self, key: Hashable, make: Callable[[], Made]) -> Made:
@@ -77,17 +90,19 @@ class RecordFacts:
 
     def forget_filtered(self) -> None:
         """Let go what filters made of the channels."""
-        for found in self.filtered.values():
-            found.clear()
+        for channel in self.channels.values():
+            channel.filtered.clear()
 
     def stretches(self, channel: str) -> tuple[FloatArray, ...]:
         """Return the samples of a channel, or of a long record stretches of equal length, shape (m,) each."""
-        if channel not in self._stretches:
-            source = self._source
-            self._stretches[channel] = tuple(
+        source = self._source
+        return self._once(
+            channel,
+            "stretches",
+            lambda: tuple(
                 np.asarray(source.read(channel, part.start, part.stop), dtype=float) for part in self.parts
-            )
-        return self._stretches[channel]
+            ),
+        )
 
     @cached_property
     def parts(self) -> tuple[slice, ...]:
@@ -132,34 +147,35 @@ class RecordFacts:
 
     def _walked(self, channel: str) -> tuple[Extent, FloatArray]:
         """Return the extent of a channel, and the rms of its steps in every stretch, shape (stretches,)."""
-        if channel not in self._extents:
+
+        def make() -> tuple[Extent, FloatArray]:
             found = [
                 (float(part.min()), float(part.max()), float(part.sum()), _rms_step(part))
                 for part in in_stretches(self._source, channel, WHOLE // PIECES)
             ]
             least, greatest, sums, steps = zip(*found, strict=True)
-            extent = Extent(min(least), max(greatest), sum(sums) / self._source.n)
-            self._extents[channel] = extent, np.array(steps)
-        return self._extents[channel]
+            return Extent(min(least), max(greatest), sum(sums) / self._source.n), np.array(steps)
+
+        return self.channels[channel].once("walked", make)
 
     def lag(self, channel: str) -> int | None:
         """Return after how many samples a channel repeats itself; None where it does not."""
-        if channel not in self._lags:
-            self._lags[channel] = first_lag(self._source, channel, self.extent(channel).mean)
-        return self._lags[channel]
+        return self.channels[channel].once(
+            "lag", lambda: first_lag(self._source, channel, self.extent(channel).mean)
+        )
 
     def spectrum(self, channel: str) -> ReadingSpectrum:
         """Return the density of a reading and of its own noise, see `reading_spectrum`."""
-        if channel not in self._spectra:
-            fs = self._source.fs
-            self._spectra[channel] = mean_spectrum(
-                [reading_spectrum(part, fs) for part in self.stretches(channel)]
-            )
-        return self._spectra[channel]
+        fs = self._source.fs
+        return self._once(
+            channel,
+            "spectrum",
+            lambda: mean_spectrum(self._of_stretches(channel, lambda part: reading_spectrum(part, fs))),
+        )
 
     def jumps(self, channel: str) -> IntArray:
         """Return the samples at which a channel jumps, shape (jumps,), see `jumps`."""
-        return self.kept(("jumps", channel), lambda: np.concatenate(list(self._jumps(channel))))
+        return self.channels[channel].once("jumps", lambda: np.concatenate(list(self._jumps(channel))))
 
     def _jumps(self, channel: str) -> Iterator[IntArray]:
         n = self._source.n
@@ -172,14 +188,22 @@ class RecordFacts:
         self, channel: str, derivative: int = 0, keep_mean: bool = False
     ) -> tuple[FloatArray, FloatArray]:
         """Return frequencies in Hz and power of a derivative, shape (lines,) each, see `power_spectrum`."""
-        asked = channel, derivative, keep_mean
-        if asked not in self._powers:
-            found = [
-                power_spectrum(part, self._source.fs, derivative, keep_mean)
-                for part in self.stretches(channel)
-            ]
-            self._powers[asked] = found[0][0], np.mean([power for _, power in found], axis=0)
-        return self._powers[asked]
+
+        def make() -> tuple[FloatArray, FloatArray]:
+            fs = self._source.fs
+            found = self._of_stretches(channel, lambda part: power_spectrum(part, fs, derivative, keep_mean))
+            return found[0][0], np.mean([power for _, power in found], axis=0)
+
+        return self._once(channel, ("power", derivative, keep_mean), make)
+
+    def _of_stretches(self, channel: str, work: Callable[[FloatArray], Made]) -> list[Made]:
+        """Return what a function makes of the stretches of a channel; several threads take one each."""
+        stretches = self.stretches(channel)
+        return list(each(work, stretches, len(stretches)))
+
+    def _once(self, channel: str, key: Hashable, make: Callable[[], Made]) -> Made:
+        """Return what was made of the parts of a channel that are looked at; others may share the channel."""
+        return self.channels[channel].once((key, *(part.start for part in self.parts)), make)
 
 
 def _rms_step(samples: FloatArray) -> float:

@@ -168,7 +168,7 @@ def made_once(
     """
     if not isinstance(source, Record) or not is_kept(source):
         return make()
-    return source.facts.filtered[channel].of(key, make)
+    return source.facts.channels[channel].filtered.of(key, make)
 
 
 def is_kept(source: Channels) -> bool:

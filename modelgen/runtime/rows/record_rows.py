@@ -177,7 +177,8 @@ def _survey(every: RecordRows) -> Survey:
     """Return the survey of a record, from rows that keep every sample of it."""
 
     def speed(key: str) -> FloatArray:
-        return standstill_speed(every.chunks(), key, every.source.n)
+        velocities = every.over_chunks(lambda chunk: chunk.direction(key, chunk.start, chunk.stop))
+        return standstill_speed(velocities, every.source.n)
 
     return Survey(
         {

@@ -13,7 +13,6 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filters.thresholds import STANDSTILL_SHARE
-from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.thresholds import PERCENTILE
 
 
@@ -31,16 +30,13 @@ class Survey:
 NOTHING = Survey({})
 
 
-def standstill_speed(parts: Iterator[Chunk], key: str, n: int) -> FloatArray:
-    """Return the speed below which a mass stands still, shape (1,), by the key of its velocity.
-
-    `parts` are chunks that keep every sample of a record of n samples.
-    """
+def standstill_speed(velocities: Iterator[FloatArray], n: int) -> FloatArray:
+    """Return the speed below which a mass stands still, shape (1,), from n samples of its velocity, in parts."""
     index = PERCENTILE * (n - 1)
     low = int(index)
     fastest = np.zeros(0)
-    for chunk in parts:
-        speed = np.abs(chunk.direction(key, chunk.start, chunk.stop))
+    for velocity in velocities:
+        speed = np.abs(velocity)
         # once the fastest are known, most of the others need not be looked at again
         least = fastest.min() if len(fastest) == n - low else -np.inf
         fastest = _largest(np.concatenate([fastest, speed[speed > least]]), n - low)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import multiprocessing
 import os
 import threading
+from collections.abc import Iterator
 
 import pytest
 
-from modelgen.runtime.numerics.threads import meanwhile, usable_threads
+from modelgen.runtime.numerics.threads import WAITING, each, meanwhile, usable_threads
 
 
 def test_a_thread_for_every_core_that_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,3 +44,34 @@ def test_what_goes_wrong_in_another_thread_is_told_to_who_asks() -> None:
     found = meanwhile(lambda: 1 // 0)
     with pytest.raises(ZeroDivisionError):
         found()
+
+
+@pytest.mark.parametrize("cores", [{0}, {0, 1, 2}])
+def test_each_item_is_worked_on_in_its_order(cores: set[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: cores, raising=False)
+    # what a thread calls in turn would wait for a thread for ever
+    inner = each(lambda k: sum(each(lambda i: i * k, range(4), 4)), range(20), 20)
+    assert list(inner) == [6 * k for k in range(20)]
+
+
+def test_few_results_are_ahead_of_the_one_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
+    begun: list[int] = []
+
+    def items() -> Iterator[int]:
+        for k in range(100):
+            begun.append(k)
+            yield k
+
+    found = each(lambda k: k, items(), 100)
+    assert next(found) == 0
+    assert len(begun) <= 2 * WAITING
+    found.close()  # type: ignore[attr-defined]
+    assert len(begun) <= 2 * WAITING
+
+
+def test_an_item_that_goes_wrong_ends_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
+    with pytest.raises(ZeroDivisionError):
+        list(each(lambda k: 1 // (3 - k), range(50), 50))
+    assert list(each(lambda k: -k, range(3), 3)) == [0, -1, -2]

@@ -25,6 +25,9 @@ def test_an_edited_record_shares_what_was_made_of_the_channels_that_are_the_same
     # what is made later of the same samples is shared as well
     later = made_once(edited, "q", "later", lambda: np.ones(3))
     assert made_once(record, "q", "later", lambda: np.zeros(3)) is later
+    # so is what is known of the samples
+    assert edited.facts.spectrum("q") is record.facts.spectrum("q")
+    assert edited.facts.extent("f").peak == 2.0 * record.facts.extent("f").peak
     record.facts.forget_filtered()
     assert made_once(edited, "q", "how", lambda: np.ones(3)) is not of_q
 
