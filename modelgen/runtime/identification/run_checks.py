@@ -57,6 +57,7 @@ from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.threads import meanwhile
 from modelgen.runtime.parameters.bounds import BoundCost, bound_advice
 from modelgen.runtime.parameters.dependence import dependences
 from modelgen.runtime.records.channels import Edit
@@ -70,7 +71,8 @@ from modelgen.runtime.rows.paper_rows import observe_paper
 class Extras:
     """What was found in addition to the fit, see `Checks`; `bias` is that by noise, of least squares only.
 
-    `bias_left` is what of it may still be in the estimate.
+    `bias_left` is what of it may still be in the estimate; `residuals` gives the tests of the rows'
+    residuals, which another thread works on meanwhile.
     """
 
     periods: PeriodSpread | None = None
@@ -80,6 +82,7 @@ class Extras:
     bias: FloatArray | None = None
     bias_left: FloatArray | None = None
     changing: ChangingInertia | None = None
+    residuals: Callable[[], tuple[ResidualTest, ...]] = tuple
 
 
 def compared(
@@ -89,7 +92,7 @@ def compared(
 ) -> Extras:
     """Return the comparisons that the records allow, and those that were asked for."""
     fit, choice, records, checks = solution.fit, task.choice, task.records, task.checks
-    scan = None
+    scan, residuals = None, _residuals(task, solution)
     if checks.scan_cutoffs is not None:
         step("scanning filters")
         settings = scanned_settings(choice, records, checks.scan_cutoffs)
@@ -102,7 +105,17 @@ def compared(
     if solution.bias is not None:
         bias, bias_left = solution.bias, LEFT_BIAS * solution.bias
     held, changing = _held_out(task, solution), _changing(task, solution)
-    return Extras(periods, held, scan, solution.cost, bias, bias_left, changing)
+    return Extras(periods, held, scan, solution.cost, bias, bias_left, changing, residuals)
+
+
+def _residuals(task: Task, solution: Solution) -> Callable[[], tuple[ResidualTest, ...]]:
+    """Return what gives the tests of the rows' residuals; nothing where they are not asked for."""
+    if not task.checks.tests or not task.method.matched:
+        return tuple
+    # rows that are made again take memory of their own
+    kept = all(block.in_memory for block in solution.as_measured.blocks)
+    given = task.model, task.records, task.choice, solution.as_measured
+    return meanwhile(lambda: residual_tests(*given, task.period_s()), here=not kept)
 
 
 def _changing(task: Task, solution: Solution) -> ChangingInertia | None:
@@ -202,7 +215,7 @@ def examine(
     asked = [entry for entry in identified if entry.name not in hidden]
     noise = hac_covariance(fit)
     signals = signal_to_noise(model, records, choice)
-    residuals = residual_tests(model, records, choice, fit, task.period_s()) if method.matched else ()
+    residuals = extras.residuals()
     slowest_hz = slowest_mode_hz(model, estimate.physical)
     one_way = one_way_friction(model, fit)
     bounds, periods, left = extras.bounds, extras.periods, extras.bias_left

@@ -31,7 +31,7 @@ NOTHING = Survey({})
 
 
 def standstill_speed(velocities: Iterator[FloatArray], n: int) -> FloatArray:
-    """Return the speed below which a mass stands still, shape (1,), from n samples of its velocity, in parts."""
+    """Return the speed below which a mass stands still, shape (1,), from its velocity at n samples."""
     index = PERCENTILE * (n - 1)
     low = int(index)
     fastest = np.zeros(0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -45,7 +46,7 @@ class Plant:
         """Return a parameter's value; 0 where the chain has no such parameter."""
         return 0.0 if name is None else self.parameters[name]
 
-    @property
+    @cached_property
     def sticking(self) -> tuple[int, ...]:
         """Columns of E whose bodies have modes: Coulomb friction, or friction that depends on direction."""
         return tuple(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.util import find_spec
 from inspect import getmodule, getsource
 from itertools import product
 from typing import Any
@@ -104,13 +103,17 @@ class Sampling:
 
 def can_compile(system: FrictionSystem) -> bool:
     """Return whether `follow_input` would be compiled, and may be used at all."""
-    return has_numba() and len(system.bodies) <= MOST_BODIES and system.B.shape[1] == 1
+    return len(system.bodies) <= MOST_BODIES and system.B.shape[1] == 1 and has_numba()
 
 
 @lru_cache(maxsize=1)
 def has_numba() -> bool:
-    """Return whether numba is installed."""
-    return find_spec("numba") is not None
+    """Return whether numba is installed, and goes with the other packages that are."""
+    try:
+        import numba  # noqa: F401
+    except Exception:  # its versions are particular about NumPy's
+        return False
+    return True
 
 
 def follow_input(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -145,3 +146,10 @@ def test_more_bodies_with_friction_than_can_be_tabulated_are_refused() -> None:
     )
     with pytest.raises(DataError, match="has 9 bodies with Coulomb friction, where 8 are possible"):
         integrate(system, np.zeros(2 * count), np.zeros((11, 1)), STEP)
+
+
+def test_numba_that_does_not_go_with_other_packages_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "numba", None)
+    stepping.has_numba.cache_clear()
+    assert not stepping.can_compile(loop_of("table_2"))
+    stepping.has_numba.cache_clear()
