@@ -166,7 +166,7 @@ def period_from(
 def hold_out_from(items: Sequence[str]) -> Sequence[str] | float | None:
     """Return what --hold-out says: a share, or names of records; None if it was not given."""
     share = _number_or(items[0]) if len(items) == 1 else items
-    return share if items and isinstance(share, float) else list(items) or None
+    return share if items and isinstance(share, float) else tuple(items) or None
 
 
 def cutoffs_from(text: str | None) -> Sequence[float] | str | None:
@@ -174,7 +174,7 @@ def cutoffs_from(text: str | None) -> Sequence[float] | str | None:
     if text is None or text == "auto":
         return text
     numbers = [_number_or(part) for part in text.split(",")]
-    found = [number for number in numbers if isinstance(number, float)]
+    found = tuple(number for number in numbers if isinstance(number, float))
     if len(found) < len(numbers):
         remedy = "write auto, or frequencies in Hz with commas, such as 100,200,300"
         raise DataError.at(f"--scan-cutoffs {text}", "cannot be read", remedy)

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
-from modelgen.cli.arguments import (
-    cutoffs_from,
-    delays_from,
-    directions_from,
-    hold_out_from,
-    period_from,
-)
-from modelgen.cli.data_arguments import DataOptions
+from modelgen.cli.arguments import cutoffs_from, delays_from, directions_from, hold_out_from, period_from
+from modelgen.project.tables import IdentifyTable
 
 MethodName = Literal["auto", "wls", "iv", "tls", "pham2002"]
 Method = Annotated[
@@ -114,36 +109,62 @@ class EstimationOptions:
     rows: Rows = "force"
     memory_limit_mb: MemoryLimit = None
 
-    def settings(self, method: str, data: DataOptions, **more: Any) -> dict[str, Any]:
-        """Return method, filters and checks for `modelgen.identify`.
 
-        Parameters
-        ----------
-        method : str
-        data : DataOptions
-            Its directions of motion are settings of the filters, too.
-        **more
-            Further flat options, see `modelgen.runtime.identification.options.values_of`.
-        """
-        from modelgen.runtime.identification.options import values_of
+@dataclass(frozen=True)
+class FullOptions:
+    """What commands offer besides `EstimationOptions` that have every option of an identification."""
 
-        flat = vars(self) | {"held": tuple(self.held or ()), "keep": tuple(self.keep or ())}
-        delays, directions = delays_from(flat.pop("delay") or ()), directions_from(data.direction or ())
-        return values_of(method, delays=delays, directions=directions, **flat, **more)
+    method: Method = "auto"
+    cutoff_hz: Cutoff = None
+    pairing: Pairing = "all"
+    prune_percent: PrunePercent = 10.0
+    period_s: Periods = None
+    hold_out: HoldOut = None
+    scan_cutoffs: ScanCutoffs = None
 
 
-def settings_typed(
-    estimation: EstimationOptions, given: DataOptions, typed: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Return the settings of a command that has every option of an identification, from what was typed."""
-    pairing = typed["pairing"]
-    return estimation.settings(
-        typed["method"],
-        given,
-        cutoff_hz=typed["cutoff_hz"],
-        rows_for_tag=None if pairing == "all" else pairing,
-        prune_percent=typed["prune_percent"],
-        period_s=period_from(typed["period_s"] or (), given.map_file),
-        hold_out=hold_out_from(typed["hold_out"] or ()),
-        scan_cutoffs=cutoffs_from(typed["scan_cutoffs"]),
-    )
+# options whose text is read into a value
+_READ: Mapping[str, Any] = {
+    "delay": delays_from,
+    "period_s": period_from,
+    "hold_out": hold_out_from,
+    "scan_cutoffs": cutoffs_from,
+    "held": tuple,
+    "keep": tuple,
+}
+
+
+def identify_table(typed: Mapping[str, Any]) -> IdentifyTable:
+    """Return options of an estimation, from all that were typed, as the table of a project file."""
+    given = {one.name: typed[one.name] for one in fields(IdentifyTable) if typed.get(one.name) is not None}
+    read: dict[str, Any] = {
+        name: _READ[name](value) if name in _READ else value for name, value in given.items()
+    }
+    return IdentifyTable(**read)
+
+
+def settings_of(table: IdentifyTable, directions: Mapping[str, str], map_file: Path | None) -> dict[str, Any]:
+    """Return method, filters and checks for `modelgen.identify`.
+
+    Parameters
+    ----------
+    table : IdentifyTable
+    directions : mapping of str to str
+        Directions of motion are settings of the filters, too.
+    map_file : Path, optional
+        Declares the period of the excitation where the table does not.
+    """
+    from modelgen.runtime.identification.options import values_of
+
+    flat = dict(vars(table))
+    if table.period_s is None and map_file is not None:
+        flat["period_s"] = period_from((), map_file)
+    pairing = flat.pop("pairing")
+    paired = None if pairing == "all" else pairing
+    delays = flat.pop("delay")
+    return values_of(delays=delays, directions=dict(directions), rows_for_tag=paired, **flat)
+
+
+def settings_typed(typed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings for `modelgen.identify` from what was typed."""
+    return settings_of(identify_table(typed), directions_from(typed["direction"] or ()), typed["map_file"])

@@ -99,10 +99,10 @@ def test_words_become_values() -> None:
     assert period_from(["a=0.5", "b=1"]) == {"a": 0.5, "b": 1.0}
     assert hold_out_from([]) is None
     assert hold_out_from(["0.25"]) == 0.25
-    assert hold_out_from(["a", "b"]) == ["a", "b"]
-    assert hold_out_from(["chirp"]) == ["chirp"]
+    assert hold_out_from(["a", "b"]) == ("a", "b")
+    assert hold_out_from(["chirp"]) == ("chirp",)
     assert cutoffs_from(None) is None
     assert cutoffs_from("auto") == "auto"
-    assert cutoffs_from("100,200.5") == [100.0, 200.5]
+    assert cutoffs_from("100,200.5") == (100.0, 200.5)
     with pytest.raises(DataError):
         cutoffs_from("100,x")

@@ -10,9 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from modelgen.cli.arguments import amounts, period_from
+from modelgen.cli.arguments import amounts
 from modelgen.cli.data_arguments import DataOptions, read_files, reading_lines, tagged
-from modelgen.cli.estimation_options import Cutoff, EstimationOptions, Method, Pairing, Periods, Tags
+from modelgen.cli.estimation_options import (
+    Cutoff,
+    EstimationOptions,
+    Method,
+    Pairing,
+    Periods,
+    Tags,
+    settings_typed,
+)
 from modelgen.cli.options import ResultOptions, SensorSet, Trust, Values, refuse_given
 from modelgen.cli.output import deliver, note
 from modelgen.cli.output_files import check_result
@@ -93,13 +101,9 @@ def compare(
         readings = tagged(read_files(data, list(models.values()), given), tag or ())
         note(reading_lines(data, readings))
         records = [reading.record for reading in readings]
-        period = period_from(period_s or (), given.map_file)
-        paired = None if pairing == "all" else pairing
-        settings = estimation.settings(
-            method, given, cutoff_hz=cutoff_hz, period_s=period, rows_for_tag=paired
-        )
         step("identifying")
-        found = dict(zip(models, estimates_of(list(models.values()), records, **settings), strict=True))
+        every = estimates_of(list(models.values()), records, **settings_typed(context.params))
+        found = dict(zip(models, every, strict=True))
         if yardsticks:
             described["yardsticks"] = {title: _yardsticks(model, records) for title, model in models.items()}
     if saved or data:

@@ -13,17 +13,7 @@ import typer
 
 from modelgen.cli.arguments import amounts
 from modelgen.cli.data_arguments import DataOptions, reading_options
-from modelgen.cli.estimation_options import (
-    Cutoff,
-    EstimationOptions,
-    HoldOut,
-    Method,
-    Pairing,
-    Periods,
-    PrunePercent,
-    ScanCutoffs,
-    settings_typed,
-)
+from modelgen.cli.estimation_options import EstimationOptions, FullOptions, settings_typed
 from modelgen.cli.options import Module, ResultOptions, Trust, Values
 from modelgen.cli.output import deliver, note, report
 from modelgen.cli.output_files import check_result
@@ -68,13 +58,7 @@ def fleet(
     module: Module,
     given: DataOptions,
     estimation: EstimationOptions,
-    method: Method = "auto",
-    cutoff_hz: Cutoff = None,
-    pairing: Pairing = "all",
-    prune_percent: PrunePercent = 10.0,
-    period_s: Periods = None,
-    hold_out: HoldOut = None,
-    scan_cutoffs: ScanCutoffs = None,
+    full: FullOptions,
     value: Values = None,
     scheduler: Scheduler = None,
     tls_ca_file: TlsCaFile = None,
@@ -108,7 +92,7 @@ def fleet(
     known = amounts("--set", value or ())
     model = with_known(model_from_text(text, str(module), trust), known, "--set")
     records = _records(data, model, given)
-    settings = settings_typed(estimation, given, context.params)
+    settings = settings_typed(context.params)
     step("starting the workers" if scheduler is None else f"asking {scheduler}")
     with fleet_client(scheduler, workers, certificates=certificates) as client:
         found = identify_fleet(client, text, records, settings, checkpoint, trust, known)

@@ -9,23 +9,8 @@ import typer
 
 from modelgen.cli.arguments import amounts, given_options
 from modelgen.cli.arms.compared_arm import inputs_of_loop
-from modelgen.cli.data_arguments import (
-    DataOptions,
-    reading_lines,
-)
-from modelgen.cli.estimation_options import (
-    Cutoff,
-    EstimationOptions,
-    HoldOut,
-    Method,
-    Pairing,
-    Payloads,
-    Periods,
-    PrunePercent,
-    ScanCutoffs,
-    Tags,
-    settings_typed,
-)
+from modelgen.cli.data_arguments import DataOptions, reading_lines
+from modelgen.cli.estimation_options import EstimationOptions, FullOptions, Payloads, Tags, settings_typed
 from modelgen.cli.options import Data, Details, Json, Overwrite, Trust, Values
 from modelgen.cli.output import note, print_json
 from modelgen.cli.result_pages.write_page import ReportFile
@@ -71,15 +56,9 @@ def identify(
     *,
     given: DataOptions,
     estimation: EstimationOptions,
-    method: Method = "auto",
-    cutoff_hz: Cutoff = None,
+    full: FullOptions,
     tag: Tags = None,
     payload: Payloads = None,
-    pairing: Pairing = "all",
-    prune_percent: PrunePercent = 10.0,
-    period_s: Periods = None,
-    hold_out: HoldOut = None,
-    scan_cutoffs: ScanCutoffs = None,
     sensors: SensorsOf = None,
     value: Values = None,
     output: Output = None,
@@ -101,12 +80,7 @@ def identify(
     """
     from modelgen.cli.output_files import OutputFiles
     from modelgen.cli.project.from_options import save_project
-    from modelgen.cli.sensor_sets.identified import (
-        identified,
-        models_of,
-        read_for,
-        sensors_from,
-    )
+    from modelgen.cli.sensor_sets.identified import identified, models_of, read_for, sensors_from
 
     wanted, of_records = sensors_from(sensors or ())
     models = models_of(module or (), spec, wanted, amounts("--set", value or ()), trust, data)
@@ -115,8 +89,7 @@ def identify(
     outputs.check(spec, controller, of_arm)  # before the work, not after it
     inputs = inputs_of_loop(next(iter(models.values()))) if controller and report_file else ()
     read = read_for(data, models, given, tag or (), of_records, inputs, payload or ())
-    settings = settings_typed(estimation, given, context.params)
-    found = identified(models, read, settings)
+    found = identified(models, read, settings_typed(context.params))
     note(reading_lines(data, found.readings))
     # before the files: whatever becomes of these, the answer is there
     if as_json:

@@ -10,7 +10,7 @@ import typer
 
 from modelgen.cli.arms.compared_arm import arm_comparison, inputs_of_loop
 from modelgen.cli.data_arguments import DataOptions, carrying, read_files, reading_lines
-from modelgen.cli.estimation_options import EstimationOptions, MethodName, Payloads
+from modelgen.cli.estimation_options import EstimationOptions, MethodName, Payloads, settings_typed
 from modelgen.cli.options import Data, Module, ResultOptions, Trust, Values, refuse_given
 from modelgen.cli.output import deliver, note
 from modelgen.cli.output_files import check_result
@@ -103,7 +103,8 @@ def validate(
             remedy = "give --method, or a file that modelgen identify -o wrote"
             raise DataError.at(f"{estimate}: method", "is missing", remedy)
         first, rest = zip(*(split(record, hold_out) for record in records), strict=True)
-        settings = estimation.settings(method or saved["method"], given, cutoff_hz=identify_cutoff_hz)
+        own = {"method": method or saved["method"], "cutoff_hz": identify_cutoff_hz}
+        settings = settings_typed({**context.params, **own, "hold_out": None, "map_file": None})
         held = {**saved.get("known", {}), **given_values}
         again = identify(as_identified(model, held), first, **settings)
         found += compared({**parameters, **parameters_of(again, model)}, rest)

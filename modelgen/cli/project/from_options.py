@@ -4,36 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from modelgen.atomic_write import write_whole
-from modelgen.cli.arguments import (
-    amounts,
-    cutoffs_from,
-    delays_from,
-    directions_from,
-    hold_out_from,
-    load_chain,
-    period_from,
-    sensor_sets,
-)
+from modelgen.cli.arguments import amounts, directions_from, load_chain, sensor_sets
+from modelgen.cli.estimation_options import identify_table
 from modelgen.cli.output_files import OutputFiles
 from modelgen.cli.sensor_sets.identified import sensors_from
 from modelgen.errors import DataError
 from modelgen.project.lock_file import Lock, file_hash, save_lock
 from modelgen.project.project_file import load_project
 from modelgen.project.project_text import project_text
-from modelgen.project.tables import DataTable, IdentifyTable, OutputTable, ProjectTable, RecordsTable
-
-# what these options say has a form of its own in a project file
-READ: Mapping[str, Any] = {
-    "delay": delays_from,
-    "period_s": period_from,
-    "hold_out": hold_out_from,
-    "scan_cutoffs": cutoffs_from,
-}
+from modelgen.project.tables import DataTable, OutputTable, ProjectTable, RecordsTable
 
 
 def save_project(outputs: OutputFiles, typed: Mapping[str, Any]) -> None:
@@ -55,7 +38,6 @@ def save_project(outputs: OutputFiles, typed: Mapping[str, Any]) -> None:
     files = tuple(_relative(one, path) for one in typed["data"])
     map_file = typed["map_file"]
     sets, of_records = sensors_from(typed["sensors"] or ())
-    identify = {one.name: _option(one.name, typed[one.name]) for one in fields(IdentifyTable)}
     table = ProjectTable(
         records=(
             RecordsTable(
@@ -77,7 +59,7 @@ def save_project(outputs: OutputFiles, typed: Mapping[str, Any]) -> None:
             tuple(typed["mend"] or ()),
             directions_from(typed["direction"] or ()),
         ),
-        identify=IdentifyTable(**identify),
+        identify=identify_table(typed),
         output=OutputTable(_below(outputs.estimate, path), _below(outputs.report, path)),
     )
     write_whole(path, project_text(table).encode(), overwrite=outputs.overwrite)
@@ -98,15 +80,6 @@ def _chain(typed: Mapping[str, Any], sets: Sequence[str], path: Path) -> dict[st
     names = list(sets) or sensor_sets(chain, None)
     place = _relative(Path(spec), path) if is_path else spec
     return {"spec": place, "sensors": names[0] if len(names) == 1 else tuple(names)}
-
-
-def _option(name: str, value: Any) -> Any:
-    """Return an option's value as a project file has it."""
-    if name in READ and value is not None:
-        value = READ[name](value)
-    elif name in ("held", "keep"):
-        value = value or ()
-    return tuple(value) if isinstance(value, list) else value
 
 
 def _relative(place: Path, project: Path) -> str:

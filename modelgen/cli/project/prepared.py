@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import modelgen
 from modelgen.cli.data_arguments import DataOptions
+from modelgen.cli.estimation_options import settings_of
 from modelgen.errors import DataError
 from modelgen.project.project_file import Project
 from modelgen.project.tables import DataTable, RecordsTable
@@ -87,7 +88,8 @@ def prepare(project: Project, trust: bool) -> Prepared:
     if len(by_sensors) < len(models):
         raise DataError.at(f"{project.path}: model", "names sensors twice", "give one module a sensor set")
     text = "".join(text for _, text in texts)
-    given, settings = _given(project, table.data), _settings(project)
+    given = _given(project, table.data)
+    settings = settings_of(table.identify, table.data.directions, given.map_file)
     return Prepared(project, by_sensors, texts[0][0], text, spec, given, settings)
 
 
@@ -123,23 +125,4 @@ def _given(project: Project, data: DataTable) -> DataOptions:
         time_unit=data.time_unit,
         mend=list(data.mend),
         direction=[f"{name}={channel}" for name, channel in data.directions.items()],
-    )
-
-
-def _settings(project: Project) -> dict[str, Any]:
-    from modelgen.cli.arguments import period_from
-    from modelgen.runtime.identification.options import values_of
-
-    table = project.table
-    flat = {name: getattr(table.identify, name) for name in table.identify.__dataclass_fields__}
-    pairing, period = flat.pop("pairing"), flat.pop("period_s")
-    if period is None and table.data.map_file is not None:
-        period = period_from((), project.place(table.data.map_file))
-    return values_of(
-        flat.pop("method"),
-        delays=flat.pop("delay"),
-        directions=dict(table.data.directions),
-        rows_for_tag=None if pairing == "all" else pairing,
-        period_s=period,
-        **flat,
     )
