@@ -122,6 +122,8 @@ def _between_samples(changed: npt.NDArray[np.intp]) -> tuple[float, float] | Non
     A period of f per sample and one of 1 - f have the same line in the spectrum of what sampling shows.
     """
     there = changed - changed[0]
+    if there[-1] < len(there):
+        return None  # a new reading at every sample after a rest
     seen = np.zeros(int(there[-1]) + 1)
     seen[there] = 1.0
     size = FINER * quick_length(len(seen))
