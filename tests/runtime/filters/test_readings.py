@@ -103,7 +103,7 @@ def test_readings_that_are_lost_at_random_have_no_period(share: float) -> None:
         np.round(np.linspace(0.0, 1.0, T.size) * 1000.0),  # a slow one that counts in step with the clock
         np.sign(np.sin(2.0 * np.pi * 12.5 * T)),  # a command of two levels
         np.zeros(T.size),
-        np.where(T < T.max() * 0.3, ANGLE[0], ANGLE),  # a new one at every sample after that
+        ANGLE[np.maximum(np.arange(T.size) - T.size // 3, 0)],  # at every sample a new one, after a rest
     ],
     ids=["new ones", "coarse", "slow", "two levels", "rest", "rest at first"],
 )
