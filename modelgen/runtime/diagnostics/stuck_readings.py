@@ -17,28 +17,21 @@ from modelgen.runtime.diagnostics.thresholds import (
     AROUND,
     CHANCE,
     CLIPPED_RUN,
-    EXCERPT,
-    EXCERPTS,
     FULL_SPEED,
     LEAP_AFTER_STUCK,
-    MOST,
-    MOST_PARTS,
     MOSTLY,
     NEARBY,
-    NEARLY,
-    NEIGHBOURS,
     OFTEN,
     RARELY,
-    REACHES,
     REPEATED,
     RESOLUTIONS,
-    ROUNDING,
     SELDOM,
     SHORTEST_RUN,
     STRAIGHT,
     USUAL_CHANGES,
     VISIBLE_NOISE,
 )
+from modelgen.runtime.filters.rounding import excerpt, rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,57 +56,10 @@ def equal_runs(samples: FloatArray) -> Runs:
     changes = samples[1:] != samples[:-1]
     if changes.all():
         none = np.zeros(0, dtype=int)
-        return Runs(none, none, _resolution(samples))
+        return Runs(none, none, rounding(samples))
     edges = np.concatenate([[0], np.flatnonzero(changes) + 1, [len(samples)]])
     long = np.diff(edges) > 1
-    return Runs(edges[:-1][long], edges[1:][long] - 1, _resolution(samples))
-
-
-def excerpt(samples: FloatArray) -> FloatArray:
-    """Return samples from all over a channel, shape (n,), that show what is usual; all of a short one."""
-    if len(samples) <= EXCERPTS * EXCERPT:
-        return samples
-    starts = np.linspace(0, len(samples) - EXCERPT, EXCERPTS).astype(int)
-    return np.concatenate([samples[start : start + EXCERPT] for start in starts])
-
-
-def _resolution(samples: FloatArray) -> float:
-    """Return the step to which readings are rounded, the coarser where it differs, 0 if they are not.
-
-    It differs in a file with so many significant digits: it is coarser far from zero.
-    """
-    shown = excerpt(samples)
-    least = ROUNDING * float(np.ptp(samples))  # values that were scaled or shifted differ by that as well
-    ordered = np.sort(shown)
-    apart = np.diff(ordered)
-    first = np.flatnonzero(apart)
-    apart = apart[first]
-    # where no reading repeats, rounding does not show
-    again = np.flatnonzero(np.diff(first, prepend=-1) > 1)
-    if not again.size:
-        return 0.0
-    parts = np.unique(again // NEIGHBOURS)
-    some = parts[:: -(-len(parts) // MOST_PARTS)]
-    near = [apart[part * NEIGHBOURS : (part + 1) * NEIGHBOURS] for part in some.tolist()]
-    found = [_common_step(part[part > least]) for part in near]
-    if any(found):
-        return float(np.quantile(found, MOST, method="lower"))
-    # readings that are many steps apart have only steps in time as small as one
-    steps = np.unique(np.abs(np.diff(shown)))
-    return _common_step(steps[steps > least])
-
-
-def _common_step(apart: FloatArray) -> float:
-    """Return the least of differences if most of them are multiples of it, otherwise 0."""
-    if not apart.size:
-        return 0.0
-    step = float(np.min(apart))
-    for reach in REACHES:
-        # the larger multiples tell the step more exactly
-        near = apart[apart < reach * step]
-        step = float(np.sum(near)) / float(np.sum(np.round(near / step)))
-    multiples = np.abs(apart / step - np.round(apart / step)) < NEARLY
-    return step if float(np.mean(multiples)) > MOST else 0.0
+    return Runs(edges[:-1][long], edges[1:][long] - 1, rounding(samples))
 
 
 def faulty_runs(

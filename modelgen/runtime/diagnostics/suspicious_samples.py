@@ -16,7 +16,7 @@ import numpy as np
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import IdentifiabilityError, ModelgenError, Problem
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.stuck_readings import Runs, equal_runs, excerpt, faulty_runs
+from modelgen.runtime.diagnostics.stuck_readings import Runs, equal_runs, faulty_runs
 from modelgen.runtime.diagnostics.thresholds import (
     AROUND,
     FEWEST_STEPS,
@@ -25,11 +25,12 @@ from modelgen.runtime.diagnostics.thresholds import (
     LEAP_SPEED,
     LISTED,
     MOVES,
-    NEARLY,
     OVERLAP,
     WIDEST,
 )
 from modelgen.runtime.diagnostics.unit_errors import unlike_units
+from modelgen.runtime.filters.rounding import excerpt
+from modelgen.runtime.filters.thresholds import NEARLY
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.faults import POSITIONS, reading_problems
 from modelgen.runtime.records.record import Record

@@ -87,13 +87,6 @@ LOAD_ROW_FACTORS = (0.5, 2.0)
 # changes its sign, and where that matters, this shows it.
 DIRECTION_FACTOR = 2.0
 
-# What is usual in a long channel is seen in so many stretches of so many samples.
-EXCERPTS, EXCERPT = 16, 1 << 12
-# Readings are rounded to a step where most of their differences are nearly integer multiples of the least.
-ROUNDING, NEARLY, MOST = 1e-12, 0.1, 0.8
-# The step is looked for among so many neighbouring readings, in so many places, and made exact by differences
-# of so many steps.
-NEIGHBOURS, MOST_PARTS, REACHES = 32, 64, (4.0, 30.0, 200.0)
 # Chance that a run of equal readings as long as one that counts comes about in a record by itself.
 CHANCE = 1e-6
 SHORTEST_RUN = 8

@@ -64,3 +64,11 @@ AS_HIGH, SHORTEST = 0.9, 1.2
 # A bend is looked for from this multiple of the noise on: of normal noise one sample in two million has it.
 # Bends are so many samples apart: farther away the difference of one is below 3 % of its peak.
 BEND, BEND_APART = 5.0, 5
+
+# What is usual in a long channel is seen in so many stretches of so many samples.
+EXCERPTS, EXCERPT = 16, 1 << 12
+# Readings are rounded to a step where most of their differences are nearly integer multiples of the least.
+ROUNDING, NEARLY, MOST = 1e-12, 0.1, 0.8
+# The step is looked for among so many neighbouring readings, in so many places, and made exact by differences
+# of so many steps.
+NEIGHBOURS, MOST_PARTS, REACHES = 32, 64, (4.0, 30.0, 200.0)

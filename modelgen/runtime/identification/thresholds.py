@@ -29,8 +29,9 @@ DISAGREEMENT = 3.0
 # its value, and no row is left unexplained.
 STANDS_IN = 0.3
 
-# A force is half a sample early to within this share of a sample.
-HALF_SAMPLE = 0.05
+# A force is half a sample early to within this share of a sample: rounded encoders, and directions near
+# reversals, move its delay by a tenth. Nor is so short a delay told where rows use samples near reversals.
+HALF_SAMPLE = 0.2
 # No command acts before it is given: by more than this share of a sample it is another cause.
 LEAST_BEFORE = 0.2
 # Rounds in which a command is taken as held, at most; done when it moves by less than this share of a sample.

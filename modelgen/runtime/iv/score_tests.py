@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from modelgen.runtime.iv.thresholds import (
     LEVEL,
 )
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_run_covariance
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_run_covariances
 from modelgen.runtime.least_squares.spanned import Spanned
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.block_column import block_column
@@ -71,31 +72,20 @@ class Score:
     likely: bool = False
 
 
-def scores(
-    fit: Fit,
-    effects: Sequence[Effect],
-    grown: Sequence[Sequence[FloatArray]],
-    others: Sequence[Sequence[FloatArray]] = (),
-    slope: FloatArray | None = None,
-) -> tuple[Score, ...]:
+def scores(span: Span, effects: Sequence[Effect], grown: Sequence[Sequence[FloatArray]]) -> tuple[Score, ...]:
     """Return the score of each effect that can be told from the columns, the most explained first.
 
     Parameters
     ----------
-    fit : Fit
-        With instruments.
+    span : Span
+        Of a fit with instruments.
     effects : sequence of Effect
     grown : sequence of sequence of array
         For each effect how Y - W X grows with its size: one array a block of the fit.
-    others : sequence of sequence of array
-        Likewise for what is estimated already: delays, effects.
-    slope : array, shape (c, p), optional
-        How X grows with the p parameters that were fitted in its place.
     """
     if not effects:
         return ()
-    span = Span(fit, others, slope)
-    r = span.apart(fit.weighted_residual)
+    fit, slope, r = span.fit, span.slope, span.left
     told = span.compared(grown, r)
     seen = np.flatnonzero(told.power > LEAST_OWN_SHARE * told.whole)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
@@ -112,42 +102,37 @@ def scores(
         large = explained > LEAST_EXPLAINED or bool(np.any(np.abs(move) > LEAST_MOVE * spread))
         # sampling and filters are not exact beyond that
         large = large and bool(np.any(np.abs(move) > LEAST_MOVED_SHARE * np.abs(fit.solution.x)))
-        std = least = np.nan
+        std = rarely = least = np.nan
         if large and abs(size) * float(np.sqrt(whole)) < largest:
             own = span.apart(stacked(fit, grown[place]))
-            std = _deviation(fit, r, own, size, power)
+            std, rarely = _deviations(fit, r, own, size, power, (USUAL, critical))
             least = critical * std
         if likely := abs(size) > least:
-            least = critical * _deviation(fit, r, own, size, power, critical)
+            least = critical * rarely
         matters = abs(size) > least
         one = Score(effects[place], size, std, explained, move, power / whole, power, least, matters, likely)
         found.append(one)
     return tuple(sorted(found, key=lambda one: -one.explained))
 
 
-def moves_within(
-    fit: Fit,
-    grown: Sequence[Sequence[FloatArray]],
-    others: Sequence[Sequence[FloatArray]] = (),
-    slope: FloatArray | None = None,
-) -> FloatArray:
+def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]]) -> FloatArray:
     """Return what effects move whose sizes are known to be about 1 at most, as a mean square, shape (c, c).
 
     They are not estimated, but what the residual says of a size counts: the mean square is that of a normal
-    one with the standard deviation 1, given the residual. `grown` and the others are as in `scores`.
+    one with the standard deviation 1, given the residual. `grown` is as in `scores`.
     """
+    fit, slope = span.fit, span.slope
     total = np.zeros((len(fit.columns),) * 2)
     seen = [column for column in grown if any(part.any() for part in column)]
     if not seen:
         return total
-    span = Span(fit, others, slope)
-    r = span.apart(fit.weighted_residual)
+    r = span.left
     told = span.compared(seen, r)
     for place, column in enumerate(seen):
         share, power = 0.0, float(told.power[place])
         size = float(told.along[place]) / power if power > 0.0 else 0.0
         if power > LEAST_OWN_SHARE * float(told.whole[place]):
-            std = _deviation(fit, r, span.apart(stacked(fit, column)), size, power)
+            (std,) = _deviations(fit, r, span.apart(stacked(fit, column)), size, power, (USUAL,))
             share = 1.0 / (1.0 + std**2)
         if fit.moved is not None:
             move = fit.moved(column)[: len(fit.columns)]
@@ -159,22 +144,22 @@ def moves_within(
 
 def without_noise(
     found: Sequence[Score],
-    fit: Fit,
+    span: Span,
     effects: Sequence[Effect],
     noise: tuple[Sequence[FloatArray], Sequence[Sequence[FloatArray]]],
-    others: Sequence[Sequence[FloatArray]],
-    slope: FloatArray | None,
 ) -> tuple[Score, ...]:
     """Return the scores without what noise of the forces makes of them, the most explained first.
 
     Parameters
     ----------
+    span : Span
     effects : sequence of Effect
         Those that matter.
     noise : pair
         What noise adds to the residual and to the effects, as `noise_rows` returns it.
     """
-    r = Span(fit, others, slope).apart(stacked(fit, noise[0]))
+    fit = span.fit
+    r = span.apart(stacked(fit, noise[0]))
     shift = {
         effect.name: float(stacked(fit, change) @ r) for effect, change in zip(effects, noise[1], strict=True)
     }
@@ -228,16 +213,30 @@ class Span:
     """What the weighted regressors of a fit span, with columns for what is estimated already."""
 
     def __init__(
-        self, fit: Fit, others: Sequence[Sequence[FloatArray]], slope: FloatArray | None = None
+        self, fit: Fit, others: Sequence[Sequence[FloatArray]] = (), slope: FloatArray | None = None
     ) -> None:
-        """Take what `scores` takes."""
+        """Take a fit, and how Y - W X grows with what is estimated already (delays, effects).
+
+        Parameters
+        ----------
+        fit : Fit
+        others : sequence of sequence of array
+            One array a block of the fit for each.
+        slope : array, shape (c, p), optional
+            How X grows with the p parameters that were fitted in its place.
+        """
         R = fit.regressors if slope is None else fit.regressors.mixed(slope)
-        self._fit, free = fit, R.columns
+        self.fit, self.slope, free = fit, slope, R.columns
         self._spanned = Spanned(R.joined(others).weighted(fit.weights))
         self._back = self._spanned.back[:free]
         # the norm of what an effect may add to the rows
         x = fit.solution.x if free == len(fit.columns) else _unknowns(fit, R)
         self.largest_overlooked = LARGEST_SHARE * float(np.max(self._spanned.sizes[:free] * np.abs(x)))
+
+    @cached_property
+    def left(self) -> FloatArray:
+        """The fit's weighted residual without what the regressors explain of it, shape (r,)."""
+        return self.apart(self.fit.weighted_residual)
 
     def apart(self, column: FloatArray) -> FloatArray:
         """Return a weighted column, shape (r,), without what the regressors explain of it."""
@@ -250,7 +249,7 @@ class Span:
         lefts = self._spanned.parts(residual)
         for place, column in enumerate(grown):
             for index, rows in block_column(column).parts.items():  # most effects are seen in few rows
-                part = self._fit.weights[index] * rows
+                part = self.fit.weights[index] * rows
                 across[:, place] += self._spanned.across(index, part)
                 whole[place] += part @ part
                 along[place] += part @ lefts[index]
@@ -258,7 +257,7 @@ class Span:
         power = whole - np.sum(inner**2, axis=0)
         for place in np.flatnonzero(power < CANCELLED * whole).tolist():
             # twice: rounding leaves as much of the regressors as is to be found
-            own = self.apart(self.apart(stacked(self._fit, grown[place])))
+            own = self.apart(self.apart(stacked(self.fit, grown[place])))
             power[place], along[place] = own @ own, own @ residual
         return Compared(whole, power, along, self._back @ inner)
 
@@ -274,12 +273,12 @@ def stacked(fit: Fit, parts: Sequence[FloatArray]) -> FloatArray:
     return np.concatenate([w * part for w, part in zip(fit.weights, parts, strict=True)])
 
 
-def _deviation(
-    fit: Fit, r: FloatArray, own: FloatArray, size: float, power: float, quantile: float = USUAL
-) -> float:
-    """Return the standard deviation of an effect's size, of residuals without the effect.
+def _deviations(
+    fit: Fit, r: FloatArray, own: FloatArray, size: float, power: float, quantiles: Sequence[float]
+) -> list[float]:
+    """Return the standard deviation of an effect's size, of residuals without the effect, for each quantile.
 
-    It is such that a normal quantile holds where few instants tell it.
+    It is such that this normal quantile holds where few instants tell it.
     """
     series: dict[int, FloatArray] = {}
     last = 0
@@ -287,5 +286,5 @@ def _deviation(
         first, last = last, last + len(block.place)
         psi = series.setdefault(block.record, np.zeros((block.grid, 1)))
         psi[block.place, 0] += own[first:last] * (r[first:last] - own[first:last] * size) / power
-    variance = long_run_covariance(list(series.values()), grown=False, quantile=quantile)
-    return float(np.sqrt(max(variance[0, 0], 0.0)))
+    variances = long_run_covariances(list(series.values()), quantiles, grown=False)
+    return [float(np.sqrt(max(one[0, 0], 0.0))) for one in variances]

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from modelgen.runtime.advice import ROWS_OWN, Advice
+from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import AT_REVERSALS, Effect
 from modelgen.runtime.records.record import Record
 
@@ -14,6 +17,8 @@ ESTIMATED = "; that is estimated with the parameters"
 HELD = "; the intervals hold what that moves"
 # Effects whose sum with what the spec names is told where sensors cannot tell them apart.
 SUMMED = ("Coulomb friction", "viscous friction")
+# Kinds of effects that change a level: the mean of others is that of motion, of which encoders have a zero.
+LEVELS = ("zero", "constant")
 # So many other explanations are listed at most.
 LISTED = 3
 
@@ -55,6 +60,28 @@ def below_noise(effect: Effect, size: float, records: Sequence[Record]) -> bool:
     key = effect.channel
     read = [one for one in records if key in one.signals] if effect.kind == "zero" else []
     return any(size**2 < 0.5 * one.facts.spectrum(key).noise * one.fs for one in read)
+
+
+def within_rounding(effect: Effect, size: float, simulated: Sequence[Simulated]) -> bool:
+    """Tell whether an effect changes positions by less than encoders round them, rms.
+
+    Rounding follows the motion: it does not average out, and looks like whatever else does so. Positions that
+    are not rounded tell what they tell, and so does what changes none.
+    """
+    seen = False
+    for one in simulated:
+        changes, sensors = effect.added(one, size), one.plant.model.sensors
+        for sensor in sensors:
+            record = one.measured
+            if sensor.measures != "position" or sensor.key not in changes or record is None:
+                continue
+            step = record.facts.rounding(sensor.key) if sensor.key in record.signals else 0.0
+            moved = changes[sensor.key]
+            moved = moved if effect.kind in LEVELS else moved - np.mean(moved)
+            if size**2 * float(moved @ moved) > len(moved) * step**2 / 12.0:
+                return False
+            seen = True
+    return seen
 
 
 def summed(unseen: Sequence[Effect]) -> tuple[str, ...]:

@@ -87,14 +87,21 @@ def long_run_covariance(
     quantile : float
         The normal quantile, 1.96 or more, that is to hold where few instants tell a variance.
     """
+    return long_run_covariances(series, (quantile,), least, grown)[0]
+
+
+def long_run_covariances(
+    series: Sequence[Series | FloatArray], quantiles: Sequence[float], least: float = 1.0, grown: bool = True
+) -> list[FloatArray]:
+    """Return what `long_run_covariance` returns for each of some quantiles, from the same sums."""
     series = [kept(one) for one in series]
     bandwidth = max(least, scores_bandwidth(series, grown))
     sums = [ParzenSums(bandwidth) for _ in series]
     for one, parzen in zip(series, sums, strict=True):
         for psi in in_parts(one, least=2 * parzen.width):
             parzen.add(psi)
-    n = sum(one.n for one in sums)
-    return joined_covariance([one.result() for one in sums], bandwidth, n, quantile)
+    n, found = sum(one.n for one in sums), [one.result() for one in sums]
+    return [joined_covariance(found, bandwidth, n, quantile) for quantile in quantiles]
 
 
 class ParzenSums:

@@ -141,7 +141,7 @@ class Record:
         # the other channels are checked, and nobody can change them
         edited = Record._of(MappingProxyType(joined), self.fs, self.name, self.tag, self.n)
         same = {key: found for key, found in self.facts.channels.items() if key not in made}
-        vars(edited)["facts"] = RecordFacts(edited, same)
+        vars(edited)["facts"] = RecordFacts(edited, same, self.facts)
         return edited
 
     def carrying(self, *payloads: str) -> Record:

@@ -19,12 +19,13 @@ from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filters.jumps import jumps
 from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, mean_spectrum, reading_spectrum
 from modelgen.runtime.filters.power_spectrum import power_spectrum
+from modelgen.runtime.filters.rounding import rounding
 from modelgen.runtime.filters.thresholds import JUMP_ORDER
 from modelgen.runtime.numerics.recent_arrays import RecentArrays
 from modelgen.runtime.numerics.threads import each
 from modelgen.runtime.records.channels import Channels, in_stretches
 from modelgen.runtime.records.period import first_lag
-from modelgen.runtime.records.thresholds import ACTIVE, FILTERED_BYTES, PIECES, WHOLE
+from modelgen.runtime.records.thresholds import ACTIVE, FILTERED_BYTES, LITTLE_CHANGED, PIECES, WHOLE
 
 ComplexArray = npt.NDArray[np.complex128]
 Made = TypeVar("Made")
@@ -70,11 +71,17 @@ class RecordFacts:
     """The spectra, extents and periods of a record's channels. Reached as `Record.facts`.
 
     `channels` holds those of each channel; `same` are those of another record, of the channels that are the
-    same.
+    same. `before` are the facts of the record that this one was made of: those of what was read are kept.
     """
 
-    def __init__(self, source: Channels, same: Mapping[str, ChannelFacts] | None = None) -> None:
+    def __init__(
+        self,
+        source: Channels,
+        same: Mapping[str, ChannelFacts] | None = None,
+        before: RecordFacts | None = None,
+    ) -> None:
         self._source = source
+        self._read: RecordFacts | None = before and (before._read or before)
         shared = same or {}
         self.channels = {
             key: shared[key] if key in shared else ChannelFacts(RecentArrays(FILTERED_BYTES * source.n))
@@ -87,6 +94,21 @@ class RecordFacts:
         if key not in self._kept:
             self._kept[key] = make()
         return cast(Made, self._kept[key])
+
+    def rounding(self, channel: str) -> float:
+        """Return the step to which readings of a channel were rounded, in its unit; 0 if they were not.
+
+        Where a channel was set right by little since it was read, that of the reading.
+        """
+        return self._once(channel, "rounding", lambda: self._rounding(channel))
+
+    def _rounding(self, channel: str) -> float:
+        samples, before = np.concatenate(self.stretches(channel)), self._read
+        if before is not None and channel in before._source.keys:
+            read = np.concatenate(before.stretches(channel))
+            if len(read) == len(samples) and np.std(samples - read) < LITTLE_CHANGED * np.std(read):
+                return before.rounding(channel)
+        return rounding(samples)
 
     def forget_filtered(self) -> None:
         """Let go what filters made of the channels."""

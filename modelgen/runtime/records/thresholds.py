@@ -61,3 +61,6 @@ OVERLAP_CORRELATION = 1.0 / 36.0
 # times, and this share of the largest line.
 EXCITED_STD = 4.0
 EXCITED_SHARE = 1e-6
+
+# A channel that was set right by less than this share of its spread is rounded as it was read.
+LITTLE_CHANGED = 0.1

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modelgen.runtime.iv.effect import Effect
-from modelgen.runtime.iv.score_tests import moves_within, scores
+from modelgen.runtime.iv.score_tests import Span, moves_within, scores
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_at, fit_matched
 from modelgen.runtime.rows.observation import Observation
@@ -40,7 +40,7 @@ def rows(seed: int, size: float, noise: float = 0.1) -> tuple[Fit, FloatArray]:
 @given(seed=st.integers(0, 2**32 - 1), size=st.floats(0.05, 1.0))
 def test_a_score_is_what_a_fit_with_the_effect_as_a_column_finds(seed: int, size: float) -> None:
     fit, grown = rows(seed, size)
-    (found,) = scores(fit, [effect("push")], [[grown]])
+    (found,) = scores(Span(fit), [effect("push")], [[grown]])
     (one,) = fit.blocks
     larger = np.linalg.lstsq(np.column_stack([one.W, grown]), one.Y, rcond=None)[0]
     assert found.size == pytest.approx(larger[3], rel=1e-9)
@@ -67,16 +67,16 @@ def test_what_few_instants_tell_has_to_be_more_certain() -> None:
         rng = np.random.default_rng(seed)
         W, push = rng.standard_normal((N, 3)), np.where(burst, 3.0 * rng.standard_normal(N), 0.0)
         Y = W @ TRUTH + np.where(burst, 3.0, 0.1) * rng.standard_normal(N)
-        found += scores(fit_matched(Observation(COLUMNS, (block(W, Y),))), [effect("push")], [[push]])
+        found += scores(Span(fit_matched(Observation(COLUMNS, (block(W, Y),)))), [effect("push")], [[push]])
     certain, likely = sum(one.matters for one in found), sum(one.likely for one in found)
     assert all(one.likely for one in found if one.matters)
     # the level is 1 %: normal quantiles pass it five times over
     assert likely > 10 > certain
 
 
-def _no_effect(seed: int) -> tuple[Fit, list[Effect], list[list[FloatArray]]]:
+def _no_effect(seed: int) -> tuple[Span, list[Effect], list[list[FloatArray]]]:
     fit, grown = rows(seed, 0.0)
-    return fit, [effect("push")], [[grown]]
+    return Span(fit), [effect("push")], [[grown]]
 
 
 @pytest.mark.slow
@@ -84,20 +84,20 @@ def _no_effect(seed: int) -> tuple[Fit, list[Effect], list[list[FloatArray]]]:
 @given(seed=st.integers(0, 2**32 - 1), mix=st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3))
 def test_what_the_columns_hold_cannot_be_told(seed: int, mix: list[float]) -> None:
     fit, _ = rows(seed, 0.3)
-    assert scores(fit, [effect("push")], [[fit.blocks[0].W @ np.array(mix)]]) == ()
+    assert scores(Span(fit), [effect("push")], [[fit.blocks[0].W @ np.array(mix)]]) == ()
 
 
 def test_what_is_estimated_already_is_not_told_again() -> None:
     fit, grown = rows(3, 0.5)
-    assert scores(fit, [effect("push")], [[grown]])[0].matters
-    assert scores(fit, [effect("push")], [[grown]], [[grown]]) == ()
-    assert scores(fit, [], []) == ()
+    assert scores(Span(fit), [effect("push")], [[grown]])[0].matters
+    assert scores(Span(fit, [[grown]]), [effect("push")], [[grown]]) == ()
+    assert scores(Span(fit), [], []) == ()
 
 
 def test_the_effect_that_explains_most_comes_first() -> None:
     fit, grown = rows(4, 0.5)
     other = np.random.default_rng(9).standard_normal(N)
-    found = scores(fit, [effect("other"), effect("push")], [[other], [grown]])
+    found = scores(Span(fit), [effect("other"), effect("push")], [[other], [grown]])
     assert [one.effect.name for one in found] == ["push", "other"]
     assert [one.matters for one in found] == [True, False]
 
@@ -106,7 +106,7 @@ def test_weights_of_rows_do_not_change_what_one_row_says() -> None:
     fit, grown = rows(5, 0.5)
     heavier = fit_at(Observation(COLUMNS, fit.blocks), fit)
     heavier = replace(heavier, weights=tuple(7.0 * weight for weight in fit.weights))
-    (one,), (other,) = (scores(each, [effect("push")], [[grown]]) for each in (fit, heavier))
+    (one,), (other,) = (scores(Span(each), [effect("push")], [[grown]]) for each in (fit, heavier))
     assert other.size == pytest.approx(one.size, rel=1e-6)
     assert other.std == pytest.approx(one.std, rel=1e-6)
 
@@ -114,7 +114,7 @@ def test_weights_of_rows_do_not_change_what_one_row_says() -> None:
 def test_moves_in_physical_parameters_follow_the_slope() -> None:
     fit, grown = rows(6, 0.5)
     slope = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
-    (found,) = scores(fit, [effect("push")], [[grown]], slope=slope)
+    (found,) = scores(Span(fit, slope=slope), [effect("push")], [[grown]])
     assert found.move.shape == (3,)
     assert found.move[2] == pytest.approx(0.5 * found.move[0] + 0.5 * found.move[1])
 
@@ -124,10 +124,10 @@ def test_what_is_not_estimated_counts_as_far_as_the_residual_leaves_it_open() ->
     (one,) = fit.blocks
     larger = np.linalg.lstsq(one.W, grown, rcond=None)[0]
     # much noise says nothing of a size of 1; little says that there is none
-    np.testing.assert_allclose(moves_within(fit, [[grown]]), np.outer(larger, larger), rtol=0.1)
+    np.testing.assert_allclose(moves_within(Span(fit), [[grown]]), np.outer(larger, larger), rtol=0.1)
     fit, grown = rows(5, 0.0)
-    assert np.all(np.diag(moves_within(fit, [[grown]])) < 1e-4)
+    assert np.all(np.diag(moves_within(Span(fit), [[grown]])) < 1e-4)
     # what only the columns hold is as open as before; a record without it has nothing
     held = [one.W @ TRUTH]
-    np.testing.assert_allclose(moves_within(fit, [held]), np.outer(TRUTH, TRUTH), rtol=1e-6)
-    assert not np.any(moves_within(fit, [[0.0 * grown]]))
+    np.testing.assert_allclose(moves_within(Span(fit), [held]), np.outer(TRUTH, TRUTH), rtol=1e-6)
+    assert not np.any(moves_within(Span(fit), [[0.0 * grown]]))

@@ -79,7 +79,7 @@ def _concluded(search: Search, seen: Seen, labels: tuple[str, ...]) -> Explained
     for one in last:
         apart = apart + np.outer(one.x - now.fit.solution.x, one.x - now.fit.solution.x) / len(last)
     every = [estimated(*one) for one in zip(effects, now.sizes, others, strict=True)]
-    found = [one for one, certain in zip(every, search.told(), strict=True) if certain]
+    found = [one for one, certain in zip(every, search.told(seen), strict=True) if certain]
     fit = replace(now.fit, notes=now.fit.notes + labels)
     drift = search.drift + weighed + apart + unknown_timing(search.job, seen)
     return Explained(now.observation, fit, effects, now.sizes, drift, (*found, *search.advice, *told))
@@ -112,10 +112,15 @@ def found_by(job: Job, observation: Observation, fit: Fit) -> Freed:
     return Freed(observation, fit, _setting(job, fit))
 
 
+def has_turns(found: Explained) -> bool:
+    """Tell whether a fit must use samples near reversals."""
+    return found.fit.carried is None and any(block.turning for block in found.fit.blocks)
+
+
 def with_turns(job: Job, found: Explained) -> Explained:
     """Return a fit with its intervals widened by a late direction, if it must use samples near reversals."""
     fit = found.fit
-    if fit.carried is not None or not any(block.turning for block in fit.blocks):
+    if not has_turns(found):
         return found
     seen = look(job, found_by(job, found.observation, fit), (), slope_of(job.model, fit), TIMING)
     told = tuple(left_of(one, ()) for one in seen.found if one.matters and one.effect.kind == DIRECTION)

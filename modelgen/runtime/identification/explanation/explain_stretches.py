@@ -14,7 +14,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.identification.explanation.explain_residual import timing_moves, with_turns
+from modelgen.runtime.identification.explanation.explain_residual import has_turns, timing_moves, with_turns
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, begun_with, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, WLS, Method
@@ -132,8 +132,7 @@ def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
 
 def turns_by_stretches(job: Job, method: IV, found: Explained) -> Explained:
     """Return `with_turns` of instruments; of long records in stretches, as far as it widens and tells."""
-    turning = found.fit.carried is None and any(block.turning for block in found.fit.blocks)
-    if not long(job) or not turning:
+    if not long(job) or not has_turns(found):
         return with_turns(job, found)
     parts, _ = _in_stretches(job)
     none = np.zeros_like(found.drift)

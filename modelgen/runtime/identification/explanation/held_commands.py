@@ -8,18 +8,20 @@ would move stays in the intervals where the hold does not leave less.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
+from math import log
 
 import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.explanation.explained import Begun
+from modelgen.runtime.identification.explanation.explained import Begun, Explained
 from modelgen.runtime.identification.explanation.held_images import without_images
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
+    CLEARLY_LESS,
     HALF_SAMPLE,
     HELD_ROUNDS,
     HELD_SETTLED,
@@ -117,7 +119,18 @@ def _holding(task: Task, channels: tuple[str, ...]) -> Task:
     return task.changed(partial(with_holds, channels=channels))
 
 
-def better_held(begun: Begun, held: Begun, channels: Iterable[str]) -> Begun | None:
+def _late_as_effect(before: Explained, after: Explained, channels: Collection[str]) -> bool:
+    """Tell whether holds stand for delays that are effects, and need no other ones.
+
+    They are effects where rows use samples near reversals: directions that change late move them there, and
+    what they take off is no evidence against a hold.
+    """
+    late = {one.name for one in before.effects if one.kind == "delay" and one.channel in channels}
+    names, kept = ({one.name for one in found.effects} for found in (before, after))
+    return bool(late) and kept <= names
+
+
+def better_held(begun: Begun, held: Begun, channels: Collection[str]) -> Begun | None:
     """Return the estimate with holds unless it leaves more.
 
     What the holds move is in the intervals, unless they leave clearly less, or as little with fewer effects:
@@ -128,6 +141,8 @@ def better_held(begun: Begun, held: Begun, channels: Iterable[str]) -> Begun | N
     fewer = len(begun.found.effects) - len(held.found.effects)
     as_good = 0.5 * AS_GOOD  # the misfit is half a chi square
     allowed = as_good * (1 + fewer if fewer >= 0 else fewer)
+    if _late_as_effect(begun.found, held.found, channels):
+        allowed = max(allowed, -log(CLEARLY_LESS) * before.count)
     if before.columns != after.columns or after.misfit > before.misfit + allowed:
         return None
     half = 0.5 * (after.solution.x - before.solution.x)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from modelgen.array_types import FloatArray
@@ -16,8 +16,10 @@ from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_r
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.mass_search import further_masses
 from modelgen.runtime.iv.model_errors import effects_of
-from modelgen.runtime.iv.score_tests import Score, moves_within, scores, without_noise
+from modelgen.runtime.iv.score_tests import Score, Span, moves_within, scores, without_noise
 from modelgen.runtime.iv.thresholds import EXACTNESS, LITTLE_OWN
+from modelgen.runtime.iv.told_effects import within_rounding
+from modelgen.runtime.records.record import Record
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +28,7 @@ class Seen:
 
     Sizes that no channel can have do not matter, and stand in for nothing.
     `masses` are further masses with which least squares leave clearly less, where it is more than noise.
+    `rounded` names those, estimated or not, that encoders are too coarse for.
     `folded` is what forces move that bend between samples, as a mean square, shape (c, c).
     """
 
@@ -35,6 +38,7 @@ class Seen:
     rows: tuple[Sequence[FloatArray], ...] = ()
     masses: tuple[Effect, ...] = ()
     folded: FloatArray | None = None
+    rounded: frozenset[str] = frozenset()
 
 
 def look(
@@ -62,8 +66,11 @@ def look(
     tested = [one for one in unlike(every, known) if not kinds or one.kind in kinds]
     others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
                                  for channel, _, _ in now.fit.delays)  # fmt: skip
-    rows = effect_rows(now.fit, now.setting, simulated, tested)
-    found = scores(now.fit, tested, rows, others, slope)
+    bent = folded_forces(job.model)
+    grown = effect_rows(now.fit, now.setting, simulated, (*tested, *bent))
+    rows, folds = grown[: len(tested)], grown[len(tested) :]
+    span = Span(now.fit, others, slope)
+    found = scores(span, tested, rows)
     masses: tuple[Effect, ...] = ()
     if masses_too and not job.model.cubic_springs and _unexplained(job, now):
         masses = tuple(further_masses(now.fit, now.setting, simulated, known, others))
@@ -71,23 +78,26 @@ def look(
     if doubtful:
         seen = [tested[index] for index in doubtful]
         noise = noise_rows(now.fit, now.setting, seen, [rows[index] for index in doubtful])
-        found = without_noise(found, now.fit, seen, noise, others, slope)
-    beyond = {one.effect.name for one in found if not _believable(one, job, now)}
+        found = without_noise(found, span, seen, noise)
+    forces, records = now.late_forces, job.records
+    beyond = {one.effect.name for one in found if not believable(one.effect, one.size, forces, records)}
     found = tuple(
         replace(one, matters=False, likely=False) if one.effect.name in beyond else one for one in found
     )
+    sized = [*zip(known, now.sizes, strict=True), *((one.effect, one.size) for one in found if one.matters)]
+    rounded = frozenset(effect.name for effect, size in sized if within_rounding(effect, size, simulated))
     told = {one.effect.name for one in found if one.own > LITTLE_OWN}
     hidden = tuple(effect for effect in tested if effect.name not in told)
-    bent = effect_rows(now.fit, now.setting, simulated, folded_forces(job.model))
-    folded = moves_within(now.fit, bent, others, slope)
+    folded = moves_within(span, folds)
     left = [entry for entry in zip(tested, rows, strict=True) if entry[0].name not in beyond]
-    return Seen(found, hidden, tuple(one for one, _ in left), tuple(row for _, row in left), masses, folded)
+    shown, told_by = tuple(one for one, _ in left), tuple(row for _, row in left)
+    return Seen(found, hidden, shown, told_by, masses, folded, rounded)
 
 
-def _believable(score: Score, job: Job, now: Freed) -> bool:
-    """Tell whether an effect has a size that its channel can have."""
-    effect, fs = score.effect, min(record.fs for record in job.records)
-    return not effect.runs_away(score.size, fs) and effect.follows(score.size, now.late_forces, fs)
+def believable(effect: Effect, size: float, late: Mapping[str, float], records: Sequence[Record]) -> bool:
+    """Tell whether an effect has a size that its channel can have; `late` says by how many s forces are."""
+    fs = min(record.fs for record in records)
+    return not effect.runs_away(size, fs) and effect.follows(size, late, fs)
 
 
 def _unexplained(job: Job, now: Freed) -> bool:

@@ -10,9 +10,10 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.explanation.look_at_residual import Seen, look
+from modelgen.runtime.identification.explanation.look_at_residual import Seen, believable, look
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
+    HALF_SAMPLE,
     INEXACT,
     LEAST_CLOCK_DRIFT,
     LEAST_GAIN,
@@ -93,15 +94,15 @@ class Search:
             return self._holding(shown[0])
         tried += [one for one in self._tried(shown) if _names(one[1]) not in self.before] if room else []
         if not tried:
-            quiet = self._small(shown[0].effect, shown[0].size)
+            quiet = self._small(shown[0].effect, shown[0].size, seen)
             return self._holding(shown[0], *(() if quiet else (left_of(shown[0], shown),)))
         return self._with(tried)
 
-    def told(self) -> list[bool]:
+    def told(self, seen: Seen) -> list[bool]:
         """Tell of each effect that is estimated whether it is certain, and large enough to be named."""
-        certain = normal_beyond(0.5 * LEVEL)
+        certain = normal_beyond(0.5 * LEVEL / (len(self.effects) + len(seen.tested)))
         return [
-            abs(size) > certain * std and not self._small(effect, size)
+            abs(size) > certain * std and not self._small(effect, size, seen)
             for effect, size, std in zip(self.effects, self.now.sizes, self.now.stds, strict=True)
         ]
 
@@ -176,8 +177,7 @@ class Search:
         nothing = (effect.kind == "clock" and self._out_of_step(effect, size) < LEAST_CLOCK_DRIFT) or (
             effect.kind == "gain" and abs(size) < LEAST_GAIN
         )
-        fs = min(record.fs for record in self.job.records)
-        return effect.possible(size) and not nothing and effect.follows(size, late, fs)
+        return effect.possible(size) and not nothing and believable(effect, size, late, self.job.records)
 
     def _out_of_step(self, effect: Effect, size: float) -> float:
         """Return by how many samples a delay, or a clock at the end, is out of step; infinite for others."""
@@ -185,16 +185,25 @@ class Search:
             return abs(size) * max(record.n for record in self.job.records)
         return abs(size) * max(record.fs for record in self.job.records) if effect.kind == "delay" else np.inf
 
-    def _small(self, effect: Effect, size: float) -> bool:
-        """Tell whether an effect is below what a reading, or its instant, is known to."""
-        late = self._out_of_step(effect, size)
-        return late < LEAST_CLOCK_DRIFT or below_noise(effect, size, self.job.records)
+    def _small(self, effect: Effect, size: float, seen: Seen) -> bool:
+        """Tell whether an effect is below what a reading, or its instant, is known to.
+
+        Directions that change late move the delay of a force where rows use samples near reversals.
+        """
+        turning = effect.kind == "delay" and effect.channel in self.job.late
+        least = HALF_SAMPLE if turning else LEAST_CLOCK_DRIFT
+        late, rounded = self._out_of_step(effect, size), effect.name in seen.rounded
+        return late < least or rounded or below_noise(effect, size, self.job.records)
 
     def _with(self, tried: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Search:
-        """Return the search with the effect that leaves least; of equals the one that explained most."""
+        """Return the search with the effect that leaves least; of equals the one that explained most.
+
+        What is late is that more often than it has a clock of its own.
+        """
         # the misfit is half a chi square
         most = min(freed.fit.misfit for _, _, freed in tried) + 0.5 * AS_GOOD
-        (effect, effects, freed), *others = [entry for entry in tried if entry[2].fit.misfit < most]
+        equals = [entry for entry in tried if entry[2].fit.misfit < most]
+        (effect, effects, freed), *others = sorted(equals, key=lambda entry: entry[0].kind == "clock")
         equal = tuple(Equal(one, found.sizes[-1], found.fit.solution.x) for one, _, found in others)
         kinds = {one.kind for one in self.effects}
         share = 1.0 if ROUGH & kinds else INEXACT.get(effect.kind, 0.0)

@@ -94,7 +94,42 @@ def test_a_delay_of_a_hundredth_of_a_sample_is_not_told(samples: float, certain:
     search = searching(LATE)
     size = samples / FS
     search = replace(search, now=replace(search.now, sizes=(size,), stds=(size / certain,)))
-    assert search.told() == [told]
+    assert search.told(Seen()) == [told]
+
+
+def test_a_delay_that_directions_near_reversals_make_is_not_told() -> None:
+    search = searching(LATE)
+    search = replace(search, job=replace(job(), late=(LATE.channel,)))
+    for samples, told in ((0.15, False), (0.3, True)):
+        now = replace(search.now, sizes=(samples / FS,), stds=(0.01 / FS,))
+        assert replace(search, now=now).told(Seen()) == [told]
+
+
+def test_what_encoders_are_too_coarse_for_is_not_told() -> None:
+    search = searching(FRICTION)
+    search = replace(search, now=replace(search.now, stds=(1e-8,)))
+    assert search.told(Seen()) == [True]
+    assert search.told(Seen(rounded=frozenset({FRICTION.name}))) == [False]
+
+
+def test_what_is_told_is_certain_over_all_that_was_looked_for() -> None:
+    search = searching(FRICTION)
+    search = replace(search, now=replace(search.now, stds=(search.now.sizes[0] / 3.0,)))
+    assert search.told(Seen()) == [True]
+    assert search.told(Seen(tested=tuple(EFFECTS.values()))) == [False]
+
+
+def test_of_equals_a_delay_is_taken_before_a_clock() -> None:
+    clock, left = (
+        EFFECTS["clock of q_c"],
+        SimpleNamespace(misfit=0.0, solution=SimpleNamespace(x=np.zeros(6))),
+    )
+    found = Freed(cast(Any, None), cast(Any, left), job().setting(), (1e-6,), (1e-9,))
+    start = replace(searching(), now=replace(found, sizes=()))
+    for tried in ((clock, LATE), (LATE, clock)):
+        after = start._with([(one, (one,), found) for one in tried])
+        assert after.effects == (LATE,)
+        assert [equal.effect for equal in after.ties[LATE.name]] == [clock]
 
 
 def test_effects_that_take_each_other_s_place_do_not_do_so_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,64 @@
+"""To which step readings are rounded, as those of an encoder and of a file with so many digits are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.filters.thresholds import (
+    EXCERPT,
+    EXCERPTS,
+    MOST,
+    MOST_PARTS,
+    NEARLY,
+    NEIGHBOURS,
+    REACHES,
+    ROUNDING,
+)
+
+
+def excerpt(samples: FloatArray) -> FloatArray:
+    """Return samples from all over a channel, shape (n,), that show what is usual; all of a short one."""
+    if len(samples) <= EXCERPTS * EXCERPT:
+        return samples
+    starts = np.linspace(0, len(samples) - EXCERPT, EXCERPTS).astype(int)
+    return np.concatenate([samples[start : start + EXCERPT] for start in starts])
+
+
+def rounding(samples: FloatArray) -> float:
+    """Return the step to which readings are rounded, the coarser where it differs, 0 if they are not.
+
+    It differs in a file with so many significant digits: it is coarser far from zero.
+    """
+    shown = excerpt(samples)
+    least = ROUNDING * float(np.ptp(samples))  # values that were scaled or shifted differ by that as well
+    ordered = np.sort(shown)
+    apart = np.diff(ordered)
+    first = np.flatnonzero(apart)
+    apart = apart[first]
+    # where no reading repeats, rounding does not show
+    again = np.flatnonzero(np.diff(first, prepend=-1) > 1)
+    if not again.size:
+        return 0.0
+    parts = np.unique(again // NEIGHBOURS)
+    some = parts[:: -(-len(parts) // MOST_PARTS)]
+    near = [apart[part * NEIGHBOURS : (part + 1) * NEIGHBOURS] for part in some.tolist()]
+    found = [_common_step(part[part > least]) for part in near]
+    if any(found):
+        return float(np.quantile(found, MOST, method="lower"))
+    # readings that are many steps apart have only steps in time as small as one
+    steps = np.unique(np.abs(np.diff(shown)))
+    return _common_step(steps[steps > least])
+
+
+def _common_step(apart: FloatArray) -> float:
+    """Return the least of differences if most of them are multiples of it, otherwise 0."""
+    if not apart.size:
+        return 0.0
+    step = float(np.min(apart))
+    for reach in REACHES:
+        # the larger multiples tell the step more exactly
+        near = apart[apart < reach * step]
+        step = float(np.sum(near)) / float(np.sum(np.round(near / step)))
+    multiples = np.abs(apart / step - np.round(apart / step)) < NEARLY
+    return step if float(np.mean(multiples)) > MOST else 0.0
