@@ -185,6 +185,11 @@ class Search:
             return abs(size) * max(record.n for record in self.job.records)
         return abs(size) * max(record.fs for record in self.job.records) if effect.kind == "delay" else np.inf
 
+    def _rarity(self, effect: Effect) -> int:
+        """Return how rare an effect is among those that leave as little."""
+        late = effect.kind == "delay" and effect.channel in self.job.late
+        return 0 if late else 2 if effect.kind == "clock" else 1
+
     def _small(self, effect: Effect, size: float, seen: Seen) -> bool:
         """Tell whether an effect is below what a reading, or its instant, is known to.
 
@@ -198,12 +203,12 @@ class Search:
     def _with(self, tried: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Search:
         """Return the search with the effect that leaves least; of equals the one that explained most.
 
-        What is late is that more often than it has a clock of its own.
+        Forces are late more often than sensors, and either more often than it has a clock of its own.
         """
         # the misfit is half a chi square
         most = min(freed.fit.misfit for _, _, freed in tried) + 0.5 * AS_GOOD
         equals = [entry for entry in tried if entry[2].fit.misfit < most]
-        (effect, effects, freed), *others = sorted(equals, key=lambda entry: entry[0].kind == "clock")
+        (effect, effects, freed), *others = sorted(equals, key=lambda entry: self._rarity(entry[0]))
         equal = tuple(Equal(one, found.sizes[-1], found.fit.solution.x) for one, _, found in others)
         kinds = {one.kind for one in self.effects}
         share = 1.0 if ROUGH & kinds else INEXACT.get(effect.kind, 0.0)
