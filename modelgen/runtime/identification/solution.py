@@ -196,9 +196,9 @@ def _run(task: Task) -> Begun:
     begun = run_method(task, task.method)
     if not isinstance(task.method, IV) or not task.checks.drift_check:
         return begun
-    from modelgen.runtime.identification.explanation.explain_stretches import turns_by_stretches
+    from modelgen.runtime.identification.explanation.explain_stretches import with_timing_by_stretches
 
-    return replace(begun, found=turns_by_stretches(begun.task.job, task.method, begun.found))
+    return replace(begun, found=with_timing_by_stretches(begun.task.job, task.method, begun.found))
 
 
 def settings_drift(

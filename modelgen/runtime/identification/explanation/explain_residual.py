@@ -16,6 +16,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explanation.explained import Explained
+from modelgen.runtime.identification.explanation.folded_forces import forces_bend
 from modelgen.runtime.identification.explanation.look_at_residual import Seen, look
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.explanation.search import Search, left_of, likely_of
@@ -112,15 +113,19 @@ def found_by(job: Job, observation: Observation, fit: Fit) -> Freed:
     return Freed(observation, fit, _setting(job, fit))
 
 
-def has_turns(found: Explained) -> bool:
-    """Tell whether a fit must use samples near reversals."""
-    return found.fit.carried is None and any(block.turning for block in found.fit.blocks)
+def timing_is_open(job: Job, found: Explained) -> bool:
+    """Tell whether a fit must use samples near reversals, or forces bend between samples."""
+    turning = found.fit.carried is None and any(block.turning for block in found.fit.blocks)
+    return turning or forces_bend(job.model, job.records)
 
 
-def with_turns(job: Job, found: Explained) -> Explained:
-    """Return a fit with its intervals widened by a late direction, if it must use samples near reversals."""
+def with_timing(job: Job, found: Explained) -> Explained:
+    """Return a fit with its intervals widened by what open timings move that it does not estimate.
+
+    A late direction is told as well.
+    """
     fit = found.fit
-    if not has_turns(found):
+    if not timing_is_open(job, found):
         return found
     seen = look(job, found_by(job, found.observation, fit), (), slope_of(job.model, fit), TIMING)
     told = tuple(left_of(one, ()) for one in seen.found if one.matters and one.effect.kind == DIRECTION)

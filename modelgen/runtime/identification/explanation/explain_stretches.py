@@ -14,7 +14,11 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.identification.explanation.explain_residual import has_turns, timing_moves, with_turns
+from modelgen.runtime.identification.explanation.explain_residual import (
+    timing_is_open,
+    timing_moves,
+    with_timing,
+)
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, begun_with, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, WLS, Method
@@ -130,19 +134,21 @@ def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
     return timing_moves(job, found.observation, found.fit)
 
 
-def turns_by_stretches(job: Job, method: IV, found: Explained) -> Explained:
-    """Return `with_turns` of instruments; of long records in stretches, as far as it widens and tells."""
-    if not long(job) or not has_turns(found):
-        return with_turns(job, found)
+def with_timing_by_stretches(job: Job, method: IV, found: Explained) -> Explained:
+    """Return `with_timing` of instruments; of long records in stretches, as far as it widens and tells."""
+    if not long(job):
+        return with_timing(job, found)
     parts, _ = _in_stretches(job)
+    if not timing_is_open(parts, found):
+        return found
     none = np.zeros_like(found.drift)
     try:
         observation, fit = method.run(parts)
     except (IdentifiabilityError, DataError):
-        return with_turns(job, found)
+        return with_timing(job, found)
     if fit.columns != found.fit.columns:
-        return with_turns(job, found)
-    told = with_turns(parts, Explained(observation, fit, (), (), none, ()))
+        return with_timing(job, found)
+    told = with_timing(parts, Explained(observation, fit, (), (), none, ()))
     return replace(found, drift=found.drift + told.drift, advice=(*found.advice, *told.advice))
 
 

@@ -9,14 +9,17 @@ like inertia, the same in every record of one motion.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
 
 import numpy as np
 
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filters.jumps import bends
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
 
 
 def folded_forces(model: Model) -> tuple[Effect, ...]:
@@ -28,13 +31,24 @@ def folded_forces(model: Model) -> tuple[Effect, ...]:
     )
 
 
+def forces_bend(model: Model, records: Iterable[Record]) -> bool:
+    """Tell whether a force bends between samples in any of some records."""
+    return any(_bends(record, one.key)[0].size for record in records for one in model.actuators)
+
+
+def _bends(record: Record, channel: str) -> tuple[IntArray, FloatArray]:
+    """Return where a force bends, and by how much, as `bends` does; nowhere in a record without it."""
+    if channel not in record.signals:
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
+    return record.facts.kept(("bends", channel), lambda: bends(record.signals[channel]))
+
+
 def _folded(simulated: Simulated, channel: str) -> Changes:
     """Return what is folded where the measured force bends; nothing for a record in which it does not."""
     record = simulated.measured
-    if record is None or channel not in record.signals:
+    if record is None:
         return {}
-    samples = record.signals[channel]
-    places, growth = record.facts.kept(("bends", channel), lambda: bends(samples))
+    places, growth = _bends(record, channel)
     if not places.size:
         return {}
     folded = np.zeros(record.n)

@@ -6,18 +6,28 @@ import numpy as np
 import pytest
 
 from generated import emps_rigid_qm
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.identification.explanation.explain_residual import timing_moves, unknown_timing
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
+from modelgen.runtime.identification.explanation.explain_residual import (
+    timing_moves,
+    unknown_timing,
+    with_timing,
+)
+from modelgen.runtime.identification.explanation.explained import Explained
+from modelgen.runtime.identification.explanation.folded_forces import forces_bend
 from modelgen.runtime.identification.explanation.look_at_residual import Seen
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import run_iv
 from modelgen.runtime.iv.effect import DIRECTION, Effect
 from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.two_mass_records import SMALL
+from tests.runtime.two_mass_records import TRUTH as TWO_MASSES
 
 RIGID = model_from_module(emps_rigid_qm)
+QUIET = {"q_m": 1e-7, "q_c": 1e-7, "Gamma_m": 1e-6}
 TRUTH = RIGID.parameter_sets["published_2019"]
 
 
@@ -55,3 +65,20 @@ def test_a_late_force_is_in_the_intervals_of_least_squares(late_s: float) -> Non
         assert moved[place] == pytest.approx(error[place], rel=0.3)
     else:
         assert moved[place] < 1e-3 * TRUTH["Fv"]
+
+
+@pytest.mark.parametrize("motion", ["trapezoid", "chirp"])
+def test_what_a_force_folds_is_in_the_intervals_of_instruments(motion: str) -> None:
+    record = simulate(SMALL, TWO_MASSES, motion, fs=2000.0, duration_s=2.0, noise=QUIET, seed=5).record
+    choice = choose_filter(SMALL, [record], cutoff_hz=150.0)
+    here = Job(SMALL, (record,), choice)
+    observation, fit = run_iv(here)
+    found = Explained(observation, fit, (), (), np.zeros((len(fit.columns),) * 2), ())
+    told = with_timing(here, found)
+    share = np.sqrt(np.diag(told.drift)) / np.abs(fit.solution.x)
+    if forces_bend(SMALL, [record]):
+        assert motion == "trapezoid"
+        assert 1e-6 < share[fit.columns.index("J_m")] < 0.05
+    else:
+        assert motion == "chirp"
+        assert told is found

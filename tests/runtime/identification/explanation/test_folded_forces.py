@@ -7,7 +7,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.filters.zero_phase import zero_phase
-from modelgen.runtime.identification.explanation.folded_forces import folded_forces
+from modelgen.runtime.identification.explanation.folded_forces import folded_forces, forces_bend
 from modelgen.runtime.iv.companion_simulation import simulated_beside
 from modelgen.runtime.records.record import Record
 from tests.runtime.two_mass_records import FS, SMALL, TRUTH
@@ -31,6 +31,7 @@ def found(force: FloatArray) -> FloatArray:
     key = SMALL.actuators[0].key
     signals = {sensor.key: 1e-3 * np.sin(np.arange(N) / 50.0) for sensor in SMALL.sensors}
     record = Record({**signals, key: force}, FS, "run")
+    assert forces_bend(SMALL, [record]) == bool(np.max(np.abs(force)) > 2.0)
     choice = choose_filter(SMALL, [record], cutoff_hz=0.05 * FS)
     simulated = simulated_beside(SMALL, TRUTH, record, choice)
     (effect,) = folded_forces(SMALL)
