@@ -100,7 +100,8 @@ def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
         yield from _told_range(place, extents[key].span, units[key], resolution)
     leaps = [(place, key) for key in used if measures.get(key) == "position" for place in found[key].leaps]
     yield from _told_leaps(record, sorted(leaps))
-    yield from unlike_units(model, record, used)
+    sound = [key for key in used if not (found[key].clipped or found[key].stuck or found[key].leaps)]
+    yield from unlike_units(model, record, sound)
 
 
 @dataclass
@@ -235,4 +236,7 @@ def told_on_failure(doubts: Callable[[], Sequence[Advice]]) -> Iterator[None]:
             if isinstance(error, IdentifiabilityError)
             or any(advice.where.split(", channel ")[0] in where for where in places)
         ]
-        raise type(error)(*error.problems, *found) from None
+        # an estimate that fails on wrong data says little: what is wrong with them comes first
+        first = found if isinstance(error, IdentifiabilityError) else []
+        last = [] if first else found
+        raise type(error)(*first, *error.problems, *last) from None

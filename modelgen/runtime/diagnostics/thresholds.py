@@ -136,13 +136,16 @@ TURNED_UNITS = {
 UNIT_TOLERANCE = 0.2
 # Two bodies move against each other where one moves at most so many times as far as the other.
 REVERSED = 2.0
-# Values that are off by one factor: within so much of each other.
-ALIKE = 10.0
+# Values that are off by one factor: within so much of each other. Two or more that are within SAME are off by
+# the same: a unit explains that from a smaller factor on.
+ALIKE, SAME, SAME_FACTOR = 10.0, 1.5, 10.0
 # Bands of a third of an octave in which two sensors move alike; in the lowest of them a chain moves as one.
 THIRD_OCTAVE, SMALLEST_BAND, FIRST_BIN = 1.26, 8, 4
 COHERENCE, BANDS = 0.9, 3
 # The ratio may change so much from band to band; far above a resonance it falls with the frequency.
 FLAT = 3.0
+# A ratio in the lowest band that is off by so much (of its logarithm) is no sensor's gain and no backlash.
+OFF = 0.05
 # Every two of so many sensors are compared.
 FEW_SENSORS = 10
 

@@ -11,7 +11,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from modelgen.array_types import ComplexArray
+from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.thresholds import (
     ALIKE,
@@ -20,7 +20,10 @@ from modelgen.runtime.diagnostics.thresholds import (
     FEW_SENSORS,
     FIRST_BIN,
     FLAT,
+    OFF,
     REVERSED,
+    SAME,
+    SAME_FACTOR,
     SMALLEST_BAND,
     THIRD_OCTAVE,
     TURNED_UNITS,
@@ -43,11 +46,12 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
     pairs = combinations(sensors, 2) if len(sensors) <= FEW_SENSORS else pairwise(sensors)
     moves = rigid_motion(model) if len(sensors) > 1 and not model.is_arm else {}
     for one, other in pairs:
-        ratio = low_frequency_ratio(record, one, other)
-        if ratio is None:
+        ratios = low_frequency_ratios(record, one, other)
+        if ratios is None:
             continue
         # a body's lever is how far it moves when the chain moves as one
-        ratio *= levers[str(one.body)] / levers[str(other.body)]
+        ratios = ratios * levers[str(one.body)] / levers[str(other.body)]
+        ratio = float(np.median(ratios))
         where = f"{record.name}, channel {other.key}, samples 0 to {record.n - 1}"
         known = _known_factor(model, one, other, abs(ratio))
         if known or not 1.0 / UNIT_FACTOR < abs(ratio) < UNIT_FACTOR:
@@ -55,11 +59,21 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
             what = f"moves {_times(abs(ratio))} what {one.key} says at low frequencies: {other_unit}"
             meant = known or "mm for m?"
             yield Advice("unit", where, what, f"check the units of both ({meant}), and scale to SI")
+        elif (off := _off_ratio(ratios)) and _moves_as_one(model):
+            what = f"moves {off:.4g} times as far at low frequencies as {one.key} and the spec's ratios say"
+            yield Advice("unit", where, what, "check the ratios of links in the spec, and the scale of both")
         # gears may turn two bodies against each other
         turned = moves.get(str(one.body), 1.0) * moves.get(str(other.body), 1.0)
         if 1.0 / REVERSED < abs(ratio) < REVERSED and ratio * turned < 0.0 and _moves_as_one(model):
             what = f"moves against {one.key} at low frequencies: one of them is reversed in sign"
             yield Advice("swapped", where, what, "check the signs of both (--map)")
+
+
+def _off_ratio(ratios: FloatArray) -> float | None:
+    """Return the size of the ratio in the lowest band where a resonance above does not explain it."""
+    lowest, next_one = np.abs(ratios[:2]).tolist()
+    bent = abs(np.log(next_one / lowest))  # from band to band a resonance moves it by more than in the lowest
+    return lowest if abs(np.log(lowest)) > OFF + bent else None
 
 
 def _known_factor(model: Model, one: Sensor, other: Sensor, ratio: float) -> str:
@@ -90,13 +104,15 @@ def unlike_nominal(model: Model, physical: Mapping[str, float], records: Sequenc
     """
     roles = {name: role.role for name, role in model.roles.items()}
     found = {n: v for n, v in physical.items() if roles.get(n) in ("inertia", "stiffness") and v > 0.0}
-    ratios = []
+    ratios, limits = list[float](), list[float]()
     for values in model.parameter_sets.values():
         logs = [np.log10(found[name] / values[name]) for name in found if values.get(name, 0.0) > 0.0]
         if not logs or np.ptp(logs) > np.log10(ALIKE):
             return ()
         ratios.append(float(10.0 ** np.mean(logs)))
-    if not ratios or any(1.0 / UNIT_FACTOR < ratio < UNIT_FACTOR for ratio in ratios):
+        # no guess is off by the same in everything
+        limits.append(SAME_FACTOR if len(logs) > 1 and np.ptp(logs) < np.log10(SAME) else UNIT_FACTOR)
+    if not ratios or any(1.0 / limit < ratio < limit for ratio, limit in zip(ratios, limits, strict=True)):
         return ()
     nearest = min(ratios, key=lambda ratio: abs(np.log(ratio)))
     sets, channels = ", ".join(model.parameter_sets), ", ".join(model.channels)
@@ -109,11 +125,11 @@ def _times(ratio: float) -> str:
     return f"{ratio:.4g} times" if ratio > 1.0 else f"1/{1.0 / ratio:.4g} of"
 
 
-def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | None:
+def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> FloatArray | None:
     """Return how many times as much as `one` says `other` moves, in the lowest bands where they are coherent.
 
-    Below zero where they move against each other. None where too few bands are coherent, or where the ratio
-    changes with the frequency.
+    Of shape (bands,), below zero where they move against each other. None where too few bands are coherent,
+    or where the ratio changes with the frequency.
     """
     # of a long record, the stretch that moves most
     parts = record.facts.stretches(one.key)
@@ -139,7 +155,7 @@ def low_frequency_ratio(record: Record, one: Sensor, other: Sensor) -> float | N
         low = band.stop
     if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios):
         return None
-    return float(np.copysign(np.median(ratios), np.median(along)))
+    return np.asarray(np.copysign(ratios, np.median(along)), dtype=float)
 
 
 def _derived(record: Record, key: str, part: int, order: int) -> ComplexArray:

@@ -292,7 +292,8 @@ def _stand_in(
     if biased or impossible or max(fit.left_shares) > LEFT_SHARE:
         reasons = refused_problems(refused, task.model)
         swapped = [Problem(one.where, one.what, one.remedy) for one in swapped_channels(task.job, fit)]
-        raise IdentifiabilityError(*error.problems, *reasons, *swapped) from None
+        # where channels are exchanged the rest follows
+        raise IdentifiabilityError(*(swapped or (*error.problems, *reasons))) from None
     note, drift = f"method wls: {why}; noise pulls it little", found.found.drift + np.outer(bias, bias)
     if not turns:
         drift = drift + timing_by_stretches(replace(task.job, turns=False), method.least_squares, found.found)

@@ -8,7 +8,7 @@ long record.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -76,8 +76,9 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
     if any(part.n < record.n for part, record in zip(parts, job.records, strict=True)):
         job = replace(job, records=parts, surveys=(), start=None)
         given = _sense(job, run(job)[1])
+    still = [key for key in job.model.channels if not any(_spans(record, key) for record in job.records)]
     tried: list[tuple[_Sense, _Change]] = []
-    for change in list(_changes(job.model))[:TRIES]:
+    for change in list(_changes(job.model, still))[:TRIES]:
         try:
             other = _changed(job, change)
             found = _sense(other, run(other)[1])
@@ -87,6 +88,10 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         if not found.impossible and (better or (given.impossible and given.as_well(found))):
             tried.append((found, change))
     return (_told(job, given, *min(tried, key=lambda entry: entry[0].unexplained)),) if tried else ()
+
+
+def _spans(record: Record, key: str) -> bool:
+    return key in record.signals and record.facts.extent(key).span > 0.0
 
 
 def _told(job: Job, given: _Sense, found: _Sense, change: _Change) -> Advice:
@@ -102,11 +107,12 @@ def _told(job: Job, given: _Sense, found: _Sense, change: _Change) -> Advice:
     return Advice("swapped", where, what, "check which column is which channel, and their signs (--map)")
 
 
-def _changes(model: Model) -> Iterator[_Change]:
+def _changes(model: Model, still: Container[str]) -> Iterator[_Change]:
     """Yield exchanges of channels that measure the same, reversals, and exchanges of any other two."""
     kinds = {sensor.key: (sensor.measures, sensor.unit) for sensor in model.sensors}
     kinds |= {actuator.key: ("force", actuator.unit) for actuator in model.actuators}
-    known = [key for key in model.channels if key in kinds]
+    # one that reads the same everywhere explains nothing in another's place
+    known = [key for key in model.channels if key in kinds and key not in still]
     pairs = list(combinations(known, 2))
     alike = [(one, other) for one, other in pairs if kinds[one] == kinds[other]]
     yield from (_exchange(one, other, True) for one, other in alike)

@@ -35,6 +35,9 @@ def checked_channel(where: str, key: Any, values: Any) -> tuple[FloatArray | Non
     # the mask of a masked array is lost in the copy: a masked sample is a missing one
     missing = np.ma.getmaskarray(given)
     bad = np.flatnonzero(missing | ~np.isfinite(array))
+    if bad.size and bad.size == array.size:
+        remedy = "give it another column (--map), or take a sensor set without it (--sensors)"
+        return array, [Problem(where, "holds no number", remedy)]
     if bad.size:
         first = int(bad[0])
         value = "masked" if missing[first] else array[first]

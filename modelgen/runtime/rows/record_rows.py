@@ -212,7 +212,7 @@ def unmasked_rows(
         raise DataError.at(
             source.name,
             f"has {source.n} samples; a filter of {cutoff_hz:.4g} Hz needs at least {needed}",
-            "give a longer record, or a higher cutoff_hz",
+            "give a longer record, one that moves faster, or a higher cutoff_hz",
         )
     return RecordRows(source, plan, range(start, source.n - edge, factor))
 

@@ -15,7 +15,7 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
-from modelgen.runtime.identification.swapped_channels import _Sense, swapped_channels
+from modelgen.runtime.identification.swapped_channels import _changes, _Sense, swapped_channels
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -127,3 +127,9 @@ def test_a_reversal_that_explains_less_is_not_told_for_a_sign() -> None:
     assert given.as_well(_Sense(0, 0.03))
     assert not given.as_well(_Sense(0, 0.4))
     assert not _Sense(2, 0.8).as_well(_Sense(0, 0.6))
+
+
+def test_a_channel_that_never_changes_is_exchanged_with_none() -> None:
+    told = {change.channels for change in _changes(QC, ("Gamma_m",))}
+    assert told == {"q_m and q_c", "q_m", "q_c"}
+    assert any("Gamma_m" in change.channels for change in _changes(QC, ()))
