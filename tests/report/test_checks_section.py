@@ -22,6 +22,8 @@ def test_warnings_tests_and_the_scan_are_in_the_report() -> None:
     )
     page = report_page(RIGID, [record], estimate)
     assert "No warning" in section(page, "answer")
+    # what the verdict says is no contradiction of it
+    assert ("no more than noise" in section(page, "answer")) == (estimate.verdict.word == "trust")
     found = section(page)
     for title in ("Residual tests", "Physical bounds", "Scan of the filter"):
         assert f"<h3>{title}</h3>" in found
