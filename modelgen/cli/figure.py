@@ -7,13 +7,17 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from modelgen.array_types import FloatArray
 from modelgen.atomic_write import write_whole
-from modelgen.runtime.plots.row_plots import draw_pair, label_row
+from modelgen.optional_library import optional_library
+from modelgen.runtime.curves.rebuilt import Rebuilt, rebuild
+from modelgen.runtime.plots.row_plots import draw_row
+
+if TYPE_CHECKING:
+    from modelgen.cli.sensor_sets.identified import Identified
 
 # matplotlib would write the date and its version
 UNDATED: dict[str, dict[str, None]] = {
@@ -23,38 +27,42 @@ UNDATED: dict[str, dict[str, None]] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """Measured and rebuilt force, shape (n,) each, at `time_s`; `unit` is that of the force."""
+def write_figure(path: Path, found: Identified, overwrite: bool) -> None:
+    """Write measured and rebuilt rows that hold a force as PNG, SVG or PDF, one panel a record and row.
 
-    title: str
-    unit: str
-    time_s: FloatArray
-    measured: FloatArray
-    rebuilt: FloatArray
-
-
-def draw_forces(panels: Sequence[Panel], path: Path, columns: int = 2, overwrite: bool = True) -> None:
-    """Draw measured force, rebuilt force and their difference in a grid of panels, and write a picture.
+    Of several sensor sets each is rebuilt with what it says alone. The place and its suffix have been
+    checked, see `modelgen.cli.output_files.OutputFiles.check`.
 
     Raises
     ------
-    ImportError
+    DataError
         Without matplotlib.
     """
+    rows = [
+        replace(row, record=f"{title}: {row.record}") if title else row
+        for title, model, records, estimate in found.alone()
+        for row in rebuild(model, records, estimate)[0]
+        if row.has_force
+    ]
+    optional_library("matplotlib", "plot", str(path))
+    write_picture(forces_figure(rows), path, overwrite)
+
+
+def forces_figure(forces: Sequence[Rebuilt]) -> Any:
+    """Return measured force, rebuilt force and their difference in panels, two abreast."""
     from matplotlib.figure import Figure
 
-    rows = -(-len(panels) // columns)
+    columns = min(len(forces), 2)
+    rows = -(-len(forces) // columns)
     figure = Figure(figsize=(6.0 * columns, 3.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False)
-    for axis, panel in zip(axes.flat, panels, strict=False):
-        draw_pair(axis, panel.time_s, panel.measured, panel.rebuilt)
-        label_row(axis, panel.title, panel.unit)
-    for axis in list(axes.flat)[len(panels) :]:
+    for axis, row in zip(axes.flat, forces, strict=False):
+        draw_row(axis, row)
+    for axis in list(axes.flat)[len(forces) :]:
         axis.set_visible(False)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False)
-    write_picture(figure, path, overwrite)
+    return figure
 
 
 def write_picture(figure: Any, path: Path, overwrite: bool) -> None:

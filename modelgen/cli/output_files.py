@@ -72,7 +72,7 @@ class OutputFiles:
             page = report_text(found, module, options, spec, controller)
             write_whole(self.report, page.encode(), overwrite=self.overwrite)
         if self.figure is not None:
-            from modelgen.cli.write_report import write_figure
+            from modelgen.cli.figure import write_figure
 
             write_figure(self.figure, found, self.overwrite)
 

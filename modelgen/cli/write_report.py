@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from modelgen.cli.arguments import compared_sensor_sets, load_chain_or_arm
 from modelgen.errors import ModelgenError
-from modelgen.optional_library import optional_library
 from modelgen.report.arm_drawing import arm_section
 from modelgen.report.page import report_page
 from modelgen.report.unmade import Unmade
@@ -22,11 +18,8 @@ from modelgen.spec.description import load_description
 from modelgen.spec.load import catalog_path
 
 if TYPE_CHECKING:
-    from modelgen.cli.figure import Panel
     from modelgen.cli.sensor_sets.identified import Identified
     from modelgen.runtime.model.model import Model
-    from modelgen.runtime.records.record import Record
-    from modelgen.runtime.results.estimate import Estimate
     from modelgen.runtime.simulation.validation import Validation
 
 
@@ -75,42 +68,6 @@ def check_inputs(spec: str | None, controller: Path | None, arm: bool) -> None:
         load_joint_controller(controller)
     elif controller:
         load_controller(controller)
-
-
-def write_figure(path: Path, found: Identified, overwrite: bool) -> None:
-    """Write measured and rebuilt rows that hold a force as PNG, SVG or PDF, one panel a record and row.
-
-    Of several sensor sets each is rebuilt with what it says alone. The place and its suffix have been
-    checked, see `modelgen.cli.output_files.OutputFiles.check`.
-    """
-    from modelgen.cli.figure import draw_forces
-
-    panels = [
-        replace(panel, title=f"{title}: {panel.title}") if title else panel
-        for title, model, records, estimate in found.alone()
-        for panel in force_panels(model, records, estimate)
-    ]
-    optional_library("matplotlib", "plot", str(path))
-    draw_forces(panels, path, columns=min(len(panels), 2), overwrite=overwrite)
-
-
-def force_panels(model: Model, records: Sequence[Record], estimate: Estimate) -> list[Panel]:
-    """Return measured and rebuilt rows that hold a force, for `modelgen.cli.figure.draw_forces`."""
-    from modelgen.cli.figure import Panel
-    from modelgen.runtime.curves.rebuilt import rebuild
-
-    rows, _ = rebuild(model, records, estimate)
-    return [
-        Panel(
-            f"{row.record}, row {row.row}",
-            row.unit,
-            row.start_s + row.step_s * np.arange(row.measured.size, dtype=float),
-            row.measured,
-            row.rebuilt,
-        )
-        for row in rows
-        if row.has_force
-    ]
 
 
 def closed_loops(found: Identified, controller: Path) -> tuple[Validation, ...]:

@@ -7,19 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modelgen.cli.figure import Panel, draw_forces
+from modelgen.cli.figure import forces_figure, write_picture
+from modelgen.runtime.curves.rebuilt import Rebuilt
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", MAGIC)
-def test_the_same_panels_give_the_same_bytes(tmp_path: Path, suffix: str) -> None:
+def test_the_same_rows_give_the_same_bytes(tmp_path: Path, suffix: str) -> None:
     t = np.arange(200) / 100.0
-    panels = [Panel(f"run {k}", "N m", t, np.sin(k * t), np.cos(k * t)) for k in (1, 2, 3)]
+    rows = [
+        Rebuilt(f"run {k}", "m", "N m", 0.0, 0.01, np.sin(k * t), np.cos(k * t), 0, True) for k in (1, 2, 3)
+    ]
     paths = [tmp_path / f"{name}{suffix}" for name in "ab"]
     for path in paths:
-        draw_forces(panels, path)
+        write_picture(forces_figure(rows), path, overwrite=False)
     first, second = (path.read_bytes() for path in paths)
     assert first == second
     assert first.startswith(MAGIC[suffix])

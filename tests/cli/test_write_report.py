@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from generated import emps_rigid_qm
+from modelgen.cli.figure import write_figure
 from modelgen.cli.output_files import FIGURES, REPORTS, OutputFiles, check_output
 from modelgen.cli.sensor_sets.identified import Identified
-from modelgen.cli.write_report import _spec_of, check_inputs, sensor_set_rows, write_figure
+from modelgen.cli.write_report import _spec_of, check_inputs, sensor_set_rows
 from modelgen.errors import DataError, ModelgenError
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of

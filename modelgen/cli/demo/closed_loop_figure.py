@@ -6,17 +6,15 @@ same reference. The load's encoder is drawn in both, though Table 2 was identifi
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.atomic_write import write_whole
 from modelgen.cli.demo.bench import FS_HZ, bench
 from modelgen.cli.demo.printed_tables import PrintedTable
-from modelgen.cli.figure import UNDATED
+from modelgen.cli.figure import write_picture
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.plots.row_plots import draw_pair
 from modelgen.runtime.simulation.simulate import simulate
@@ -46,7 +44,6 @@ def draw_closed_loop(
         A PNG.
     """
     try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError:
         return None
@@ -66,9 +63,7 @@ def draw_closed_loop(
         f"Figure {printed.number + 2}: the bench of Table {printed.number} and the model identified from it"
     )
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
-    drawn = io.BytesIO()
-    FigureCanvasAgg(figure).print_figure(drawn, dpi=120, format="png", metadata=UNDATED[".png"])
-    write_whole(path, drawn.getvalue(), overwrite=True)
+    write_picture(figure, path, overwrite=True)
     return path
 
 
