@@ -107,7 +107,7 @@ def _identified(
     fixed = dict.fromkeys(solution.at_bounds, 0.0)
     solved = Solved(solution.job, chosen, solution.observation, fit, no_number, drift, fixed, keep)
     estimate = judge(solved, chosen.residual_dof, task.checks.prune_percent)
-    estimate = replace(estimate, contents=task.contents())
+    estimate = replace(estimate, contents=task.contents)
     for record in (*task.records, *task.unseen):
         record.facts.forget_filtered()
     if not task.checks.tests:

@@ -33,7 +33,7 @@ from modelgen.runtime.records.directions import (
     with_directions,
 )
 from modelgen.runtime.records.record import Record, missing_name
-from modelgen.runtime.records.same_data import contents, refuse_same_data
+from modelgen.runtime.records.same_data import Contents, refuse_same_data
 from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.rows.masks import slow_speeds
 from modelgen.runtime.rows.paper_rows import paper_sentence
@@ -60,9 +60,8 @@ class Task:
         The same for the method.
     filters : Filters
         What was given of them.
-    contents : callable
-        Gives the contents of the records to identify from, as they were given: tuple of str
-        (`modelgen.runtime.records.same_data.contents`).
+    contents : sequence of str
+        Of the records to identify from, as they were given (`modelgen.runtime.records.same_data.contents`).
     changes : tuple of callable
         What was done to the records since, those of the job and those held out alike.
     """
@@ -77,7 +76,7 @@ class Task:
     choice: FilterChoice
     job: Job
     filters: Filters
-    contents: Callable[[], tuple[str, ...]]
+    contents: Sequence[str]
     changes: tuple[Change, ...] = ()
 
     def changed(self, *changes: Change) -> Task:
@@ -123,7 +122,7 @@ def prepared(
     at_once = checks.hold_out is not None or bool(checks.period_s)
     period_s = _periods(model, every, checks, files or at_once)
     kept, unseen = held_apart(every, checks.hold_out, period_s() if at_once else {})
-    told = meanwhile(partial(_contents, model, every, {record.name for record in kept}), files)
+    told = _contents(model, every, {record.name for record in kept}, files)
     step("choosing filters")
     doubts = meanwhile(partial(suspicions, model, kept), files) if checks.tests else tuple[Advice, ...]
     with told_on_failure(doubts):
@@ -163,9 +162,10 @@ def prepared(
     return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job, filters, told)
 
 
-def _contents(model: Model, records: Sequence[Record], used: Collection[str]) -> tuple[str, ...]:
-    """Return the contents of the records of these names."""
-    return tuple(text for one in records if one.name in used for text in contents(one, model.channels))
+def _contents(model: Model, records: Sequence[Record], used: Collection[str], files: bool) -> Sequence[str]:
+    """Return the contents of the records of these names; of files at once, as these may change."""
+    found = Contents([one for one in records if one.name in used], model.channels)
+    return tuple(found) if files else found
 
 
 def _periods(

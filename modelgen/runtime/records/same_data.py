@@ -10,8 +10,10 @@ a record and its rounded copy is at most the rounding of the copy.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cached_property
 from hashlib import sha256
 from math import comb
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -85,6 +87,30 @@ def contents(source: Channels, channels: Sequence[str]) -> tuple[str, ...]:
                 least, greatest = min(least, samples.min()), max(greatest, samples.max())
             found += [digest.hexdigest()[:32]] if least < greatest else []
     return tuple(found)
+
+
+class Contents(Sequence[str]):
+    """The `contents` of records, one after the other, worked out when they are asked for.
+
+    Saved, they are a plain tuple.
+    """
+
+    def __init__(self, records: Sequence[Channels], channels: Sequence[str]) -> None:
+        self._records, self._channels = records, channels
+
+    @cached_property
+    def texts(self) -> tuple[str, ...]:
+        """All of them."""
+        return tuple(text for one in self._records for text in contents(one, self._channels))
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.texts[index]
+
+    def __len__(self) -> int:
+        return len(self.texts)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return tuple, (self.texts,)
 
 
 def is_held_out(source: Channels, channels: Sequence[str], used: Collection[str]) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
@@ -63,7 +63,7 @@ class Estimate:
         What was said of the modes, where the estimate was loaded or pickled; ask `modes`.
     source : Source or None
         Model and records, for plots and comparisons; None where the estimate was loaded or pickled.
-    contents : tuple of str
+    contents : sequence of str
         What tells the samples of these records from others', a text for each channel of each; empty where
         the estimate was saved without.
     """
@@ -76,7 +76,7 @@ class Estimate:
     checks: Checks = field(default_factory=Checks)
     modal: Modes = field(default_factory=Modes)
     source: EstimateSource | None = field(default=None, repr=False)
-    contents: tuple[str, ...] = field(default=(), repr=False)
+    contents: Sequence[str] = field(default=(), repr=False)
 
     # plot.bode(), plot.fit(), plot.residuals(), plot.parameters(): curves with their intervals
     plot = LazyAccessor("modelgen.runtime.plots.estimate_plots", "EstimatePlots")
@@ -86,7 +86,7 @@ class Estimate:
     @property
     def identified_from(self) -> tuple[str, ...]:
         """The contents of the records behind the estimate; where these are unknown, the records' names."""
-        return self.contents or self.records
+        return tuple(self.contents) or self.records
 
     @property
     def params(self) -> Mapping[str, float]:

@@ -24,6 +24,7 @@ def estimate_document(estimate: Estimate) -> dict[str, Any]:
     own = {
         "format": "modelgen estimate",
         "version": FORMAT_VERSION,
+        "contents": tuple(estimate.contents),
         "conf_int_95": estimate.conf_int(),
         "units": {entry.name: entry.unit for entry in identified + physical},
         "physical_bse": {entry.name: entry.std for entry in physical},

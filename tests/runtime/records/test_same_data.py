@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,9 @@ from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.records import same_data
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.records.same_data import contents, is_held_out, refuse_same_data
+from modelgen.runtime.records.same_data import Contents, contents, is_held_out, refuse_same_data
 from modelgen.runtime.simulation.simulate import simulate
 
 MODULE = Path(str(emps300_qm_qc.__file__))
@@ -177,3 +179,21 @@ def test_a_used_record_is_told_by_its_samples(tmp_path: Path) -> None:
     assert len(contents(Record(still, 1000.0), channels)) == 1
     # without contents, as older estimates were saved, by its name
     assert not is_held_out(Record(measured(2), 1000.0, "run"), channels, ("run",))
+
+
+def test_contents_are_worked_out_when_they_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    records = [Record({"q": np.arange(5.0) * k}, 100.0) for k in (1, 2)]
+    made: list[str] = []
+
+    def counted(one: Record, keys: tuple[str, ...]) -> tuple[str, ...]:
+        made.append(one.name)
+        return contents(one, keys)
+
+    monkeypatch.setattr(same_data, "contents", counted)
+    found = Contents(records, ("q",))
+    assert not made
+    plain = tuple(text for one in records for text in contents(one, ("q",)))
+    again = pickle.loads(pickle.dumps(found))
+    assert (tuple(found), again, found[-1], len(found)) == (plain, plain, plain[-1], 2)
+    assert isinstance(again, tuple)
+    assert len(made) == 2
