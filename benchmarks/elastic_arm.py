@@ -5,9 +5,10 @@
 The PUMA 560 of the catalogue with made masses and springs follows a periodic motion, exactly: links, springs,
 motors, torques, with noise of encoders and drives. Records of 2.5e5 to 1e6 samples are written to .npy files
 (here, deleted afterwards) and identified from these by `modelgen.identify`, by weighted least squares with a
-limit of 20 MB for rows, in processes of their own with one thread. Printed are processor time a sample, how
-far memory rises that is no file's (pages of mapped files are anybody's), and the ratio to the arm without
-springs; then how many times real time the closed loop of either takes.
+limit of 20 MB for rows, in processes of their own with one thread that have loaded compiled filters before.
+Printed are processor time a sample, how far memory rises that is no file's (pages of mapped files are
+anybody's), and the ratio to the arm without springs; then how many times real time the closed loop of either
+takes.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ import modelgen
 from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics import threads
+from modelgen.runtime.rows import record_rows
 from modelgen.runtime.simulation.arms.arm_plant import arm_plant, checked_base
 from modelgen.runtime.simulation.arms.fourier_trajectory import FourierTrajectory
 from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm
@@ -102,6 +104,8 @@ def identified(folder: Path, elastic: bool) -> modelgen.Estimate:
 
 def cost(folder: Path, warm: Path, elastic: bool) -> tuple[float, float, float]:
     """Return processor time in s, memory in MB, and errors of parameters in standard deviations (rms)."""
+    # what long records load, compiled filters, is there before
+    record_rows.COMPILED_SAMPLES = 0
     identified(warm, elastic)
     begun, found = time.process_time(), []
     rise = private_rise_mb(lambda: found.append(identified(folder, elastic)))
