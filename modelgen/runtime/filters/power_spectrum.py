@@ -44,18 +44,16 @@ def power_spectrum(
     n = len(differenced)
     size = quick_length(n)
     power = square(np.fft.rfft(differenced * hann(n), size))
-    frequency_hz, difference = lines_of(size, fs)
+    frequency_hz, _ = lines_of(size, fs)
+    of_differences, of_derivative = _powers_of(size, fs, derivative)
     # the power of the reading itself, in which the noise is white
-    slope = (difference**times) ** 2
-    reading = power / slope if times else power
+    reading = power / of_differences if times else power
     noise = float(np.median(reading[np.searchsorted(frequency_hz, NOISE_FROM * 0.5 * fs) :]))
     clear = reading > NOISE_FACTOR * noise
     if np.any(clear):  # a flat spectrum looks like noise and is kept as it is
         power = np.where(clear, power, 0.0)
     if derivative:
-        omega = 2.0 * np.pi * frequency_hz / fs
-        omega[0] = 1.0
-        power = power * (omega**derivative) ** 2 / slope
+        power = power * of_derivative
     first = 0 if keep_mean else 1
     return np.asarray(frequency_hz[first:]), np.asarray(power[first:])
 
@@ -71,6 +69,21 @@ def lines_of(size: int, fs: float) -> tuple[FloatArray, FloatArray]:
     difference[0] = 1.0
     frequency_hz.flags.writeable = difference.flags.writeable = False
     return frequency_hz, difference
+
+
+@lru_cache(maxsize=4)
+def _powers_of(size: int, fs: float, derivative: int) -> tuple[FloatArray, FloatArray]:
+    """Return the power that differencing gives each line, and a derivative as a multiple of that.
+
+    Both have the shape (size // 2 + 1,), not to be changed; an integral is of the reading itself.
+    """
+    frequency_hz, difference = lines_of(size, fs)
+    omega = 2.0 * np.pi * frequency_hz / fs
+    omega[0] = 1.0
+    of_differences = (difference ** max(derivative, 0)) ** 2
+    of_derivative = (omega**derivative) ** 2 / of_differences
+    of_differences.flags.writeable = of_derivative.flags.writeable = False
+    return np.asarray(of_differences), np.asarray(of_derivative)
 
 
 @lru_cache(maxsize=8)

@@ -146,14 +146,22 @@ def in_stretches(source: Channels, channel: str, length: int | None = None) -> I
     DataError
         When a sample is not finite, or beyond what can be calculated.
     """
+    return (samples for samples, _, _ in with_extremes(source, channel, length))
+
+
+def with_extremes(
+    source: Channels, channel: str, length: int | None = None
+) -> Iterator[tuple[FloatArray, float, float]]:
+    """Yield the same, each with its least and its greatest sample."""
     step = length or READ_SAMPLES
     for start in range(0, source.n, step):
         stop = min(start + step, source.n)
         samples = np.asarray(source.read(channel, start, stop), dtype=float)
+        least, greatest = float(samples.min()), float(samples.max())
         # a sum of squares would overflow where the largest of them does not
-        if not max(samples.max(), -samples.min()) <= LARGEST:
+        if not max(greatest, -least) <= LARGEST:
             raise not_finite(source, channel, start, stop)
-        yield samples
+        yield samples, least, greatest
 
 
 def not_finite(source: Channels, channel: str, start: int, stop: int) -> DataError:

@@ -23,7 +23,7 @@ from modelgen.runtime.filters.rounding import rounding
 from modelgen.runtime.filters.thresholds import JUMP_ORDER
 from modelgen.runtime.numerics.recent_arrays import RecentArrays
 from modelgen.runtime.numerics.threads import each
-from modelgen.runtime.records.channels import Channels, in_stretches
+from modelgen.runtime.records.channels import Channels, with_extremes
 from modelgen.runtime.records.period import first_lag
 from modelgen.runtime.records.thresholds import ACTIVE, FILTERED_BYTES, LITTLE_CHANGED, PIECES, WHOLE
 
@@ -172,8 +172,8 @@ class RecordFacts:
 
         def make() -> tuple[Extent, FloatArray]:
             found = [
-                (float(part.min()), float(part.max()), float(part.sum()), _rms_step(part))
-                for part in in_stretches(self._source, channel, WHOLE // PIECES)
+                (least, greatest, float(part.sum()), _rms_step(part))
+                for part, least, greatest in with_extremes(self._source, channel, WHOLE // PIECES)
             ]
             least, greatest, sums, steps = zip(*found, strict=True)
             return Extent(min(least), max(greatest), sum(sums) / self._source.n), np.array(steps)

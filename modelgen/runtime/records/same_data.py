@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
-from modelgen.runtime.records.channels import Channels, in_stretches
+from modelgen.runtime.records.channels import Channels, with_extremes
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.thresholds import EXACT, NEAR, ROUNDING, SHARED, TWICE
 
@@ -82,9 +82,9 @@ def contents(source: Channels, channels: Sequence[str]) -> tuple[str, ...]:
     for channel in channels:
         if channel in source.keys:
             digest, least, greatest = sha256(), np.inf, -np.inf
-            for samples in in_stretches(source, channel):
+            for samples, lowest, highest in with_extremes(source, channel):
                 digest.update(np.ascontiguousarray(samples, dtype="<f8").data)
-                least, greatest = min(least, samples.min()), max(greatest, samples.max())
+                least, greatest = min(least, lowest), max(greatest, highest)
             found += [digest.hexdigest()[:32]] if least < greatest else []
     return tuple(found)
 
