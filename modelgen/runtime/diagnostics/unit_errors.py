@@ -70,10 +70,12 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
 
 
 def _off_ratio(ratios: FloatArray) -> float | None:
-    """Return the size of the ratio in the lowest band where a resonance above does not explain it."""
-    lowest, next_one = np.abs(ratios[:2]).tolist()
-    bent = abs(np.log(next_one / lowest))  # from band to band a resonance moves it by more than in the lowest
-    return lowest if abs(np.log(lowest)) > OFF + bent else None
+    """Return the ratio in the lowest band where neither a resonance above nor noise explains it."""
+    logs = np.log(np.abs(ratios))
+    bent, above = np.abs(np.diff(logs))[:2].tolist()
+    # a resonance bends it more the higher the bands are; noise bends the lowest of an acceleration
+    explained = bent if bent <= above + OFF else np.inf
+    return float(np.exp(logs[0])) if abs(logs[0]) > OFF + explained else None
 
 
 def _known_factor(model: Model, one: Sensor, other: Sensor, ratio: float) -> str:

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.diagnostics.unit_errors import low_frequency_ratios, unlike_nominal, unlike_units
+from modelgen.runtime.diagnostics.unit_errors import (
+    _off_ratio,
+    low_frequency_ratios,
+    unlike_nominal,
+    unlike_units,
+)
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import Model
@@ -77,6 +82,9 @@ def test_a_wrong_ratio_in_the_spec_is_told_where_bodies_move_as_one(factor: floa
 def test_nothing_is_told_of_right_channels() -> None:
     assert said(clean()[1]) == []
     assert said(with_load(1.03)) == []
+    # the lowest band of an acceleration is noise: those of the tutorial's record
+    assert _off_ratio(np.array([1.261, 1.086, 1.073])) is None
+    assert _off_ratio(np.array([1.25, 1.28, 1.36])) == pytest.approx(1.25)
     # beside a spring to ground a body may move as little as it likes, and against another
     held = model_of(TO_GROUND, "motor")
     assert said(with_load(-1.0), held) == said(with_load(180.0 / np.pi), held) == []
