@@ -58,9 +58,10 @@ def robust_starts(model: Model, base: FloatArray, std: FloatArray) -> tuple[Mapp
 
 def _descended(model: Model, base: FloatArray, share: FloatArray, x: FloatArray) -> FloatArray:
     """Return the variables that Levenberg and Marquardt's steps lead to from a start."""
-    error, slope = _errors(model, base, x)
+    error, given = _errors(model, base, x)
     loss, damping = _loss(error / share), ROBUST_DAMPING
     for _ in range(ROBUST_STEPS):
+        slope = _slope(model, base, x, given)
         weighted = slope.T / (share**2 + error**2)
         A, b = weighted @ slope, -weighted @ error
         if not np.isfinite(loss) or not np.isfinite(A).all():
@@ -69,13 +70,14 @@ def _descended(model: Model, base: FloatArray, share: FloatArray, x: FloatArray)
             stiffer = A + damping * np.diag(np.diag(A) + ROBUST_DAMPING * np.trace(A))
             step = np.linalg.lstsq(stiffer, b, rcond=None)[0]
             trial = x + np.clip(step, -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
-            error, slope = _errors(model, base, trial)
-            if _loss(error / share) < loss:
+            error, given = _errors(model, base, trial)
+            following = _loss(error / share)
+            if following < loss:
                 break
             damping *= 4.0
         else:
             return x
-        before, loss, x = loss, _loss(error / share), trial
+        before, loss, x = loss, following, trial
         damping /= 6.0
         if before - loss < SAME_MISFIT**2 * loss:
             break
@@ -87,18 +89,25 @@ def _loss(error: FloatArray) -> float:
 
 
 def _errors(model: Model, base: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return relative errors of the base parameters, shape (columns,), and their slope by the variables.
+    """Return relative errors of the base parameters, shape (columns,), and what the variables make of these.
 
     Errors are logarithms of ratios where the signs agree.
     """
-    values = dict(zip(model.parameters, _values(model, x).tolist(), strict=True))
-    given = model.base_from_physical(values)
+    given = model.base_from_physical(dict(zip(model.parameters, _values(model, x).tolist(), strict=True)))
     alike = given * base > 0.0
-    size = np.where(base == 0.0, 1.0, np.abs(base))
     ratio = np.where(alike, given / np.where(alike, base, 1.0), 1.0)
-    error = np.where(alike, np.log(ratio), (given - base) / size)
+    return np.where(alike, np.log(ratio), (given - base) / _sizes(base)), given
+
+
+def _slope(model: Model, base: FloatArray, x: FloatArray, given: FloatArray) -> FloatArray:
+    """Return how relative errors grow with the variables, shape (columns, parameters)."""
+    values = dict(zip(model.parameters, _values(model, x).tolist(), strict=True))
     by_variable = model.base_jacobian(values) * np.where(_signed(model), np.cosh(x), np.exp(x))
-    return error, by_variable / np.where(alike, given, size)[:, None]
+    return np.asarray(by_variable / np.where(given * base > 0.0, given, _sizes(base))[:, None])
+
+
+def _sizes(base: FloatArray) -> FloatArray:
+    return np.where(base == 0.0, 1.0, np.abs(base))
 
 
 def _values(model: Model, x: FloatArray) -> FloatArray:

@@ -20,6 +20,7 @@ from modelgen.runtime.iv.physical.physical_iv import MORE, PLAIN, Found, Rows, f
 from modelgen.runtime.iv.physical.start_in_rows import start_in_rows
 from modelgen.runtime.iv.physical.starting_values import (
     cheap_starts,
+    near_composites,
     physical_starts,
     vanished_names,
     with_shared_friction,
@@ -92,11 +93,12 @@ def _beginnings(
     on_time = dict.fromkeys(late, 0.0)
     if begin is not None:
         yield begin, on_time
-    nearest = start_in_rows(first, setting, cheap_starts(first, setting), late)
+    near = near_composites(setting.model, first)
+    nearest = start_in_rows(first, setting, cheap_starts(near, setting), late)
     if nearest is not None:
         values, delays = nearest
         yield with_shared_friction(setting.model, values), delays
-    starts = physical_starts(first, setting)
+    starts = physical_starts(first, setting, near)
     yield from ((start, on_time) for start in islice(starts, 1))
     delays = coarse_delays(first, setting.model, setting.records, setting.choice, late)
     if any(delays.values()):

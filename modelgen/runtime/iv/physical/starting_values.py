@@ -37,7 +37,9 @@ from modelgen.runtime.simulation.plant import Plant, make_plant
 MOVING = ("inertia", "stiffness", "damping")
 
 
-def physical_starts(first: Fit, setting: Setting) -> Iterator[Mapping[str, float]]:
+def physical_starts(
+    first: Fit, setting: Setting, near: Mapping[str, float] | None = None
+) -> Iterator[Mapping[str, float]]:
     """Yield physical parameters (SI) to start from, the cheapest first.
 
     Parameters
@@ -46,14 +48,16 @@ def physical_starts(first: Fit, setting: Setting) -> Iterator[Mapping[str, float
         Least squares, in base columns.
     setting : Setting
         Model, records and filters.
+    near : mapping of str to float, optional
+        `near_composites` of these, where that is known.
     """
     model = setting.model
-    found = _from_composites(model, first, hac_covariance)
+    found = near_composites(model, first) if near is None else near
     vanished = vanished_names(model, found)
     if not vanished:
         yield found
     # noise makes the composites inconsistent, and which chain fits them best depends on their weights
-    other = _from_composites(model, first, lambda fit: printed_covariance(fit)[1])
+    other = near_composites(model, first, lambda fit: printed_covariance(fit)[1])
     if not vanished_names(model, other):
         yield other
     for share in TRIED_SHARES:
@@ -64,7 +68,7 @@ def physical_starts(first: Fit, setting: Setting) -> Iterator[Mapping[str, float
         yield found
 
 
-def cheap_starts(first: Fit, setting: Setting) -> tuple[Mapping[str, float], ...]:
+def cheap_starts(near: Mapping[str, float], setting: Setting) -> tuple[Mapping[str, float], ...]:
     """Return sets of physical parameters (SI) that nature may have, near composites or tried for the record.
 
     Parameters are as for `physical_starts`.
@@ -76,7 +80,7 @@ def cheap_starts(first: Fit, setting: Setting) -> tuple[Mapping[str, float], ...
         tried = [_with_tried(setting, none, every, share) for share in TRIED_SHARES]
     except ModelgenError:
         return ()
-    found = [_from_composites(model, first, hac_covariance), *tried]
+    found = [near, *tried]
     return tuple(
         {name: one[name] if one[name] > 0.0 or name not in every else tried[0][name] for name in one}
         for one in found
@@ -84,12 +88,17 @@ def cheap_starts(first: Fit, setting: Setting) -> tuple[Mapping[str, float], ...
     )
 
 
-def _from_composites(
-    model: Model, first: Fit, covariance_of: Callable[[Fit], FloatArray]
+def near_composites(
+    model: Model, first: Fit, covariance_of: Callable[[Fit], FloatArray] | None = None
 ) -> dict[str, float]:
-    """Return the parameters that come closest to the composites, zeros if there are none."""
+    """Return the parameters that come closest to the composites, zeros if there are none.
+
+    `covariance_of` weighs the composites, `hac_covariance` by default.
+    """
     try:
-        return with_shared_friction(model, simulation_parameters(model, first, covariance_of))
+        return with_shared_friction(
+            model, simulation_parameters(model, first, covariance_of or hac_covariance)
+        )
     except IdentifiabilityError:
         return dict.fromkeys(model.parameters, 0.0)
 

@@ -9,7 +9,7 @@ import pytest
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.physical.start_in_rows import start_in_rows
-from modelgen.runtime.iv.physical.starting_values import cheap_starts
+from modelgen.runtime.iv.physical.starting_values import cheap_starts, near_composites
 from modelgen.runtime.least_squares.time_shifts import shift
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.rows.observation import observe
@@ -25,7 +25,7 @@ def test_it_is_near_the_truth_where_the_force_is_late() -> None:
     record = swinging().edited({"T": shift("T", 1.7)})
     setting = Setting(servo(), [record], choose_filter(servo(), [record]))
     first = fit_matched(observe(servo(), [record], setting.choice, turns=False, friction=True))
-    starts = cheap_starts(first, setting)
+    starts = cheap_starts(near_composites(setting.model, first), setting)
     # from some that are ten times too stiff or too soft
     assert max(farthest(one) for one in starts) > 0.7
     assert min(farthest(one) for one in starts) > 0.05
