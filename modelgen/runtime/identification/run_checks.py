@@ -112,10 +112,10 @@ def _residuals(task: Task, solution: Solution) -> Callable[[], tuple[ResidualTes
     """Return what gives the tests of the rows' residuals; nothing where they are not asked for."""
     if not task.checks.tests or not task.method.matched:
         return tuple
-    # rows that are made again take memory of their own
-    kept = all(block.in_memory for block in solution.as_measured.blocks)
+    # beside records in files memory is short
+    files = any(record.source is not record for record in task.records)
     given = task.model, task.records, task.choice, solution.as_measured
-    return meanwhile(lambda: residual_tests(*given, task.period_s()), here=not kept)
+    return meanwhile(lambda: residual_tests(*given, task.period_s()), here=files)
 
 
 def _changing(task: Task, solution: Solution) -> ChangingInertia | None:
