@@ -7,15 +7,14 @@ from functools import partial
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.progress import step
 from modelgen.runtime.advice import noted
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
-from modelgen.runtime.diagnostics.parameter_checks import null_columns
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
-from modelgen.runtime.identification.contradiction import below_zero, contradiction
+from modelgen.runtime.identification.contradiction import below_zero
+from modelgen.runtime.identification.explanation.drive_noise import drive_bias
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import (
     decided_by_stretches,
@@ -23,10 +22,10 @@ from modelgen.runtime.identification.explanation.explain_stretches import (
     long,
     timing_by_stretches,
 )
-from modelgen.runtime.identification.explanation.explained import Begun, begun_with, run_method
+from modelgen.runtime.identification.explanation.explained import Begun, begun_with, run_method, with_note
 from modelgen.runtime.identification.explanation.from_starts import with_starts
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
-from modelgen.runtime.identification.explanation.other_weights import other_weights
+from modelgen.runtime.identification.explanation.least_squares_instead import least_squares_instead
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals, refused_problems
@@ -35,16 +34,13 @@ from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     BEYOND_CHANCE,
     BIAS_SHARE,
-    CLEARLY_LESS,
     FAR_OVER_NOISE,
     LEFT_BY_ARMS,
     LEFT_SHARE,
     OVER_NOISE,
     STANDS_IN,
 )
-from modelgen.runtime.iv.freed_effects import corrected
 from modelgen.runtime.iv.thresholds import AS_GOOD
-from modelgen.runtime.iv.told_effects import held_instead
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
@@ -63,7 +59,7 @@ def default_method(task: Task, method: Auto) -> Begun:
     """
     if method.rows == "power":
         begun = run_method(replace(task, job=replace(task.job, late=())), method.least_squares)
-        return _with_note(begun, "method wls: rows of power have no instruments; delays are not estimated")
+        return with_note(begun, "method wls: rows of power have no instruments; delays are not estimated")
     if task.model.is_arm:
         return _of_arm(task, method)
     beyond = beyond_limit(task.job, method.instrumental)
@@ -82,7 +78,7 @@ def _of_all(begun: Begun, method: Auto) -> Begun:
         return begun
     task = replace(begun.task, job=replace(begun.task.job, effects=(), sizes=()))
     found = _or_from_starts(task, method.instrumental, begun)
-    return begun if found is begun else _with_note(found, begun.found.fit.notes[0])
+    return begun if found is begun else with_note(found, begun.found.fit.notes[0])
 
 
 def _of_chain(task: Task, method: Auto) -> Begun:
@@ -102,10 +98,11 @@ def _of_chain(task: Task, method: Auto) -> Begun:
     first = with_held_commands(task, first, method.held, lambda to: _instrumental(to, method.instrumental))
     task = first.task
     if first.found.fit.carried is not None:
-        return _with_note(first, "method iv, in the physical parameters")
+        return with_note(first, "method iv, in the physical parameters")
     if not _exceeding(first):
-        return _with_note(first, "method iv: noise of the sensors does not bias instruments")
-    return _least_squares_instead(task, method, first)
+        return _less_driven(task, method, first)
+    found = least_squares_instead(task, method, first)
+    return found or with_note(first, "method iv; the residual is more than noise of the sensors")
 
 
 def _below(one: Begun) -> float:
@@ -143,10 +140,10 @@ def _of_arm(task: Task, method: Auto) -> Begun:
                 continue
             if not _exceeding(found):
                 told = "" if late == calm.job.late else f"; delays are not estimated ({nothing})"
-                return _with_note(found, f"method iv: noise of the sensors does not bias instruments{told}")
+                return with_note(found, f"method iv: noise of the sensors does not bias instruments{told}")
             why = "the residual is more than noise of the sensors"
             break
-    return _with_note(begun, f"method wls: {why}; delays are not estimated")
+    return with_note(begun, f"method wls: {why}; delays are not estimated")
 
 
 def _exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> bool:
@@ -155,47 +152,22 @@ def _exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> 
     return bool(exceeding_noise(job.model, job.records, job.choice, one.found.fit, multiple, share))
 
 
-def _least_squares_instead(task: Task, method: Auto, first: Begun) -> Begun:
-    """Return least squares where the model lacks more than noise adds and noise hardly biases it.
+def _less_driven(task: Task, method: Auto, first: Begun) -> Begun:
+    """Return instruments; least squares where noise of the forces biases these, and of the sensors not it.
 
-    Where a model is wrong its simulation is, too: the measured motion is the better regressor then. What the
-    two methods differ by widens the intervals.
+    Where both noises matter, what that of the forces moves widens the intervals.
     """
-    iv = first.found
-    late = {effect: size for effect, size in zip(iv.effects, iv.sizes, strict=True) if effect.kind == "delay"}
-    inside = partial(corrected, delays={}, effects=late, sizes=tuple(late.values()))
-    job = replace(task.job.changed(inside), late=())
-    try:
-        plain = run_method(replace(task, job=job), method.least_squares)
-    except (IdentifiabilityError, DataError):
-        return first
-    fit = plain.found.fit
-    bias = noise_bias(task.model, task.records, task.choice, fit)
-    spread = np.sqrt(job.share * np.maximum(np.diag(hac_covariance(fit)), 0.0))
-    worse = max(fit.left_shares) > max(LEFT_SHARE, *iv.fit.left_shares)
-    # what leaves clearly more without a mass that is estimated is no alternative to it
-    left, least = (float(np.exp(one.misfit / one.count)) for one in (fit, iv.fit))
-    masses = [effect for effect in iv.effects if effect.moved is not None]
-    worse |= bool(masses) and CLEARLY_LESS * left > least
-    worse |= bool(null_columns(fit, task.model, task.records, task.choice))
-    if worse or fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
-        return _with_note(first, "method iv; the residual is more than noise of the sensors")
-    move = contradiction(fit, iv.fit, job.share)
-    note = (
-        "method wls: the residual is more than noise of the sensors, which hardly biases least squares here"
-    )
-    if np.any(move):
-        with np.errstate(divide="ignore"):
-            share = np.abs(move / fit.solution.x)
-        most = int(np.argmax(share))
-        note += (
-            f"; instruments differ (most in {fit.columns[most]}, by {100.0 * share[most]:.2g} %), and the "
-            "intervals are widened by that"
-        )
-    found = replace(plain.found, advice=held_instead(iv.advice, late))
-    weighed, _ = other_weights(task.job, fit)
-    timing = timing_by_stretches(replace(job, late=task.job.late), method.least_squares, plain.found)
-    return _with_note(replace(plain, found=found), note, np.outer(move, move) + weighed + timing)
+    fit, note = first.found.fit, "method iv: noise of the sensors does not bias instruments"
+    driven = drive_bias(task.model, task.records, task.choice, fit)
+    spread = np.sqrt(first.task.job.share * np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    if not np.any(np.abs(driven) > BIAS_SHARE * spread):
+        return with_note(first, note)
+    found = least_squares_instead(task, method, first, driven)
+    if found is not None:
+        return found
+    most = int(np.argmax(np.abs(driven) / np.maximum(spread, np.finfo(float).tiny)))
+    note += f"; that of the forces does (most in {fit.columns[most]}), and the intervals are widened by that"
+    return with_note(first, note, first.found.drift + np.outer(driven, driven))
 
 
 def _instrumental(task: Task, method: IV) -> Begun:
@@ -249,12 +221,6 @@ def _explained(task: Task, method: IV) -> Begun:
     return begun_with(begun.task, explained(task.job, found_by(task.job, begun.found.observation, fit), fit))
 
 
-def _with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:
-    found = one.found
-    fit = replace(found.fit, notes=(note, *found.fit.notes))
-    return replace(one, found=replace(found, fit=fit, drift=found.drift if drift is None else drift))
-
-
 def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataError) -> Begun:
     """Return least squares where instruments find nothing, else instruments that use reversals; or raise."""
     try:
@@ -265,7 +231,7 @@ def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataErr
         found = _tried(replace(task, job=replace(task.job, reversing=True)), method)
         if found is None or _unexplained(found) or negative_columns(task.model, found.found.fit):
             raise
-    return _with_note(found, "method iv, samples that feel a reversal included: others tell nothing")
+    return with_note(found, "method iv, samples that feel a reversal included: others tell nothing")
 
 
 def _stand_in(
@@ -297,4 +263,4 @@ def _stand_in(
     note, drift = f"method wls: {why}; noise pulls it little", found.found.drift + np.outer(bias, bias)
     if not turns:
         drift = drift + timing_by_stretches(replace(task.job, turns=False), method.least_squares, found.found)
-    return _with_note(found, note, drift)
+    return with_note(found, note, drift)

@@ -60,3 +60,10 @@ def begun_with(task: Task, found: Explained) -> Begun:
     """Return a task with what was found, whose effects are estimated with other filters as well."""
     job = replace(task.job, effects=found.effects, sizes=found.sizes)
     return Begun(replace(task, job=job), found)
+
+
+def with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:
+    """Return what has begun with a note before the others, and with what else may move it where given."""
+    found = one.found
+    fit = replace(found.fit, notes=(note, *found.fit.notes))
+    return replace(one, found=replace(found, fit=fit, drift=found.drift if drift is None else drift))

@@ -1,0 +1,71 @@
+"""Least squares in place of instruments that the default has found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.diagnostics.parameter_checks import null_columns
+from modelgen.runtime.identification.contradiction import contradiction
+from modelgen.runtime.identification.explanation.explain_stretches import timing_by_stretches
+from modelgen.runtime.identification.explanation.explained import Begun, run_method, with_note
+from modelgen.runtime.identification.explanation.other_weights import other_weights
+from modelgen.runtime.identification.methods import Auto
+from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.thresholds import BIAS_SHARE, CLEARLY_LESS, LEFT_SHARE
+from modelgen.runtime.iv.freed_effects import corrected
+from modelgen.runtime.iv.told_effects import held_instead
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+
+
+def least_squares_instead(
+    task: Task, method: Auto, first: Begun, driven: FloatArray | None = None
+) -> Begun | None:
+    """Return least squares where noise of the sensors hardly biases it; None where it does.
+
+    Where a model is wrong its simulation is, too: the measured motion is the better regressor then. What the
+    two methods differ by widens the intervals, unless noise of the forces biases instruments by `driven`.
+    """
+    iv = first.found
+    late = {effect: size for effect, size in zip(iv.effects, iv.sizes, strict=True) if effect.kind == "delay"}
+    inside = partial(corrected, delays={}, effects=late, sizes=tuple(late.values()))
+    job = replace(task.job.changed(inside), late=())
+    try:
+        plain = run_method(replace(task, job=job), method.least_squares)
+    except (IdentifiabilityError, DataError):
+        return None
+    fit = plain.found.fit
+    bias = noise_bias(task.model, task.records, task.choice, fit)
+    spread = np.sqrt(job.share * np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    worse = max(fit.left_shares) > max(LEFT_SHARE, *iv.fit.left_shares)
+    # what leaves clearly more without a mass that is estimated is no alternative to it
+    left, least = (float(np.exp(one.misfit / one.count)) for one in (fit, iv.fit))
+    masses = [effect for effect in iv.effects if effect.moved is not None]
+    worse |= bool(masses) and CLEARLY_LESS * left > least
+    worse |= bool(null_columns(fit, task.model, task.records, task.choice))
+    if worse or fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
+        return None
+    move = contradiction(fit, iv.fit, job.share) if driven is None else np.zeros(len(spread))
+    why = (
+        "the residual is more than noise of the sensors, which"
+        if driven is None
+        else ("noise of the forces biases instruments, and that of the sensors")
+    )
+    note = f"method wls: {why} hardly biases least squares here"
+    if np.any(move):
+        with np.errstate(divide="ignore"):
+            share = np.abs(move / fit.solution.x)
+        most = int(np.argmax(share))
+        note += (
+            f"; instruments differ (most in {fit.columns[most]}, by {100.0 * share[most]:.2g} %), and the "
+            "intervals are widened by that"
+        )
+    found = replace(plain.found, advice=held_instead(iv.advice, late))
+    weighed, _ = other_weights(task.job, fit)
+    timing = timing_by_stretches(replace(job, late=task.job.late), method.least_squares, plain.found)
+    return with_note(replace(plain, found=found), note, np.outer(move, move) + weighed + timing)
