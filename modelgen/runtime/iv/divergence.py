@@ -51,7 +51,9 @@ def diverged(what: str, fit: Fit | None = None, model: Model | None = None) -> I
 
 
 def simulation_failed(error: DataError, fit: Fit, model: Model) -> IdentifiabilityError:
-    """Return the error of instruments whose simulation fails."""
+    """Return the error of instruments whose simulation fails; of a chain that cannot be, that it is none."""
+    if negative_columns(model, fit):
+        return diverged("no chain that can be simulated belongs to its estimate", fit, model)
     problem = error.problems[0]
     where = "" if problem.where == "simulation" else f"{problem.where} "
     return diverged(f"its simulation fails ({where}{problem.what})", fit, model)

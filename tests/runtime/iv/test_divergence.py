@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,10 +11,10 @@ import pytest
 
 from generated import emps300_qm_ac, emps300_qm_qc
 from modelgen import generate
-from modelgen.errors import IdentifiabilityError
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.iv.divergence import diverged, refuse_runaway
+from modelgen.runtime.iv.divergence import diverged, refuse_runaway, simulation_failed
 from modelgen.runtime.iv.thresholds import LEFT_OF_FORCE
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model, model_from_module, model_from_text
@@ -115,3 +116,14 @@ def test_an_estimate_that_cannot_be_calculated_with_is_refused(value: float) -> 
     far = np.array([*fit.solution.x[:-1], value])
     with pytest.raises(IdentifiabilityError, match="not finite" if not np.isfinite(value) else "K runs away"):
         refuse_runaway(fit.columns, far, fit, model)
+
+
+def test_a_simulation_that_fails_on_impossible_values_is_told_by_these() -> None:
+    model, records = recorded("qm_qc")
+    fit = fit_matched(observe(model, list(records), choose_filter(model, records)))
+    fast = DataError.at("simulation", "has a motion too fast (4e-23 s) for steps of 0.001 s", "raise fs")
+    assert "its simulation fails (has a motion too fast" in str(simulation_failed(fast, fit, model))
+    x = np.where(np.isin(fit.columns, ("K",)), -1.0, 1.0) * fit.solution.x
+    told = str(simulation_failed(fast, replace(fit, solution=replace(fit.solution, x=x)), model))
+    assert "no chain that can be simulated belongs to its estimate; K = -" in told
+    assert "too fast" not in told
