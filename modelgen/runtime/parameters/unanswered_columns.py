@@ -36,10 +36,21 @@ def not_identifiable(
 
 
 def like_delays(model: Model, fit: Fit) -> dict[str, str]:
-    """Return the base parameters made of what cannot be told from delays of forces, with that reason."""
+    """Return the base parameters made of what cannot be told from delays of forces, with that reason.
+
+    Friction of such a body without a sensor has none either: the direction of the dry one is that of a
+    simulation, and the viscous one takes what that has wrong.
+    """
     unknown = [name for name in fit.carried.unknown if name in model.parameters] if fit.carried else []
     if not unknown:
         return {}
+    seen = {sensor.body for sensor in model.sensors}
+    lost = {body for name in unknown if name in model.roles for body in model.roles[name].bodies} - seen
+    unknown += [
+        name
+        for name, role in model.roles.items()
+        if role.role in ("viscous", "coulomb") and lost & {*role.bodies}
+    ]
     _, slopes = _anywhere(model)
     places = [model.parameters.index(name) for name in unknown]
     delays = ", ".join(channel for channel, _, _ in fit.delays)

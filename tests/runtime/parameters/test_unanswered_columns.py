@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from generated import emps_rigid_qm, three_mass_qa_qb_ac, two_mass_bench_qm_qc
+from modelgen.cli.candidates import spec_model
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_matched
@@ -18,6 +19,7 @@ from modelgen.runtime.parameters.unanswered_columns import (
 )
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
+from modelgen.spec.load import parse_spec
 
 BENCH, RIGID = model_from_module(two_mass_bench_qm_qc), model_from_module(emps_rigid_qm)
 TRUTH = {
@@ -116,6 +118,18 @@ def test_a_column_that_is_never_seen_is_refused() -> None:
     assert reasons["K"] == reasons["Fd"] == "its column is zero in every sample used"
 
 
+GEAR = """
+chain = { name = "gear", motion = "rotation" }
+bodies = [
+    { name = "a", inertia = "J_a", viscous = "Fv_a", coulomb = "Fc_a", actuator = "T" },
+    { name = "b", inertia = "J_b" },
+]
+links = [{ bodies = ["a", "b"], stiffness = "K", damping = "D", ratio = 10.0 }]
+[sensors.load]
+q_b = { body = "b", measures = "position" }
+"""
+
+
 def test_what_cannot_be_told_from_a_delay_is_refused_with_all_that_holds_it() -> None:
     def fit(*unknown: str) -> SimpleNamespace:
         return SimpleNamespace(carried=SimpleNamespace(unknown=unknown), delays=(("i", 2e-5, 1e-6),))
@@ -128,3 +142,7 @@ def test_what_cannot_be_told_from_a_delay_is_refused_with_all_that_holds_it() ->
     hidden = model_from_module(three_mass_qa_qb_ac)
     sums = like_delays(hidden, fit(hidden.parameters[0]))  # type: ignore[arg-type]
     assert all(hidden.parameters[0] in name for name in sums) and sums
+    # where no sensor sees the motor, only a simulation of that chain knows which way it turns
+    motor = spec_model(parse_spec(GEAR, "gear.toml"), "load")
+    assert not {"Fv_a", "Fc_a"} & set(like_delays(motor, fit("J_b")))  # type: ignore[arg-type]
+    assert {"Fv_a", "Fc_a"} <= set(like_delays(motor, fit("J_a")))  # type: ignore[arg-type]
