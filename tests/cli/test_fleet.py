@@ -10,7 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from generated import emps300_qm_qc
+from modelgen.cli.commands.fleet import _folder
 from modelgen.cli.main import app
+from modelgen.errors import DataError
 from modelgen.read_file import InputKind, read_text
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.simulation.simulate import simulate
@@ -143,3 +145,18 @@ def test_what_is_missing_is_said(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["fleet", str(tmp_path), "--model", str(MODULE), "--cutoff-hz", "300"])
     assert result.exit_code == 2
     assert "need --fs" in result.stderr
+
+
+def test_readings_of_a_folder_are_mended_as_those_of_a_file_are(tmp_path: Path) -> None:
+    t = np.arange(2000) / 1000.0
+    channels = {"q_m": np.sin(9.0 * t), "Gamma_m": np.cos(31.0 * t)}
+    for channel, samples in channels.items():
+        np.save(tmp_path / f"{channel}.npy", samples[np.arange(t.size) // 4 * 4])
+    how = {"needed": ("q_m", "Gamma_m"), "mapping": {}, "scales": {}, "fs": 1000.0, "units": {}, "mend": ()}
+    held = _folder(tmp_path, how, "run")
+    mended = _folder(tmp_path, {**how, "mend": ("repeats=q_m",)}, "run")
+    wrong = [np.abs(one.read("q_m", 20, 1980) - channels["q_m"][20:1980]).max() for one in (held, mended)]
+    assert wrong[0] > 0.02 > 1e-5 > wrong[1]
+    assert np.array_equal(mended.read("Gamma_m", 0, 2000), held.read("Gamma_m", 0, 2000))
+    with pytest.raises(DataError, match="mends times, and the record has none"):
+        _folder(tmp_path, {**how, "mend": ("gaps",)}, "run")

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from modelgen.runtime.fleet.pooled import PooledParameter
     from modelgen.runtime.fleet.worker import FleetRecord
     from modelgen.runtime.model.model import Model
+    from modelgen.runtime.records.record import Record
 
 FleetData = Annotated[
     list[Path],
@@ -185,7 +186,19 @@ def _folder(path: Path, how: Mapping[str, Any], name: str) -> Any:
         files[channel] = path / f"{column.removeprefix('-')}.npy"
         factors[channel] = -factor if column.startswith("-") else factor
     changed = {channel: factor for channel, factor in factors.items() if factor != 1.0}
-    return Record.over(open_npy(files, float(how["fs"]), name, changed))
+    record = Record.over(open_npy(files, float(how["fs"]), name, changed))
+    return _mended(record, how["units"], how["mend"]) if how["mend"] else record
+
+
+def _mended(record: Record, units: Mapping[str, str], mends: Sequence[str]) -> Record:
+    """Return a folder's record with its readings mended: in memory, as files are."""
+    from modelgen.runtime.records.record import Record
+    from modelgen.runtime.records.repair import check_mends, mend_offsets, mend_repeats, mend_turns
+
+    check_mends(mends, record.signals, timed=False)
+    signals = {key: record.read(key, 0, record.n) for key in record.signals}
+    track = mend_offsets(mend_repeats(mend_turns(signals, mends), mends), units, mends)
+    return Record(track.signals, record.fs, record.name, record.tag)
 
 
 def _lines(found: FleetEstimate) -> list[str]:

@@ -37,8 +37,8 @@ class Track:
     said: tuple[str, ...] = ()
 
 
-def check_mends(mends: Iterable[str], keys: Iterable[str]) -> None:
-    """Raise one DataError for everything that is no mend or names no channel."""
+def check_mends(mends: Iterable[str], keys: Iterable[str], timed: bool = True) -> None:
+    """Raise one DataError for everything that is no mend, names no channel, or needs times and has none."""
     known = list(keys)
     problems = []
     for mend in mends:
@@ -46,6 +46,8 @@ def check_mends(mends: Iterable[str], keys: Iterable[str]) -> None:
             if mend.partition("=")[2] not in known:
                 remedy = f"name a channel: {listed(known)}"
                 problems.append(Problem(f"--mend {mend}", "names no channel of the record", remedy))
+        elif mend in MENDS and not timed:
+            problems.append(Problem(f"--mend {mend}", "mends times, and the record has none", "leave it out"))
         elif mend not in MENDS:
             remedy = f"choose from {', '.join((*MENDS, *(f'{one}KEY' for one in OF_CHANNELS)))}"
             problems.append(Problem(f"--mend {mend}", "is no mend", remedy))
