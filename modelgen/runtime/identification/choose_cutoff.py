@@ -63,7 +63,7 @@ def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
     """
     # directions that were made of other channels belong to the first cut-off; rows with given positions are
     # linear about an estimate only, which there is none of yet
-    given = task.filters.cutoff_hz is not None or task.filters.directions
+    given = task.filters.cutoff_hz is not None or task.job.share < 1.0 or task.filters.directions
     if given or isinstance(task.model.kernel, DeflectedKernel):
         return task
     scan = Scan(task, consistent)
@@ -172,14 +172,14 @@ class Scan:
 
     def _tried(self, step: int) -> Tried | None:
         task, consistent = self._task, self._consistent
-        choice = task.choice if step == 0 else _choice_at(task, task.choice.cutoff_hz * 2.0 ** (0.5 * step))
+        choice = task.choice if step == 0 else choice_at(task, task.choice.cutoff_hz * 2.0 ** (0.5 * step))
         if choice is None:
             return None
         here = replace(task.job, records=self._records, choice=choice, surveys=())
         fit = fit_matched(here.observed(self._records, turns=not consistent))
         if consistent and here.late:
             fit = _delays_free(here, fit)
-        calm = _calm_share(fit, self._records, choice) if consistent and task.model.is_arm else 1.0
+        calm = least_kept(fit, self._records, choice) if consistent and task.model.is_arm else 1.0
         noise = noise_effect(task.model, self._records, choice, fit)
         series, lengths = influence(fit), [record.n for record in self._records]
         reach = self._correlated_for(step, series, choice, calm)
@@ -220,7 +220,7 @@ def _left_without_force(fit: Fit) -> float:
     return max((share for block, share in shares if not block.has_force), default=0.0)
 
 
-def _calm_share(fit: Fit, records: Sequence[Record], choice: FilterChoice) -> float:
+def least_kept(fit: Fit, records: Sequence[Record], choice: FilterChoice) -> float:
     """Return the least share of its record that a row with a force keeps, 0 where one keeps its turns."""
     every = [record.n / factor for record, factor in zip(records, choice.decimation, strict=True)]
     kept = [
@@ -235,7 +235,7 @@ def _delays_free(job: Job, fit: Fit) -> Fit:
     return with_columns_free(fit, rates)
 
 
-def _choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:
+def choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:
     """Return the filters of a task with another cut-off, None where its records do not allow it."""
     highest = HIGHEST_CUTOFF * min(record.fs for record in task.records)
     wide_hz = cutoff_hz * (SIGNAL_CUTOFF if task.model.is_arm else 1.0)

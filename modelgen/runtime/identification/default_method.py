@@ -14,6 +14,7 @@ from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero
+from modelgen.runtime.identification.explanation.best_cutoff import at_best_cutoff, at_cutoff_of
 from modelgen.runtime.identification.explanation.drive_noise import drive_bias
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import (
@@ -90,8 +91,7 @@ def _of_chain(task: Task, method: Auto) -> Begun:
         other = with_predicted_cutoff(given, consistent=False)
         left = {one.choice.cutoff_hz: one for one in (other, given)}
         left.pop(task.choice.cutoff_hz, None)
-        found = next(filter(None, (_tried(one, method) for one in left.values())), None)
-        task = other
+        found, task = next(filter(None, (_tried(one, method) for one in left.values())), None), other
         if found is None:
             return _last_resort(task, method, error)
         first = found
@@ -179,7 +179,7 @@ def _instrumental(task: Task, method: IV) -> Begun:
         if found is None:
             raise
         return found
-    return _or_from_starts(task, method, plain)
+    return _or_from_starts(at_cutoff_of(task, plain.task), method, plain)
 
 
 def _from_starts(task: Task, method: IV) -> Begun | None:
@@ -216,9 +216,9 @@ def _explained(task: Task, method: IV) -> Begun:
     step("looking for what the model lacks")
     if long(task.job):
         return explained_by_stretches(task, method, partial(_explained, method=method))
-    begun = run_method(task, method)
-    fit = begun.found.fit
-    return begun_with(begun.task, explained(task.job, found_by(task.job, begun.found.observation, fit), fit))
+    begun = at_best_cutoff(run_method(task, method))
+    fit, job = begun.found.fit, begun.task.job
+    return begun_with(begun.task, explained(job, found_by(job, begun.found.observation, fit), fit))
 
 
 def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataError) -> Begun:

@@ -83,6 +83,8 @@ FIRST_ORDER = 0.1
 LOAD_ROW_LEFT = 0.5
 # Digits a parameter by which another cut-off has to be better, and by which it may be worse than the best.
 CLEARLY_BETTER, NEARLY_BEST = 0.15, 0.1
+# Digits a parameter by which instruments have to know more at another cut-off.
+KNOWN_BETTER = 0.05
 # Samples of a record that cut-offs are tried on, and stretches of it in which their estimates are compared.
 SAMPLES_TRIED, STRETCHES_TRIED = 1 << 17, 1 << 10
 

@@ -157,8 +157,7 @@ def _task_of_stretches(task: Task) -> tuple[Task, list[int]]:
     job, record_of = _in_stretches(task.job)
     every, taken = (sum(record.n for record in one.records) for one in (task.job, job))
     job = replace(job, share=taken / every)
-    filters = replace(task.filters, cutoff_hz=job.choice.cutoff_hz)
-    return replace(task, records=job.records, choice=job.choice, job=job, filters=filters), record_of
+    return replace(task, records=job.records, choice=job.choice, job=job), record_of
 
 
 def _in_stretches(job: Job) -> tuple[Job, list[int]]:

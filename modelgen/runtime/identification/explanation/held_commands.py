@@ -17,6 +17,7 @@ import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.identification.explanation.best_cutoff import at_cutoff_of
 from modelgen.runtime.identification.explanation.explained import Begun, Explained
 from modelgen.runtime.identification.explanation.held_images import without_images
 from modelgen.runtime.identification.task import Task
@@ -50,7 +51,7 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
     else:
         held = held_commands(first) if first.task.checks.drift_check else {}
         task = _holding(task, tuple(held))
-    known = first
+    task, known = at_cutoff_of(task, first.task), first
     for _ in range(HELD_ROUNDS if held else 0):
         try:
             again = run(without_images(task, held, known))

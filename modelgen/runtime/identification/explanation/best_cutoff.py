@@ -1,0 +1,143 @@
+"""The cut-off at which instruments know most, looked for from the one that least squares predicts.
+
+Where noise of the sensors is much of a column, what least squares predicts is uncertain itself. Nor does it
+know that white rows weigh low frequencies most, of which the samples around reversals take the more away the
+lower the cut-off is. Instruments say both themselves, from one simulation at all cut-offs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.diagnostics.noise_bias import noise_effect
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise
+from modelgen.runtime.diagnostics.tried_cutoff import Tried
+from modelgen.runtime.identification.choose_cutoff import choice_at, least_kept
+from modelgen.runtime.identification.explanation.explained import Begun, run_method
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.thresholds import (
+    CALM_SHARE,
+    CUTOFF_STEPS,
+    KNOWN_BETTER,
+    LITTLE_BIAS,
+    OVER_NOISE,
+    STEPS_IN_VAIN,
+    STRETCHES_TRIED,
+)
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import (
+    hac_covariance,
+    influence,
+    influence_of_stretches,
+)
+
+
+def at_best_cutoff(begun: Begun) -> Begun:
+    """Return instruments at the cut-off at which they know most; as they are where that is hardly better.
+
+    What was given stays as it is, and what leaves more than noise is left to the search for its cause.
+    """
+    task = begun.task
+    given = task.filters.cutoff_hz is not None or task.filters.directions
+    if given or task.job.effects or not _matters(task.job, begun.found.fit):
+        return begun
+    scan = _Scan(begun)
+    best = scan.best()
+    if not best:
+        return begun
+    found = scan.found[best]
+    before, choice = task.choice, found.task.choice
+    sentence = (
+        f"Cut-off {choice.cutoff_hz:.4g} Hz in place of {before.cutoff_hz:.4g} Hz: instruments, tried at "
+        f"{len(scan.found)} cut-offs, know most there."
+    )
+    kept = [one for one in choice.sentences if not one.startswith("Cut-off")]
+    choice = replace(choice, bands=before.bands, sentences=(sentence, *kept))
+    job = replace(found.task.job, choice=choice, start=task.job.start)
+    task = replace(found.task, choice=choice, job=job)
+    return replace(found, task=task)
+
+
+def at_cutoff_of(task: Task, found: Task) -> Task:
+    """Return a task at the cut-off of another of the same records, as if it were given."""
+    choice = found.choice
+    filters = replace(task.filters, cutoff_hz=choice.cutoff_hz)
+    return replace(task, choice=choice, filters=filters, job=replace(task.job, choice=choice))
+
+
+def _matters(job: Job, fit: Fit) -> bool:
+    """Tell whether another cut-off may tell more: noise is in the columns, or reversals take samples away.
+
+    White rows weigh all frequencies as they should; without either they know the same at any cut-off.
+    """
+    if exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE):
+        return False
+    if least_kept(fit, job.records, job.choice) < CALM_SHARE:
+        return True
+    return noise_effect(job.model, job.records, job.choice, fit).most > LITTLE_BIAS
+
+
+class _Scan:
+    """Cut-offs in steps of the root of two around that of instruments, each from their estimate; 0 is it."""
+
+    def __init__(self, begun: Begun) -> None:
+        self._begun = begun
+        self.found = {0: begun}
+        self._tried = {0: _tried(begun)}
+
+    def best(self) -> int:
+        """Return which step to take: 0, unless another is clearly better."""
+        for way, in_vain in ((1, STEPS_IN_VAIN), (-1, 1)):
+            step, vain, top = 0, 0, self._worth()[0]
+            while vain < in_vain and abs(step) < CUTOFF_STEPS and self._try(step + way):
+                step += way
+                now = self._worth()[step]
+                vain = vain + 1 if now <= top else 0
+                top = max(top, now)
+        worth = self._worth()
+        best = max(worth, key=lambda step: (worth[step], -abs(step)))
+        return best if worth[best] >= worth[0] + KNOWN_BETTER * len(self._tried[0].x) else 0
+
+    def _worth(self) -> dict[int, float]:
+        """Return the digits of every step; what moves from a lower one that knows as much is an error."""
+        size = np.median([one.size for one in self._tried.values()], axis=0)
+        alone = {step: one.digits(size) for step, one in self._tried.items()}
+        worth = {}
+        for step, one in self._tried.items():
+            moved: FloatArray = np.zeros(len(size))
+            for lower, other in self._tried.items():
+                if lower < step and alone[lower] >= alone[step]:
+                    moved = np.maximum(moved, one.moved_from(other))
+            worth[step] = one.digits(size, moved)
+        return worth
+
+    def _try(self, step: int) -> bool:
+        """Tell whether a step gives the same columns."""
+        begun = self._begun
+        choice = choice_at(begun.task, begun.task.choice.cutoff_hz * 2.0 ** (0.5 * step))
+        if choice is None:
+            return False
+        job = replace(begun.task.job, choice=choice, start=begun.found.fit, surveys=())
+        task = replace(begun.task, choice=choice, job=job)
+        try:
+            found = run_method(task, begun.task.method)
+        except (DataError, IdentifiabilityError):
+            return False
+        if found.found.fit.columns != begun.found.fit.columns:
+            return False
+        self.found[step], self._tried[step] = found, _tried(found)
+        return True
+
+
+def _tried(begun: Begun) -> Tried:
+    """Return what instruments at one cut-off know."""
+    job, fit = begun.task.job, begun.found.fit
+    lengths, none = [record.n for record in job.records], np.zeros(len(fit.columns))
+    told = influence_of_stretches(fit, influence(fit), job.choice.decimation, lengths, STRETCHES_TRIED)
+    square, x = np.maximum(np.diag(hac_covariance(fit)), 0.0), fit.solution.x
+    return Tried(job.choice, fit.columns, x, np.abs(x), square, none, told, False, 0.0, 1.0)
