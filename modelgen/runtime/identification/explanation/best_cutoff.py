@@ -73,11 +73,15 @@ def at_cutoff_of(task: Task, found: Task) -> Task:
 def _matters(job: Job, fit: Fit) -> bool:
     """Tell whether another cut-off may tell more: noise is in the columns, or reversals take samples away.
 
-    White rows weigh all frequencies as they should; without either they know the same at any cut-off.
+    White rows weigh all frequencies as they should; without either they know the same at any cut-off. Rows
+    that use samples about reversals, or physical parameters, have a cut-off that the directions want.
     """
+    kept = least_kept(fit, job.records, job.choice)
+    if fit.carried is not None or not kept:
+        return False
     if exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE):
         return False
-    if least_kept(fit, job.records, job.choice) < CALM_SHARE:
+    if kept < CALM_SHARE:
         return True
     return noise_effect(job.model, job.records, job.choice, fit).most > LITTLE_BIAS
 
