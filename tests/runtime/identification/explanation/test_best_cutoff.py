@@ -1,0 +1,59 @@
+"""Instruments tell at which cut-off they know most; what was given, and what has little to gain, stays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from modelgen.runtime.identification.choose_cutoff import choice_at
+from modelgen.runtime.identification.explanation.best_cutoff import at_best_cutoff
+from modelgen.runtime.identification.explanation.explained import Begun, run_method
+from modelgen.runtime.identification.methods import IV, Auto
+from modelgen.runtime.identification.options import CheckOptions, Filters
+from modelgen.runtime.identification.task import Task, prepared
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.two_mass_records import SMALL
+
+DRIVE = {"J_m": 1e-3, "F_vm": 5e-3, "F_sm": 0.02, "J_c": 1e-3, "F_vmc": 4e-3, "K": 8.0}
+
+
+@cache
+def begun_at(cutoff_hz: float, kind: str = "trapezoid", noise: float = 1e-4, given: bool = False) -> Begun:
+    rms = {"q_m": noise, "q_c": noise, "Gamma_m": 2e-3}
+    record = simulate(SMALL, DRIVE, kind, fs=1000.0, duration_s=4.0, noise=rms).record
+    filters = Filters(cutoff_hz=cutoff_hz) if given else Filters()
+    task = prepared(SMALL, record, Auto(), filters, CheckOptions())
+    return run_method(at(task, cutoff_hz), IV())
+
+
+def at(task: Task, cutoff_hz: float) -> Task:
+    choice = choice_at(task, cutoff_hz)
+    assert choice is not None
+    return replace(task, choice=choice, job=replace(task.job, choice=choice))
+
+
+def deviations(begun: Begun) -> np.ndarray:
+    return np.sqrt(np.diag(hac_covariance(begun.found.fit)))
+
+
+def test_from_a_cutoff_that_reversals_empty_instruments_go_to_one_that_knows_more() -> None:
+    first = begun_at(30.0)
+    best = at_best_cutoff(first)
+    assert best.task.choice.cutoff_hz > 1.3 * first.task.choice.cutoff_hz
+    assert best.task.job.choice is best.task.choice
+    assert np.prod(deviations(best)) < 0.5 * np.prod(deviations(first))
+    assert "instruments, tried at" in best.task.choice.sentences[0]
+    assert best.task.job.start is first.task.job.start
+
+
+def test_a_cutoff_that_was_given_stays() -> None:
+    first = begun_at(30.0, given=True)
+    assert at_best_cutoff(first) is first
+
+
+def test_where_reversals_and_noise_take_little_the_cutoff_stays() -> None:
+    first = begun_at(20.0, kind="chirp")
+    assert at_best_cutoff(first) is first
