@@ -334,7 +334,7 @@ def test_a_record_that_answers_nothing_gives_one_reason_and_what_is_odd_in_it() 
         identify(ASYMMETRIC, rest, cutoff_hz=30.0)
     places = [problem.where for problem in raised.value.problems]
     still = ["rest, channel q_m, samples 0 to 3999", "rest, channel F, samples 0 to 3999"]
-    assert places == ["records", *still]
+    assert places == [*still, "records"]
     assert raised.value.exit_code == 1
 
 

@@ -124,7 +124,7 @@ def test_arrays_are_checked_and_copied() -> None:
     np.testing.assert_allclose(wave.t, np.arange(9) / 100.0)
     found = problems(replace, wave, reference=np.full(9, np.nan), feedforward=np.zeros(8))
     assert [problem.split(":")[0] for problem in found] == ["mine", "mine"]
-    assert "channel reference, sample 0: is nan" in found[0]
+    assert "channel reference: holds no number" in found[0]
     assert "differ in length" in found[1]
 
 

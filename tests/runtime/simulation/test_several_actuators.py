@@ -182,7 +182,7 @@ def test_what_cannot_be_simulated_is_said() -> None:
     for forces in ({3: chirp.t}, [chirp.t]):
         with pytest.raises(DataError, match="chirp: forces: is no mapping from names"):
             replace(chirp, forces=forces)
-    with pytest.raises(DataError, match=r"chirp: channel forces\[Gamma_c\], sample 0: is nan"):
+    with pytest.raises(DataError, match=r"chirp: channel forces\[Gamma_c\]: holds no number"):
         replace(chirp, forces={"Gamma_c": np.full(chirp.t.size, np.nan)})
     hard = model_of(BOTH_ENDS.replace('"K_bc"\n', '"K_bc"\nstiffness3 = "H_bc"\n'), "qa_qb_qc")
     with pytest.raises(DataError, match="has cubic springs, and forces of several actuators"):
