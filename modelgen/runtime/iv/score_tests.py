@@ -18,6 +18,7 @@ from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.thresholds import (
     CANCELLED,
     LARGEST_SHARE,
+    LEAST_DRIFT,
     LEAST_EXPLAINED,
     LEAST_MOVE,
     LEAST_MOVED_SHARE,
@@ -119,7 +120,8 @@ def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]]) -> FloatArra
     """Return what effects move whose sizes are known to be about 1 at most, as a mean square, shape (c, c).
 
     They are not estimated, but what the residual says of a size counts: the mean square is that of a normal
-    one with the standard deviation 1, given the residual. `grown` is as in `scores`.
+    one with the standard deviation 1, given the residual. What moves nothing by more than rounding is left out:
+    the instants at which it acts are not used. `grown` is as in `scores`.
     """
     fit, slope = span.fit, span.slope
     total = np.zeros((len(fit.columns),) * 2)
@@ -128,6 +130,7 @@ def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]]) -> FloatArra
         return total
     r = span.left
     told = span.compared(seen, r)
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
     for place, column in enumerate(seen):
         share, power = 0.0, float(told.power[place])
         size = float(told.along[place]) / power if power > 0.0 else 0.0
@@ -138,6 +141,8 @@ def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]]) -> FloatArra
             move = fit.moved(column)[: len(fit.columns)]
         else:
             move = told.share[:, place] if slope is None else slope @ told.share[:, place]
+        if np.all(np.abs(move) <= LEAST_DRIFT * spread):
+            continue
         total += (share**2 * size**2 + 1.0 - share) * np.outer(move, move)
     return total
 
