@@ -13,6 +13,7 @@ import pytest
 
 FUNCTION_LINES = 60
 PARAMETERS = 8
+PAGE_LINES = 40  # the whole of an identification, each step by its name
 FILE_LINES = 300
 FOLDER_FILES = 20
 
@@ -143,6 +144,11 @@ def test_sizes(rule: str, sources: dict[str, str]) -> None:
     offenders = offenders_in(sources)
     listed = "\n".join(map(str, sorted(offenders, key=lambda found: -found.size)))
     assert not offenders, f"{rule}, at most {limit}:\n{listed}"
+
+
+def test_identify_is_one_page(sources: dict[str, str]) -> None:
+    text = sources["runtime/identification/identify.py"]
+    assert {name: lines for name, one in functions(text) if (lines := lines_of(one)) > PAGE_LINES} == {}
 
 
 def test_one_name_for_one_thing(sources: dict[str, str]) -> None:

@@ -7,24 +7,19 @@ from dataclasses import replace
 from functools import partial
 from types import ModuleType
 
-import numpy as np
-
-from modelgen.errors import IdentifiabilityError, shortened
 from modelgen.progress import heard, step
-from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.friction_asymmetry import asymmetries, asymmetry_notes
 from modelgen.runtime.identification.assemble_estimate import Solved, judge
 from modelgen.runtime.identification.given_positions import about_the_estimate
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.options import CheckOptions, Filters, chosen_method, with_short_forms
 from modelgen.runtime.identification.refusals import late_refusals
-from modelgen.runtime.identification.run_checks import compared, examine, more_than_noise
+from modelgen.runtime.identification.run_checks import checked, compared, more_than_noise
 from modelgen.runtime.identification.solution import fitted, settings_drift
 from modelgen.runtime.identification.task import prepared
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.results.checks import Checks
 from modelgen.runtime.results.estimate import Estimate
 
 
@@ -110,19 +105,4 @@ def _identified(
     estimate = replace(estimate, contents=task.contents)
     for record in (*task.records, *task.unseen):
         record.facts.forget_filtered()
-    if not task.checks.tests:
-        told = (*solution.advice, untested("is not checked, as asked for"))
-        asked = Checks(told, held_out=extras.held_out, scan=extras.scan, bounds=extras.bounds, kept=keep)
-        return replace(estimate, checks=asked)
-    try:
-        found = examine(estimate, task, solution, drift, refused, extras)
-    except (ArithmeticError, IdentifiabilityError, np.linalg.LinAlgError) as error:
-        # the estimate stands; what could not be tested is said, and no more trusted than that
-        why = f"could not be checked ({shortened(str(error) or type(error).__name__)})"
-        found = Checks((*solution.advice, untested(why)), kept=keep)
-    return replace(estimate, checks=found)
-
-
-def untested(what: str) -> Advice:
-    """Return what is said of an estimate without checks."""
-    return Advice("not checked", "the estimate", what, "compare with another method, or with other records")
+    return replace(estimate, checks=checked(estimate, task, solution, drift, refused, extras))

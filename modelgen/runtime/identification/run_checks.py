@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import partial
-from numbers import Real
+from dataclasses import dataclass
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import IdentifiabilityError
+from modelgen.errors import IdentifiabilityError, shortened
 from modelgen.progress import step
+from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.changing_inertia import (
     ChangingInertia,
     changing_inertia,
     changing_inertia_advice,
 )
 from modelgen.runtime.diagnostics.filter_scan import FilterScan, scan_filters, scanned_settings
-from modelgen.runtime.diagnostics.hold_out import HeldOut, held_out, hold_out_advice
+from modelgen.runtime.diagnostics.hold_out import HeldOut, hold_out_advice
 from modelgen.runtime.diagnostics.motion_checks import (
     band_above_filter,
     one_way_advice,
@@ -44,27 +43,22 @@ from modelgen.runtime.diagnostics.periods import (
 from modelgen.runtime.diagnostics.residual_tests import ResidualTest, residual_advice, residual_tests
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.diagnostics.unit_errors import unlike_nominal
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice, decimation_for
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import signal_to_noise
-from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import WLS
 from modelgen.runtime.identification.refusals import dependent_columns
-from modelgen.runtime.identification.solution import Solution
+from modelgen.runtime.identification.solution import Solution, on_unseen
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import CALM, LEFT_BIAS
-from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.threads import meanwhile
 from modelgen.runtime.parameters.bounds import BoundCost, bound_advice
 from modelgen.runtime.parameters.dependence import dependences
-from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.results.checks import Checks, Periods
 from modelgen.runtime.results.estimate import Estimate
-from modelgen.runtime.rows.observation import Observation, observe
-from modelgen.runtime.rows.paper_rows import observe_paper
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +98,7 @@ def compared(
     bias = bias_left = _bias(task, solution.as_measured) if checks.drift_check else None
     if solution.bias is not None:
         bias, bias_left = solution.bias, LEFT_BIAS * solution.bias
-    held, changing = _held_out(task, solution), _changing(task, solution)
+    held, changing = on_unseen(task, solution), _changing(task, solution)
     return Extras(periods, held, scan, solution.cost, bias, bias_left, changing, residuals)
 
 
@@ -124,57 +118,6 @@ def _changing(task: Task, solution: Solution) -> ChangingInertia | None:
     if not asked or any(one.kind == "more than the model" for one in solution.advice):
         return None
     return changing_inertia(solution.fit, solution.job.model, task.records, task.choice)
-
-
-def _held_out(task: Task, solution: Solution) -> HeldOut | None:
-    """Return how a fit does on records it has not seen; None without any. Raises DataError if too short."""
-    if not task.unseen:
-        return None
-    job, method, fit = solution.job, task.method, solution.as_measured
-    held = tuple(advanced(record, solution.delays) for record in task.unseen)
-    given, cutoff_hz = task.filters.decimation, job.choice.cutoff_hz
-    decimation = tuple(given or decimation_for(record.fs, cutoff_hz) for record in held)
-    tags = [record.tag for record in held]
-    rows = None if job.rows_for_tag is None else {t: r for t, r in job.rows_for_tag.items() if t in tags}
-    choice = replace(job.choice, decimation=decimation)
-    apart = replace(job, records=held, choice=choice, late=(), rows_for_tag=rows)
-    if job.effects:
-        apart = _with_zeros_of_their_own(apart, isinstance(task.checks.hold_out, Real))
-    try:
-        observation, own = method.run(apart)
-        if job.effects and {*fit.columns} <= {*own.columns}:
-            # what was estimated together with the parameters is off the rows there
-            observation = Observation(own.columns, own.blocks)
-        return held_out(fit, solution.refused, observation, solution.treatment(own))
-    except IdentifiabilityError:  # they cannot answer for themselves, but can be looked at
-        watch = observe if method.matched else observe_paper
-        observation = watch(job.model, apart.records, choice, job.drop)
-        return held_out(fit, solution.refused, apart.only_rows_for_tag(observation), None)
-
-
-def _with_zeros_of_their_own(apart: Job, tails: bool) -> Job:
-    """Return the job on held-out records: effects as they are, but zeros of sensors those of its records.
-
-    Where these are the `tails` of the records fitted, in their order, zeros are the same and are set right.
-    """
-    from modelgen.runtime.iv.model_errors import zero_effect
-
-    sizes = (*apart.sizes, *[0.0] * (len(apart.effects) - len(apart.sizes)))
-    pairs = list(zip(apart.effects, sizes, strict=True))
-    kept = [(one, size) for one, size in pairs if one.record is None]
-    own = [(one.channel, one.record, size) for one, size in pairs if one.record is not None]
-    records, count = list(apart.records), len(apart.records)
-    if tails:
-        for channel, index, size in own:
-            records[index] = records[index].edited({channel: Edit(channel, partial(_lowered, size))})
-    keys = () if tails else dict.fromkeys(channel for channel, _, _ in own)
-    zeros = [zero_effect(key, index, count) for key in keys for index in range(count)]
-    effects, known = (*(one for one, _ in kept), *zeros), tuple(size for _, size in kept)
-    return replace(apart, records=tuple(records), effects=effects, sizes=known, start=None)
-
-
-def _lowered(size: float, samples: FloatArray, _: int) -> FloatArray:
-    return samples - size
 
 
 def _bias(task: Task, fit: Fit) -> FloatArray | None:
@@ -198,6 +141,32 @@ def more_than_noise(fit: Fit, extras: Extras) -> FloatArray:
     if extras.changing is not None:
         total += np.outer(extras.changing.move, extras.changing.move)
     return total
+
+
+def checked(
+    estimate: Estimate,
+    task: Task,
+    solution: Solution,
+    drift: FloatArray,
+    refused: Mapping[str, str],
+    extras: Extras,
+) -> Checks:
+    """Return what is checked of an estimate: what was asked for, and why that is not all."""
+    kept = tuple(task.checks.keep)
+    if not task.checks.tests:
+        told = (*solution.advice, untested("is not checked, as asked for"))
+        return Checks(told, held_out=extras.held_out, scan=extras.scan, bounds=extras.bounds, kept=kept)
+    try:
+        return examine(estimate, task, solution, drift, refused, extras)
+    except (ArithmeticError, IdentifiabilityError, np.linalg.LinAlgError) as error:
+        # the estimate stands; what could not be tested is said, and no more trusted than that
+        why = f"could not be checked ({shortened(str(error) or type(error).__name__)})"
+        return Checks((*solution.advice, untested(why)), kept=kept)
+
+
+def untested(what: str) -> Advice:
+    """Return what is said of an estimate without checks."""
+    return Advice("not checked", "the estimate", what, "compare with another method, or with other records")
 
 
 def examine(

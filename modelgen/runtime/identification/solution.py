@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from numbers import Real
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from modelgen.runtime.diagnostics.cutoff_agreement import (
     disagreement_notes,
     significant_drift,
 )
+from modelgen.runtime.diagnostics.hold_out import HeldOut, held_out
 from modelgen.runtime.diagnostics.motion_checks import clipped_forces
 from modelgen.runtime.diagnostics.noise_bias import less_noise
 from modelgen.runtime.diagnostics.settings_drift import (
@@ -28,7 +30,7 @@ from modelgen.runtime.diagnostics.settings_drift import (
     load_row_drift,
 )
 from modelgen.runtime.diagnostics.suspicious_samples import told_on_failure
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice, decimation_for
 from modelgen.runtime.identification.contradiction import with_impossible_signs
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
@@ -43,8 +45,10 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import solve_matched
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.parameters.bounds import BoundCost, bound_reasons
+from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.observation import Observation, observe
+from modelgen.runtime.rows.paper_rows import observe_paper
 from modelgen.runtime.rows.row_triangles import observe_triangles
 from modelgen.runtime.rows.standstill_speeds import Survey
 
@@ -235,3 +239,54 @@ def settings_drift(
         kept = [solution.plain.columns.index(name) for name in fit.columns]
         drift += load_row_drift(solution.plain, solution.observation)[np.ix_(kept, kept)]
     return drift, found_at.notes
+
+
+def on_unseen(task: Task, solution: Solution) -> HeldOut | None:
+    """Return how a fit does on records it has not seen; None without any. Raises DataError if too short."""
+    if not task.unseen:
+        return None
+    job, method, fit = solution.job, task.method, solution.as_measured
+    held = tuple(advanced(record, solution.delays) for record in task.unseen)
+    given, cutoff_hz = task.filters.decimation, job.choice.cutoff_hz
+    decimation = tuple(given or decimation_for(record.fs, cutoff_hz) for record in held)
+    tags = [record.tag for record in held]
+    rows = None if job.rows_for_tag is None else {t: r for t, r in job.rows_for_tag.items() if t in tags}
+    choice = replace(job.choice, decimation=decimation)
+    apart = replace(job, records=held, choice=choice, late=(), rows_for_tag=rows)
+    if job.effects:
+        apart = _with_zeros_of_their_own(apart, isinstance(task.checks.hold_out, Real))
+    try:
+        observation, own = method.run(apart)
+        if job.effects and {*fit.columns} <= {*own.columns}:
+            # what was estimated together with the parameters is off the rows there
+            observation = Observation(own.columns, own.blocks)
+        return held_out(fit, solution.refused, observation, solution.treatment(own))
+    except IdentifiabilityError:  # they cannot answer for themselves, but can be looked at
+        watch = observe if method.matched else observe_paper
+        observation = watch(job.model, apart.records, choice, job.drop)
+        return held_out(fit, solution.refused, apart.only_rows_for_tag(observation), None)
+
+
+def _with_zeros_of_their_own(apart: Job, tails: bool) -> Job:
+    """Return the job on held-out records: effects as they are, but zeros of sensors those of its records.
+
+    Where these are the `tails` of the records fitted, in their order, zeros are the same and are set right.
+    """
+    from modelgen.runtime.iv.model_errors import zero_effect
+
+    sizes = (*apart.sizes, *[0.0] * (len(apart.effects) - len(apart.sizes)))
+    pairs = list(zip(apart.effects, sizes, strict=True))
+    kept = [(one, size) for one, size in pairs if one.record is None]
+    own = [(one.channel, one.record, size) for one, size in pairs if one.record is not None]
+    records, count = list(apart.records), len(apart.records)
+    if tails:
+        for channel, index, size in own:
+            records[index] = records[index].edited({channel: Edit(channel, partial(_lowered, size))})
+    keys = () if tails else dict.fromkeys(channel for channel, _, _ in own)
+    zeros = [zero_effect(key, index, count) for key in keys for index in range(count)]
+    effects, known = (*(one for one, _ in kept), *zeros), tuple(size for _, size in kept)
+    return replace(apart, records=tuple(records), effects=effects, sizes=known, start=None)
+
+
+def _lowered(size: float, samples: FloatArray, _: int) -> FloatArray:
+    return samples - size

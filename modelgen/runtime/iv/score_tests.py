@@ -120,8 +120,8 @@ def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]]) -> FloatArra
     """Return what effects move whose sizes are known to be about 1 at most, as a mean square, shape (c, c).
 
     They are not estimated, but what the residual says of a size counts: the mean square is that of a normal
-    one with the standard deviation 1, given the residual. What moves nothing by more than rounding is left out:
-    the instants at which it acts are not used. `grown` is as in `scores`.
+    one with the standard deviation 1, given the residual. What moves nothing by more than rounding is left
+    out: the instants at which it acts are not used. `grown` is as in `scores`.
     """
     fit, slope = span.fit, span.slope
     total = np.zeros((len(fit.columns),) * 2)
