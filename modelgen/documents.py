@@ -144,8 +144,7 @@ def _check_integers(document: Any, where: str, error: type[ModelgenError]) -> No
         for path, value in leaves(document)
         if isinstance(value, int) and value not in INTEGERS
     ]
-    if problems:
-        raise error(*problems)
+    error.raise_any(problems)
 
 
 def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -112,6 +112,12 @@ class ModelgenError(Exception):
         """Return the error for a single mistake."""
         return cls(Problem(where, what, remedy))
 
+    @classmethod
+    def raise_any(cls, problems: Sequence[Problem]) -> None:
+        """Raise one error for all mistakes that were found, if there are any."""
+        if problems:
+            raise cls(*problems)
+
 
 class SpecError(ModelgenError):
     """The TOML file of a chain or an arm is wrong, or the URDF that it names."""

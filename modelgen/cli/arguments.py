@@ -207,8 +207,7 @@ def amounts(option: str, items: Iterable[str]) -> dict[str, float]:
             continue
         if not is_usable(amounts[key]):
             problems.append(Problem(f"{option} {item}", "cannot be calculated with", REMEDY))
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return amounts
 
 

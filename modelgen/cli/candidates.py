@@ -63,8 +63,7 @@ def load_candidates(path: Path, chain: ChainSpec) -> Candidates:
 
     given = toml_document(read_text(path, INSTRUMENTS), str(path))
     problems = list(_problems(str(path), given, chain))
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     instruments = {
         key: Instrument(**{level: float(table[level]) for level in LEVELS if level in table})
         for kind in ("sensors", "actuators")

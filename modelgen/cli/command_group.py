@@ -44,8 +44,7 @@ class CheckedCommand(TyperCommand):
             for value in _listed(ctx.params.get(parameter.name))
             for problem in _number_problems(parameter, value)
         ]
-        if problems:
-            raise DataError(*problems)
+        DataError.raise_any(problems)
         return super().invoke(ctx)
 
 

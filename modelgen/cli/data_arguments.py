@@ -73,8 +73,7 @@ def read_files(
             kept = [one for one in reading.findings if not one.kind.startswith("offset=")]
             reading = replace(reading, findings=tuple(kept))
         readings.append(reading)
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return readings
 
 
@@ -99,8 +98,7 @@ def reading_options(
     channels = dict.fromkeys((*units, *loads, *wanted, *REFERENCE, *FURTHER_INPUTS))
     where = str(options.map_file) if options.map_file else "--map"
     problems = [missing_name(where, "channel", key, channels) for key in columns if key not in channels]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return {
         "mapping": columns,
         "scales": {key: one for key, one in factors.items() if key in wanted or key not in channels},
@@ -122,8 +120,7 @@ def tagged(readings: Sequence[Reading], given: Sequence[str]) -> list[Reading]:
     tags = parse_names("--tag", given)
     names = [reading.record.name for reading in readings]
     problems = [missing_name("--tag", "record", name, names) for name in tags if name not in names]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return [
         replace(
             reading, record=replace(reading.record, tag=tags.get(reading.record.name, reading.record.tag))
@@ -151,8 +148,7 @@ def carrying(readings: Sequence[Reading], given: Sequence[str], models: Sequence
             problems.append(missing_name("--payload", "payload", payload, payloads))
         for name in [record] if record in names else names:
             carried[name].append(payload)
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return [
         replace(reading, record=reading.record.carrying(*carried[reading.record.name]))
         for reading in readings

@@ -90,8 +90,7 @@ def load_history(path: Path) -> tuple[HistoryEntry, ...]:
                 problems += error.problems
     if not entries and not problems:
         problems = [Problem(str(path), "holds no entry", HISTORY.remedy)]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return tuple(entries)
 
 

@@ -44,8 +44,7 @@ def load_lock(path: Path) -> Lock:
     lock = typed(Lock, document, f"{path}: ", LOCK.remedy, problems)
     if isinstance(lock, Lock) and (lock.format, lock.version) != (Lock.format, Lock.version):
         problems.append(Problem(f"{path}: format", "is another one", LOCK.remedy))
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     assert isinstance(lock, Lock)
     return lock
 
@@ -89,8 +88,7 @@ def record_hashes(project: Project, lock: Lock, renew: bool) -> dict[str, str]:
         for name, one in found.items()
         if not renew and lock.records.get(name, one) != one
     ]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return found
 
 
@@ -112,5 +110,4 @@ def own_outputs(project: Project, lock: Lock, names: Iterable[str], overwrite: b
         and not overwrite
         and lock.written.get(name) != file_hash(project.place(name))
     ]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)

@@ -75,8 +75,7 @@ def load_project(path: Path, with_records: bool = True) -> Project:
         problems += _model_problems(where, table) if len(table.records) else []
         if with_records and (len(table.records) or not problems):
             problems += _record_problems(where, project)
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return project
 
 

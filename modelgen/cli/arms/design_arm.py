@@ -202,8 +202,7 @@ def _boxes(option: str, items: Iterable[str] | None) -> list[Box]:
             problems.append(Problem(f"{option} {item}", "cannot be read", remedy))
             continue
         boxes.append(Box(frame, (x0, y0, z0), (x1, y1, z1), option == "--inside"))
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return boxes
 
 

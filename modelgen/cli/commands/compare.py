@@ -152,8 +152,7 @@ def _known(models: Mapping[str, Model], values: Mapping[str, float]) -> dict[str
 
     names = list(dict.fromkeys(n for model in models.values() for n in (*model.parameters, *model.known)))
     problems = [missing_name("--set", "parameter", name, names) for name in values if name not in names]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return {
         title: with_known(
             model,

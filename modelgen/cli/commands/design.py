@@ -211,8 +211,7 @@ def _sets(
     if not any(levels["noise"].values()) and not any(levels["resolution"].values()):
         remedy = "give --candidates FILE.toml, or --noise KEY=STD for every channel"
         problems += DataError.at("instruments", "are all perfect", remedy).problems
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     instruments = {
         key: Instrument(**{level: table.get(key, 0.0) for level, table in levels.items()}) for key in known
     }

@@ -40,8 +40,7 @@ def machines_of(sources: Sequence[Path]) -> tuple[Machine, ...]:
         for k, source in enumerate(sources)
         if os.path.abspath(source) in map(os.path.abspath, sources[:k])
     ]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     entries: dict[str, list[HistoryEntry]] = {}
     saved: list[Path] = []
     for source in sources:
@@ -59,8 +58,7 @@ def machines_of(sources: Sequence[Path]) -> tuple[Machine, ...]:
         for one in machines
         if len(one.estimates) < 2
     ]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return tuple(machines)
 
 

@@ -49,8 +49,7 @@ def read_by_sensors(
             )
     remedy = f"name one of {listed([path.stem for path in paths])}"
     problems += [Problem(f"sensors of {name}", "are for no record", remedy) for name in given]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return found
 
 

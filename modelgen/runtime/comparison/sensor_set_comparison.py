@@ -142,8 +142,7 @@ def estimates_of(
         *(missing_name("directions", "direction", k, wanted) for k in filters.directions if k not in wanted),
         *(missing_name("keep", "parameter", name, bases) for name in checks.keep if name not in bases),
     ]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     found = []
     for model in models:
         sources = {k: v for k, v in filters.directions.items() if k in wanted_directions(model)}

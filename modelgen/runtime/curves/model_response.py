@@ -145,8 +145,7 @@ def model_response(
         for kind, key, keys in (("sensor", output, sensors), ("actuator", input, actuators))
         if key not in keys
     ]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     place = sensors.index(output), actuators.index(input)
 
     def at(values: Mapping[str, float]) -> ComplexArray:

@@ -68,8 +68,7 @@ def responses(
     keys = [s.key for s in model.sensors if s.key in record.signals]
     wanted = keys if outputs is None else list(outputs)
     problems = [missing_name(record.name, "sensor", key, keys) for key in wanted if key not in keys]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     try:
         chain = estimated_chain(model, estimate)
         gains = chain.gains(record, estimate.fit.filtering.cutoff_hz)

@@ -92,8 +92,7 @@ def held_apart(
     problems = [missing_name("hold_out", "record", name, known) for name in names if name not in known]
     if not problems and all(name in names for name in known):
         problems.append(Problem("hold_out", "leaves no record to identify from", "hold out fewer"))
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return (
         tuple(record for record in records if record.name not in names),
         tuple(record for record in records if record.name in names),

@@ -70,8 +70,7 @@ def periods_of(
     for record in records:
         if record.name in given:
             problems += _period_problems(record, forces, given[record.name])
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return {name: float(given[name]) for name in names if name in given}
 
 

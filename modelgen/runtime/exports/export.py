@@ -90,8 +90,7 @@ class Export:
         if not overwrite:
             there = [Problem(str(p), "exists already", "choose another name, or overwrite") for p in files if
                      p.exists()]  # fmt: skip
-            if there:
-                raise DataError(*there)
+            DataError.raise_any(there)
         for place, content in files.items():
             write_whole(place, content, overwrite=overwrite)
         return list(files)

@@ -60,8 +60,7 @@ def export_values(
         for name in given
         if name not in model.parameters and name not in model.known
     ]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     nominal = dict(model.known)
     origin = dict.fromkeys(nominal, "known")
     std: dict[str, float] = {}
@@ -84,8 +83,7 @@ def export_values(
         n for n in (*model.parameters, *model.known) if n in nominal or role_of(model, n) not in optional
     ]
     problems = [problem for name in wanted if (problem := _problem(model, source, nominal, name))]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     ordered = {name: float(nominal[name]) for name in wanted}
     return Values(ordered, {name: origin[name] for name in wanted}, std)
 

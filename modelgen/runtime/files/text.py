@@ -57,8 +57,7 @@ def open_text(path: Path) -> Source:
             break
     layout = layout or _plain(path, encoding)
     problems = _header_problems(layout)
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     chosen = layout
 
     def load(names: Sequence[str]) -> Columns:

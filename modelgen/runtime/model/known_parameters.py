@@ -49,8 +49,7 @@ def with_known(model: Model, values: Mapping[str, float], where: str = "known") 
     >>> stiff = modelgen.with_known(model, {"K": 15150.0})  # doctest: +SKIP
     """
     problems = [problem for name in values if (problem := _problem(model, name, values[name], where))]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     renewed = [name for name in values if name in model.known and values[name] != model.known[name]]
     if renewed:
         remedy = "generate the module without it in [known], or leave it out"

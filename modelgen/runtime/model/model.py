@@ -215,8 +215,7 @@ def model_from_module(module: Any) -> Model:
         With one problem per violation of the contract.
     """
     problems = module_problems(module)
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     given = arm_fields(module) if is_arm(module) else chain_fields(module)
     return Model(
         title=module.TITLE,

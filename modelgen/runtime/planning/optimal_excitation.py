@@ -252,5 +252,4 @@ def _check(criterion: str, limits: Mapping[str, float]) -> None:
             problems.append(Problem("limits", f"{name!r} is unknown", f"choose from {', '.join(LIMITS)}"))
         elif not 0.0 < value < inf:
             problems.append(Problem(f"limits: {name}", f"is {value!r}", "give a finite positive number"))
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)

@@ -53,8 +53,7 @@ def chosen_names(estimates: Mapping[str, Estimate], names: Sequence[str] | None)
     if names is not None:
         wanted = (names,) if isinstance(names, str) else tuple(names)
         absent = [missing_name("names", "parameter", name, known) for name in wanted if name not in known]
-        if absent:
-            raise DataError(*absent)
+        DataError.raise_any(absent)
         return wanted
     physical = dict.fromkeys(name for one in estimates.values() for name in one.physical)
     return tuple(physical or known)

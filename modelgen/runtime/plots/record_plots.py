@@ -94,8 +94,7 @@ class RecordPlots:
         absent = [
             missing_name(record.name, "channel", key, record.keys) for key in keys if key not in record.keys
         ]
-        if absent:
-            raise DataError(*absent)
+        DataError.raise_any(absent)
         if not keys:
             raise DataError.at("channels", "are none", "name one at least")
         return keys

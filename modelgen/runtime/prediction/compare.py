@@ -61,8 +61,7 @@ def compare(
         for record in records
         if not any(key in record.signals for key in sensors)
     ]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     given = {**model.known, **parameters}
     lost = [name for name in model.parameters if name not in given and name in model.roles]
     zero = [name for name in lost if model.roles[name].role in RUBBING]

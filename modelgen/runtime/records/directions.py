@@ -101,8 +101,7 @@ def with_directions(
         When a source is no channel of a record.
     """
     problems = direction_problems(model, records, sources)
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return tuple(_extended(model, record, sources, cutoff_hz) for record in records)
 
 

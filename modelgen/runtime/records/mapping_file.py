@@ -53,8 +53,7 @@ def load_mapping(path: str | Path) -> MappingFile:
     """
     document = toml_document(read_text(path, MAPPING), str(path))
     problems = _shape_problems(str(path), document)
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     channels = document.get("channels", {})
     time = document.get("time", {})
     return MappingFile(

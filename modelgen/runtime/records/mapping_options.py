@@ -60,8 +60,7 @@ def _parse(option: str, items: Iterable[str], form: str, value_of: Callable[[str
             problems.append(Problem(f"{option} {item}", f"gives {key} a second time", "give every key once"))
         else:
             parsed[key] = value
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return parsed
 
 

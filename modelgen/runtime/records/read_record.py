@@ -148,8 +148,7 @@ def read(
     clock = time or source.clock_apart_from({pick.column for pick in picks})
     if time is not None and time not in source.known:
         problems.append(missing_name(f"{path}: times", "column", time, source.names))
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     check_mends(mend, [pick.key for pick in picks])
     stated = source.fs if fs is None else fs
     clocks = {pick.key: clock if time else source.clocks.get(pick.column, clock) for pick in picks}

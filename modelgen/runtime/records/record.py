@@ -71,8 +71,7 @@ class Record:
                 if array is not None:
                     channels[key] = array
         problems += length_problems(where, channels)
-        if problems:
-            raise DataError(*problems)
+        DataError.raise_any(problems)
         object.__setattr__(self, "signals", MappingProxyType(channels))
         object.__setattr__(self, "fs", float(self.fs))
         object.__setattr__(self, "n", len(next(iter(channels.values()))))
@@ -95,8 +94,7 @@ class Record:
         problems = _label_problems(source.name, tag) + _fs_problems(source.name, source.fs)
         if source.n < 2:
             problems.append(Problem(source.name, f"has {source.n} sample(s)", "give at least two samples"))
-        if problems:
-            raise DataError(*problems)
+        DataError.raise_any(problems)
         return cls._of(ChannelSignals(source), float(source.fs), source.name, tag, int(source.n))
 
     @classmethod
@@ -262,8 +260,7 @@ def refuse_lacking(records: Sequence[Record], needed: Iterable[str]) -> None:
         for key in wanted
         if key not in one.keys
     ]
-    if lacking:
-        raise DataError(*lacking)
+    DataError.raise_any(lacking)
 
 
 def _label_problems(name: Any, tag: Any) -> list[Problem]:

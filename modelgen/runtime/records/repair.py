@@ -51,8 +51,7 @@ def check_mends(mends: Iterable[str], keys: Iterable[str], timed: bool = True) -
         elif mend not in MENDS:
             remedy = f"choose from {', '.join((*MENDS, *(f'{one}KEY' for one in OF_CHANNELS)))}"
             problems.append(Problem(f"--mend {mend}", "is no mend", remedy))
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
 
 
 def mend_times(track: Track, mends: Iterable[str]) -> Track:

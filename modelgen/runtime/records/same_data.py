@@ -69,8 +69,7 @@ def refuse_pairs(records: Sequence[tuple[str, int]], shared: Mapping[tuple[int, 
             what += f" (records {first + 1} and {second + 1})"
         remedy = "leave one of them out: data that counts twice makes the intervals too small"
         problems.append(Problem(b, what, remedy))
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
 
 
 def contents(source: Channels, channels: Sequence[str]) -> tuple[str, ...]:

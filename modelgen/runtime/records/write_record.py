@@ -46,8 +46,7 @@ def write_record(path: str | Path, record: Record, overwrite: bool = False) -> N
         for key in record.signals
         if key in RESERVED[suffix] or not re.fullmatch(SAFE_KEY, key)
     ]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     write_whole(target, _csv(record) if suffix == ".csv" else _npz(record), overwrite=overwrite)
 
 

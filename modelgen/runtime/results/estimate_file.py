@@ -132,8 +132,7 @@ def saved_estimate(document: Any, where: str) -> SavedEstimate:
     ]
     saved: SavedEstimate = typed(SavedEstimate, document, f"{where}: ", ESTIMATE.remedy, problems)
     problems = problems or [*_size_problems(where, saved), *_entry_problems(where, document)]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return saved
 
 

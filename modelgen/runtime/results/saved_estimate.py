@@ -55,8 +55,7 @@ def estimate_parts(document: Mapping[str, Any], where: str) -> dict[str, Any]:
         raise DataError(*(Problem(f"{where}: {key}", "is missing", remedy) for key in absent))
     identified = _parameters(saved, "params", "bse", "")
     problems = _contradictions(saved, identified, where)
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return {
         "model": EstimatedModel(**_same_fields(EstimatedModel, saved)),
         "records": saved.records,

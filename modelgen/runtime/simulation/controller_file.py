@@ -55,8 +55,7 @@ def load_controller(path: Path) -> tuple[PositionVelocityController, Drive]:
     known = CASCADE if any(key in law for key in CASCADE) else IN_SI
     problems += _key_problems(f"{where}: controller", law, known, known[:2] if known is IN_SI else known)
     problems += _key_problems(f"{where}: drive", drive, DRIVE, ())
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return _controller(law), Drive(**drive)
 
 

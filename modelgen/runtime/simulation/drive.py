@@ -69,8 +69,7 @@ class Drive:
             for name in ("rate_hz", "delay_s", "bandwidth_hz", "limit", "encoder_step")
             if getattr(self, name) not in (None, inf) and not is_usable(getattr(self, name))
         ]
-        if problems:
-            raise DataError(*problems)
+        DataError.raise_any(problems)
 
     @property
     def sampled(self) -> bool:

@@ -226,8 +226,7 @@ def check_band(f_start_hz: float, f_stop_hz: float, fs: float) -> None:
 def _require(*conditions: tuple[str, bool, str, str]) -> None:
     """Raise one DataError for all of (where, condition, what, remedy) whose condition does not hold."""
     problems = [Problem(where, what, remedy) for where, holds, what, remedy in conditions if not holds]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
 
 
 def _times(duration_s: float, fs: float, oversample: int) -> FloatArray:

@@ -23,8 +23,7 @@ class Instrument:
             for name in ("noise", "resolution", "price")
             if not (getattr(self, name) >= 0.0 and is_usable(getattr(self, name)))
         ]
-        if problems:
-            raise DataError(*problems)
+        DataError.raise_any(problems)
 
     @property
     def std(self) -> float:

@@ -166,8 +166,7 @@ def _further(plant: Plant, excitation: Excitation) -> dict[int, FloatArray]:
         for key in excitation.forces
         if key not in plant.further
     ]
-    if strange:
-        raise DataError(*strange)
+    DataError.raise_any(strange)
     return {plant.further[key]: samples for key, samples in excitation.forces.items() if samples.any()}
 
 

@@ -212,8 +212,7 @@ def checked_values(model: Model, names: Sequence[str], given: Mapping[str, Any])
         With one problem per parameter that is missing, no number, or impossible.
     """
     problems = [problem for name in names if (problem := _value_problem(model, name, given.get(name)))]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return {name: float(given[name]) for name in names}
 
 

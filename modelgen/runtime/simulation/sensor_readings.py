@@ -44,8 +44,7 @@ def checked_levels(
             for key, level in levels.items()
             if not (lowest <= level < np.inf and level > -np.inf)
         ]
-        if problems:
-            raise DataError(*problems)
+        DataError.raise_any(problems)
     if seed < 0:
         raise DataError.at("seed", f"is {seed}", "give a whole number, 0 or more")
     return dict(noise or {}), dict(resolution or {}), dict(bias or {})

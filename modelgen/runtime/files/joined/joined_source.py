@@ -100,8 +100,7 @@ def _check(parts: Sequence[_Part]) -> None:
         problems.append(
             Problem(str(odd.source.path), what, "write the times of all files as dates, or all in seconds")
         )
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
 
 
 def _joined(parts: Sequence[_Part]) -> Source:

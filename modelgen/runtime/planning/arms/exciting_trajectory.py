@@ -283,5 +283,4 @@ def _check(search: TrajectoryOptions) -> None:
     for name in ("seeds", "rounds"):
         if search[name] < 1:
             problems.append(Problem(name, f"are {search[name]}", "give at least one"))
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)

@@ -76,8 +76,7 @@ def check_boxes(boxes: Sequence[Box], joints: Sequence[PlannedJoint]) -> None:
             )
         if not all(a < b for a, b in zip(box.lower, box.upper, strict=True)):
             problems.append(Problem(f"box of {box.frame}", "has no room", "write the lower end first"))
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
 
 
 def origins(joints: Sequence[PlannedJoint], q: FloatArray, wanted: Sequence[str]) -> dict[str, FloatArray]:
@@ -178,6 +177,5 @@ def limits_of(joints: Sequence[PlannedJoint]) -> Mapping[str, PlannedJoint]:
                     f'write speed_limit = "{180 if unit == "deg" else 0.5} {unit}/s" into its table',
                 )
             )
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return moving

@@ -76,8 +76,7 @@ class JointController:
             for name, value in gains
             if not (is_usable(value) and value >= 0.0)
         ]
-        if problems:
-            raise DataError(*problems)
+        DataError.raise_any(problems)
 
     def gains(self, plant: ArmPlant, reference: JointMotion) -> tuple[FloatArray, FloatArray]:
         """Return kp and kv of every joint, shape (joints,) each."""
@@ -214,8 +213,7 @@ def load_joint_controller(path: Path) -> JointController:
         raise DataError.at(f"{where}: controller", "is no table", "write [controller] and its keys below it")
     problems += [missing_name(f"{where}: controller", "key", key, KEYS) for key in law if key not in KEYS]
     problems += [problem for key, value in law.items() if (problem := _kind_problem(where, key, value))]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return JointController(**law)
 
 

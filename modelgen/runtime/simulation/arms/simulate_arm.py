@@ -178,8 +178,7 @@ def _loaded(plant: ArmPlant, payloads: Sequence[str]) -> ArmPlant:
     """Return a plant that carries payloads."""
     known = [key.removeprefix(LOAD) for key in plant.model.loads]
     problems = [missing_name("payloads", "payload", name, known) for name in payloads if name not in known]
-    if problems:
-        raise DataError(*problems)
+    DataError.raise_any(problems)
     return replace(plant, carried={f"{LOAD}{name}": 1.0 for name in payloads})
 
 
