@@ -10,7 +10,7 @@ from modelgen.spec.chain import Body, ChainSpec
 from modelgen.spec.units import force_unit, signal_unit
 from modelgen.symbolic.base_parameters import BaseModel
 from modelgen.symbolic.equations.equation_sums import levers
-from modelgen.symbolic.equations.row import IdentificationRows, NeededSignal, Row
+from modelgen.symbolic.equations.row import Row
 from modelgen.symbolic.equations.signals import Exact
 from modelgen.symbolic.equations.state_space import Output, StateSpace
 
@@ -43,28 +43,12 @@ def module_constants(
         "UNITS": {**{p.name: p.unit for p in spec.parameters}, **base_units},
         "ROLES": {p.name: {"role": p.role, "bodies": p.bodies} for p in spec.parameters},
         "PARAMETER_SETS": {name: dict(table) for name, table in spec.parameter_sets.items()},
-        "SIGNALS": tuple(_signal(signal, rows) for signal in rows.signals),
+        "SIGNALS": tuple({**vars(one), "unit": unit_of_signal(one, rows)} for one in rows.signals),
         "FEATURES": tuple(
-            {
-                "key": f.key,
-                "function": f.function,
-                "of": f.of if isinstance(f.of, str) else as_floats(f.of),
-                "times": f.times,
-            }
-            for f in rows.features
+            {**vars(f), "of": f.of if isinstance(f.of, str) else as_floats(f.of)} for f in rows.features
         ),
         "ROWS": tuple(_row(row, lever_of) for row in rows.rows),
-        "FRICTION": tuple(
-            {
-                "body": r.body,
-                "state": r.state,
-                "coulomb_plus": r.coulomb_plus,
-                "coulomb_minus": r.coulomb_minus,
-                "offset": r.offset,
-                "asymmetric": r.asymmetric,
-            }
-            for r in space.resistances
-        ),
+        "FRICTION": tuple(dict(vars(r)) for r in space.resistances),
     }
     if space.springs:
         values["CUBIC_SPRINGS"] = tuple(
@@ -76,13 +60,7 @@ def module_constants(
 
 def _sensor(output: Output, spec: ChainSpec) -> dict[str, object]:
     sensor = output.sensor
-    return {
-        "key": sensor.key,
-        "body": sensor.body,
-        "deflection": sensor.deflection,
-        "measures": sensor.measures,
-        "unit": signal_unit(motion_of(sensor.key, spec, (sensor,)), sensor.measures, 0),
-    }
+    return {**vars(sensor), "unit": signal_unit(motion_of(sensor.key, spec, (sensor,)), sensor.measures, 0)}
 
 
 def _actuator(body: Body, lever_of: Mapping[str, float]) -> dict[str, object]:
@@ -94,27 +72,27 @@ def _actuator(body: Body, lever_of: Mapping[str, float]) -> dict[str, object]:
     }
 
 
-def _signal(signal: NeededSignal, rows: IdentificationRows) -> dict[str, object]:
-    return {
-        "key": signal.key,
-        "sensor": signal.sensor,
-        "actuator": signal.actuator,
-        "derivative": signal.derivative,
-        "unit": unit_of_signal(signal, rows),
-    }
-
-
 def _row(row: Row, lever_of: Mapping[str, float]) -> dict[str, object]:
-    return {
-        "name": row.name,
-        "origin": row.origin,
-        "bodies": row.bodies,
-        "differentiated": row.differentiated,
-        "order": row.order,
-        "reversals": row.reversals,
-        "unit": row.unit,
-        "lever": lever_of[row.bodies[0]],
-    }
+    names = ("name", "origin", "bodies", "differentiated", "order", "reversals", "unit")
+    return {**{name: getattr(row, name) for name in names}, "lever": lever_of[row.bodies[0]]}
+
+
+def column_tables(model: BaseModel) -> tuple[list[Parts], list[dict[int, Parts]]]:
+    """Sort every row's terms into its left-hand side and its columns; regrouped parameters have no column."""
+    column = {base.combination[0][0]: index for index, base in enumerate(model.base)}
+    measurement: list[Parts] = []
+    regressor: list[dict[int, Parts]] = []
+    for row in model.rows.rows:
+        left: list[tuple[Exact, str]] = []
+        right: dict[int, list[tuple[Exact, str]]] = {}
+        for term in row.terms:
+            if term.parameter is None:
+                left.append((term.coefficient, term.key))
+            elif term.parameter in column:
+                right.setdefault(column[term.parameter], []).append((term.coefficient, term.key))
+        measurement.append(tuple(left))
+        regressor.append({index: tuple(right[index]) for index in sorted(right)})
+    return measurement, regressor
 
 
 def as_floats(parts: Parts) -> tuple[tuple[float, str], ...]:

@@ -1,6 +1,6 @@
 """PlainModel: a model as plain numbers and names, for templates in any language.
 
-Unlike `view.ModelView`, whose strings are Python source, nothing here is in any language: sums are tuples of
+Unlike `view.model_view`, whose strings are Python source, nothing here is in any language: sums are tuples of
 (coefficient, key), entries of matrices are (row, column, ...). Indices count from 0.
 """
 
@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from modelgen.render.constants import as_floats, column_tables
 from modelgen.render.units import column_units
 from modelgen.symbolic.base_parameters import BaseModel
 from modelgen.symbolic.equations.newton import motion_equations
-from modelgen.symbolic.equations.row import Feature, Row
+from modelgen.symbolic.equations.row import Feature
 from modelgen.symbolic.equations.state_space import Entry, StateSpace, state_space
 
 Sum = tuple[tuple[float, str], ...]
@@ -92,7 +93,7 @@ def plain_model(model: BaseModel) -> PlainModel:
     rows, spec = model.rows, model.rows.spec
     space = state_space(motion_equations(spec), rows.sensors)
     units = column_units(rows)
-    column = {base.combination[0][0]: index for index, base in enumerate(model.base)}
+    measurement, regressor = column_tables(model)
     return PlainModel(
         name=f"{spec.name}_{rows.sensor_set}",
         chain=spec.name,
@@ -106,11 +107,11 @@ def plain_model(model: BaseModel) -> PlainModel:
         base_parameters=tuple((base.name, units[base.combination[0][0]]) for base in model.base),
         parameters=tuple((p.name, p.unit) for p in spec.parameters if p.name not in spec.known),
         known=dict(spec.known),
-        measurement=tuple(_left(row) for row in rows.rows),
+        measurement=tuple(as_floats(parts) for parts in measurement),
         regressor=tuple(
-            (index, place, parts)
-            for index, row in enumerate(rows.rows)
-            for place, parts in _columns(row, column)
+            (row, place, as_floats(parts))
+            for row, table in enumerate(regressor)
+            for place, parts in table.items()
         ),
         bodies=space.bodies,
         actuators=space.actuators,
@@ -139,21 +140,8 @@ def _origin(signal: object) -> str:
 
 
 def _feature(feature: Feature) -> PlainFeature:
-    of: Sum = ((1.0, feature.of),) if isinstance(feature.of, str) else _floats(feature.of)
+    of: Sum = ((1.0, feature.of),) if isinstance(feature.of, str) else as_floats(feature.of)
     return PlainFeature(feature.key, feature.function, of, feature.times)
-
-
-def _left(row: Row) -> Sum:
-    return tuple((float(term.coefficient), term.key) for term in row.terms if term.parameter is None)
-
-
-def _columns(row: Row, column: Mapping[str, int]) -> list[tuple[int, Sum]]:
-    """Return the sums of a row's columns; parameters regrouped into others have none."""
-    found: dict[int, list[tuple[float, str]]] = {}
-    for term in row.terms:
-        if term.parameter is not None and term.parameter in column:
-            found.setdefault(column[term.parameter], []).append((float(term.coefficient), term.key))
-    return [(place, tuple(found[place])) for place in sorted(found)]
 
 
 def _entries(space: StateSpace) -> tuple[PlainEntry, ...]:
@@ -167,7 +155,3 @@ def _entries(space: StateSpace) -> tuple[PlainEntry, ...]:
 def _entry(matrix: str, entry: Entry) -> PlainEntry:
     total = tuple((float(c), "1" if name is None else name) for c, name in entry.form)
     return PlainEntry(matrix, entry.row, entry.column, total, entry.inertia, entry.direction)
-
-
-def _floats(parts: tuple[tuple[object, str], ...]) -> Sum:
-    return tuple((float(c), key) for c, key in parts)  # type: ignore[arg-type]

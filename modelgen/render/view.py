@@ -3,70 +3,33 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 from sympy.polys.rings import PolyElement
 
-from modelgen.render.constants import Parts, as_floats, module_constants
+from modelgen.render.constants import Parts, as_floats, column_tables, module_constants
 from modelgen.render.printer import literal, weighted_sum
 from modelgen.render.state_space_lines import state_space_lines
 from modelgen.render.units import column_units
 from modelgen.symbolic.base_parameters import BaseModel, BaseParameter
 from modelgen.symbolic.equations.newton import motion_equations
 from modelgen.symbolic.equations.row import Feature, IdentificationRows
-from modelgen.symbolic.equations.signals import Exact
 from modelgen.symbolic.equations.state_space import state_space
 
 SAFE_FILE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}\Z")
 
 
-@dataclass(frozen=True)
-class ModelView:
-    """Everything a template prints: constants as (name, source) pairs, function bodies as lines of source."""
-
-    chain: str
-    sensor_set: str
-    source: str
-    sha256: str
-    row_summaries: tuple[str, ...]
-    base_summaries: tuple[str, ...]
-    absent_summaries: tuple[str, ...]
-    constants: tuple[tuple[str, str], ...]
-    first_key: str
-    row_count: int
-    column_count: int
-    state_count: int
-    actuator_count: int
-    resistance_count: int
-    output_count: int
-    has_features: bool
-    measures_features: bool  # friction of known size stands on the left-hand side
-    feature_lines: tuple[tuple[str, str], ...]
-    measurement_lines: tuple[str, ...]
-    regressor_lines: tuple[str, ...]
-    columns_measurement: str
-    columns_regressor: str
-    base_lines: tuple[str, ...]
-    physical_lines: tuple[tuple[str, str], ...]
-    composite_summaries: tuple[str, ...]
-    nonlinear: bool
-    directions: str
-    state_space_lines: tuple[str, ...]
-    has_cubic: bool
-
-
-def model_view(model: BaseModel) -> ModelView:
-    """Print every number and expression of a model as source."""
+def model_view(model: BaseModel) -> dict[str, Any]:
+    """Return all that a template prints: constants as (name, source), functions as lines of source."""
     rows, spec = model.rows, model.rows.spec
     space = state_space(motion_equations(spec), rows.sensors)
     column = {base.combination[0][0]: index for index, base in enumerate(model.base)}
     units = column_units(rows)
     nonlinear = bool(rows.composites)
-    measurement, regressor = _column_tables(rows, column)
+    measurement, regressor = column_tables(model)
     feature_keys = {feature.key for feature in rows.features}
-    return ModelView(
+    return dict(
         chain=spec.name,
         sensor_set=rows.sensor_set,
         source=spec.source if SAFE_FILE_NAME.match(spec.source) else f"{spec.name}.toml",
@@ -83,6 +46,7 @@ def model_view(model: BaseModel) -> ModelView:
         resistance_count=len(space.resistances),
         output_count=len(space.outputs),
         has_features=bool(rows.features),
+        # friction of known size stands on the left-hand side
         measures_features=any(key in feature_keys for parts in measurement for _, key in parts),
         feature_lines=tuple((feature.key, _feature_source(feature)) for feature in rows.features),
         measurement_lines=tuple(
@@ -137,25 +101,6 @@ def polynomial(poly: PolyElement) -> str:
         value = Fraction(int(coefficient.numerator), int(coefficient.denominator))
         terms.append((value, " * ".join(factors) or "1.0"))
     return weighted_sum(terms)
-
-
-def _column_tables(
-    rows: IdentificationRows, column: Mapping[str, int]
-) -> tuple[list[Parts], list[dict[int, Parts]]]:
-    """Sort every row's terms into its left-hand side and its columns; regrouped parameters have no column."""
-    measurement: list[Parts] = []
-    regressor: list[dict[int, Parts]] = []
-    for row in rows.rows:
-        left: list[tuple[Exact, str]] = []
-        right: dict[int, list[tuple[Exact, str]]] = {}
-        for term in row.terms:
-            if term.parameter is None:
-                left.append((term.coefficient, term.key))
-            elif term.parameter in column:
-                right.setdefault(column[term.parameter], []).append((term.coefficient, term.key))
-        measurement.append(tuple(left))
-        regressor.append({index: tuple(right[index]) for index in sorted(right)})
-    return measurement, regressor
 
 
 def _signal_sum(parts: Parts, features: set[str]) -> str:

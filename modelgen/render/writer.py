@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
+from typing import Any
 
 from modelgen.errors import Problem, RenderError
 from modelgen.generated_module.allow_list import REMEDY
 from modelgen.generated_module.module_check import module_problems, seal
 from modelgen.render.environment import environment
-from modelgen.render.view import ModelView, model_view
+from modelgen.render.view import model_view
 from modelgen.spec.arms.arm import ArmSpec
 from modelgen.spec.chain import ChainSpec
 from modelgen.symbolic.pipeline import build
 
 
-def render(view: ModelView) -> str:
+def render(view: dict[str, Any]) -> str:
     """Return the text of a module, with its digest in the header.
 
     Raises
@@ -23,9 +23,8 @@ def render(view: ModelView) -> str:
         If the text is not one that modelgen would execute (`modelgen.generated_module.module_check`): it is
         never written.
     """
-    fields = {field.name: getattr(view, field.name) for field in dataclasses.fields(view)}
-    text = environment().get_template("module.py.j2").render(fields)
-    return sealed_module(text, f"module {view.chain}_{view.sensor_set}")
+    text = environment().get_template("module.py.j2").render(view)
+    return sealed_module(text, f"module {view['chain']}_{view['sensor_set']}")
 
 
 def sealed_module(text: str, name: str) -> str:

@@ -4,7 +4,7 @@ ChainSpec           modelgen.spec.load.load_spec(path)          the user's TOML,
 MotionEquations     newton.motion_equations(spec)          one balance of forces a body
 IdentificationRows  rows.identification_rows(motion, set)  sums, differentiation, readings of sensors
 BaseModel           base_parameters.base_model(rows)       the columns that can be distinguished
-ModelView           modelgen.render.view.model_view(model) plain strings for the template
+fields of template  modelgen.render.view.model_view(model) plain strings
 module text         modelgen.render.writer.render(view)    one NumPy file
 """
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 from modelgen.render.arms.arm_lines import ArmLines, arm_lines, signal_key
 from modelgen.render.arms.kernel_names import legend
@@ -22,39 +22,8 @@ BLOCK = 4096
 SAFE_FILE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}\Z")
 
 
-@dataclass(frozen=True)
-class KernelView:
-    """One function of straight lines: (comment, lines) of each section."""
-
-    signals: tuple[str, ...]  # names in the kernel
-    sections: tuple[tuple[str, tuple[str, ...]], ...]
-    buffers: int
-    outputs: int
-
-
-@dataclass(frozen=True)
-class ArmView:
-    """Everything the template prints: constants as (name, source) pairs, functions as lines of source."""
-
-    name: str
-    source: str
-    sha256: str
-    sensor_set: str
-    rows: tuple[str, ...]
-    base: tuple[str, ...]
-    absent: tuple[str, ...]
-    legend: tuple[str, ...]
-    constants: tuple[tuple[str, str], ...]
-    block: int
-    row_count: int
-    column_count: int
-    entries: KernelView
-    measurement: KernelView
-    base_lines: tuple[str, ...]
-
-
-def arm_view(model: ArmBaseModel) -> ArmView:
-    """Print every number and expression of an arm's model as source.
+def arm_view(model: ArmBaseModel) -> dict[str, Any]:
+    """Return all that the template prints: constants as (name, source), functions as lines of source.
 
     Raises
     ------
@@ -63,7 +32,7 @@ def arm_view(model: ArmBaseModel) -> ArmView:
     """
     rows, spec, lines = model.rows, model.rows.spec, arm_lines(model)
     local = tuple(lines.local.values())
-    return ArmView(
+    return dict(
         name=spec.name,
         source=spec.source if SAFE_FILE_NAME.match(spec.source) else f"{spec.name}.toml",
         sha256=spec.sha256,
@@ -86,12 +55,13 @@ def _base_source(factors: Mapping[str, float]) -> str:
     return weighted_sum((Fraction(factor), f'p["{name}"]') for name, factor in factors.items())
 
 
-def _kernel(signals: tuple[str, ...], line: StraightLine, outputs: int) -> KernelView:
+def _kernel(signals: tuple[str, ...], line: StraightLine, outputs: int) -> dict[str, Any]:
+    """Return one function of straight lines: (comment, lines) of each section."""
     sections: dict[str, list[str]] = {}
     for operation in line.operations:
         sections.setdefault(operation.section, []).append(_source(operation))
     named = tuple((section, tuple(lines)) for section, lines in sections.items())
-    return KernelView(signals, named, line.buffers, outputs)
+    return {"signals": signals, "sections": named, "buffers": line.buffers, "outputs": outputs}
 
 
 def _source(operation: Operation) -> str:
@@ -140,13 +110,7 @@ def _constants(lines: ArmLines) -> tuple[tuple[str, str], ...]:
 
 def _sensor(sensor: ArmSensor) -> dict[str, object]:
     """Return a sensor as a literal: what it measures, and the channels that it has in a record."""
-    return {
-        "key": sensor.key,
-        "joint": sensor.joint,
-        "side": sensor.side,
-        "measures": sensor.measures,
-        "channels": sensor.channels,
-    }
+    return {name: getattr(sensor, name) for name in ("key", "joint", "side", "measures", "channels")}
 
 
 def _role(parameter: ArmParameter) -> str:

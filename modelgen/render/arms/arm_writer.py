@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-
-from modelgen.render.arms.arm_view import ArmView, arm_view
+from modelgen.render.arms.arm_view import arm_view
 from modelgen.render.environment import environment
 from modelgen.render.writer import module_name, sealed_module
 from modelgen.spec.arms.arm import ArmSpec
@@ -26,11 +24,6 @@ def arm_module(model: ArmBaseModel) -> str:
     RenderError
         If a named length has no value, or the arm is so large that its module would not be executed.
     """
-    return render_arm(arm_view(model))
-
-
-def render_arm(view: ArmView) -> str:
-    """Return the text of a module."""
-    fields = {field.name: getattr(view, field.name) for field in dataclasses.fields(view)}
-    text = environment().get_template("arm_module.py.j2").render(fields)
-    return sealed_module(text, f"module {view.name}")
+    view = arm_view(model)
+    text = environment().get_template("arm_module.py.j2").render(view)
+    return sealed_module(text, f"module {view['name']}")
