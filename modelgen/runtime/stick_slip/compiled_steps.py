@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from inspect import getmodule, getsource
+from inspect import getmembers, getsource, isfunction
 from itertools import product
 from typing import Any
 from zlib import crc32
@@ -15,33 +15,9 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.numerics.numba_support import kept_code
-from modelgen.runtime.stick_slip.cubic_spring_kernel import dot, expand, is_told, product_term, reach, shrink
-from modelgen.runtime.stick_slip.event_free_kernel import (
-    LANES,
-    add_multiple,
-    add_states,
-    calm_steps,
-    first_unbounded,
-    from_input,
-    is_finite,
-    keep,
-    steps_before_end,
-)
-from modelgen.runtime.stick_slip.event_kernel import (
-    EVENTS_FULL,
-    TOO_MANY,
-    UNBOUNDED,
-    between,
-    command,
-    cross,
-    first_root,
-    horner,
-    mode_at_rest,
-    release,
-    root_between,
-    run,
-    when_negative,
-)
+from modelgen.runtime.stick_slip import cubic_spring_kernel, event_free_kernel, event_kernel, root_finding
+from modelgen.runtime.stick_slip.event_free_kernel import LANES
+from modelgen.runtime.stick_slip.event_kernel import EVENTS_FULL, TOO_MANY, UNBOUNDED, run
 from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, Trajectory, too_many_events, unbounded
 from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, Mode, ModeMotion
 
@@ -52,32 +28,8 @@ LARGEST_TABLE = 8
 FIRST_EVENTS = 4096
 # Room for one event in so many steps is made at once; what is not used is never touched.
 STEPS_AN_EVENT = 16
-PARTS = (
-    dot,
-    product_term,
-    is_told,
-    reach,
-    shrink,
-    expand,
-    horner,
-    root_between,
-    first_root,
-    when_negative,
-    mode_at_rest,
-    cross,
-    release,
-    command,
-    between,
-    from_input,
-    add_multiple,
-    add_states,
-    steps_before_end,
-    calm_steps,
-    is_finite,
-    first_unbounded,
-    keep,
-    run,
-)
+# What `run` is made of, which is compiled with it.
+PARTS = (root_finding, cubic_spring_kernel, event_free_kernel, event_kernel)
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,12 +217,12 @@ def _kernel() -> Callable[..., tuple[int, int, int]]:
     import numba
     from numba.extending import register_jitable
 
-    for part in PARTS:
-        register_jitable(part)
+    for module in PARTS:
+        for _, part in getmembers(module, isfunction):
+            if part.__module__ == module.__name__:
+                register_jitable(part)
     # whole modules: their constants are part of the code, too
-    sources = "".join(
-        getsource(module) for module in dict.fromkeys(getmodule(part) for part in PARTS) if module
-    )
+    sources = "".join(map(getsource, PARTS))
     return kept_code(numba.njit, _dated(crc32(sources.encode())), nogil=True)
 
 

@@ -1,6 +1,6 @@
 """Exact steps through stick and slip one by one: the arithmetic of `hybrid_system`, written for a compiler.
 
-The same mathematics as `linear_mode`, `root_finding` and `hybrid_system`, in plain loops over arrays, so that
+The same mathematics as `linear_mode` and `hybrid_system`, in plain loops over arrays, so that
 numba can compile it; without numba it runs uncompiled, only slowly. Between steps a sampled controller may
 form the input from the state. Matrices come from `compiled_steps`, everything in time units of steps.
 """
@@ -21,79 +21,12 @@ from modelgen.runtime.stick_slip.event_free_kernel import (
     keep,
 )
 from modelgen.runtime.stick_slip.hybrid_system import MOST_EVENTS_A_STEP
+from modelgen.runtime.stick_slip.root_finding import horner, when_negative
 
-INTERVALS = 8
 # A step with springs may be divided into so many parts.
 MOST_PARTS = 100
 DONE, EVENTS_FULL, UNBOUNDED, TOO_MANY = 0, 1, 2, 3
 TRUE_VELOCITY, BACKWARD, CENTRAL = 0, 1, 2
-
-
-def horner(p: Any, u: float) -> float:
-    """Return the value at u of a polynomial, lowest order first."""
-    total = 0.0
-    for i in range(len(p) - 1, -1, -1):
-        total = total * u + p[i]
-    return total
-
-
-def root_between(p: Any, low: float, high: float) -> float:
-    """Return the root of a polynomial between two values of u where its signs differ: Newton in brackets."""
-    falling = horner(p, low) > 0.0
-    u = 0.5 * (low + high)
-    for _ in range(100):
-        value, slope = 0.0, 0.0
-        for i in range(len(p) - 1, -1, -1):
-            slope = slope * u + value
-            value = value * u + p[i]
-        if value == 0.0:
-            return u
-        if (value > 0.0) == falling:
-            low = u
-        else:
-            high = u
-        after = u - value / slope if slope != 0.0 else low
-        if not low < after < high:
-            after = 0.5 * (low + high)
-        if abs(after - u) <= 1e-16:
-            return after
-        u = after
-    return u
-
-
-def first_root(p: Any) -> float:
-    """Return the first root in (0, 1] of a polynomial that is positive at 0, or 2."""
-    slope = np.empty(len(p) - 1)
-    for i in range(len(slope)):
-        slope[i] = (i + 1) * p[i + 1]
-    for i in range(INTERVALS):
-        low, high = i / INTERVALS, (i + 1) / INTERVALS
-        if horner(p, high) < 0.0:
-            return root_between(p, low, high)
-        if horner(slope, low) < 0.0 and horner(slope, high) > 0.0:
-            lowest = root_between(slope, low, high)
-            if horner(p, lowest) < 0.0:
-                return root_between(p, low, lowest)
-    return 2.0
-
-
-def when_negative(p: Any) -> float:
-    """Return the first u in [0, 1] after which a polynomial is negative, or 2; as in `root_finding`."""
-    rest = 0.0
-    for i in range(1, len(p)):
-        rest += abs(p[i])
-    if p[0] > rest:
-        return 2.0
-    first = 0
-    if p[0] <= 0.0:
-        first = 1
-        while first < len(p) and p[first] == 0.0:
-            first += 1
-        if first == len(p):
-            return 2.0
-        if p[first] < 0.0:
-            return 0.0
-    return first_root(p[first:])
 
 
 def mode_at_rest(z: Any, m: int, body: int, tables: Any) -> int:

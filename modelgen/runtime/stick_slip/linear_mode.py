@@ -220,8 +220,8 @@ class ModeMotion:
         for i, polynomial in enumerate((series @ self.guards.T).T):
             if self.owners[i][0] in released:
                 polynomial[1] = 0.0
-            u = when_negative(polynomial)
-            if u is not None and (u < first[0] or first[1] is None):
+            u = when_negative(polynomial.tolist())
+            if u <= 1.0 and (u < first[0] or first[1] is None):
                 first = (u, i)
         return first
 

@@ -2,9 +2,12 @@
 
 The flow z(u) = exp(u M) z(0), 0 <= u <= 1, is a power series in u that reaches double precision after a few
 terms while the norm of M is small. A crossing is then a root of a polynomial: no further matrix exponential.
+Roots are found in plain loops, which numba can compile; on a few coefficients they are faster than NumPy.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +16,8 @@ from modelgen.array_types import FloatArray
 # 2^24 / 24! = 3e-17: up to this norm of M, what the series leaves out is below rounding
 TERMS = 24
 LARGEST_NORM = 2.0
-GRID = np.linspace(0.0, 1.0, 9)
-POWERS = GRID[:, None] ** np.arange(TERMS)
+# Of [0, 1]: within each a polynomial is supposed to have one lowest point at most.
+INTERVALS = 8
 
 
 def power_series(M: FloatArray, z: FloatArray) -> FloatArray:
@@ -32,48 +35,74 @@ def value_at(series: FloatArray, u: float) -> FloatArray:
     return value
 
 
-def when_negative(polynomial: FloatArray) -> float | None:
-    """Return the first u in [0, 1] after which a polynomial is negative, or None.
+def horner(p: Any, u: float) -> float:
+    """Return the value at u of a polynomial, lowest order first."""
+    total = 0.0
+    for i in range(len(p) - 1, -1, -1):
+        total = total * u + p[i]
+    return total
+
+
+def root_between(p: Any, low: float, high: float) -> float:
+    """Return the root of a polynomial between two values of u where its signs differ: Newton in brackets."""
+    falling = horner(p, high) < 0.0  # the root may be at `low`
+    u = 0.5 * (low + high)
+    for _ in range(100):
+        value, slope = 0.0, 0.0
+        for i in range(len(p) - 1, -1, -1):
+            slope = slope * u + value
+            value = value * u + p[i]
+        if value == 0.0:
+            return u
+        if (value > 0.0) == falling:
+            low = u
+        else:
+            high = u
+        after = u - value / slope if slope != 0.0 else low
+        if not low <= after <= high:
+            after = 0.5 * (low + high)
+        if abs(after - u) <= 1e-16:
+            return after
+        u = after
+    return u
+
+
+def first_root(p: Any) -> float:
+    """Return the first root in (0, 1] of a polynomial that is positive at 0, or 2."""
+    slope = np.empty(len(p) - 1)
+    for i in range(len(slope)):
+        slope[i] = (i + 1) * p[i + 1]
+    for i in range(INTERVALS):
+        low, high = i / INTERVALS, (i + 1) / INTERVALS
+        if horner(p, high) < 0.0:
+            return root_between(p, low, high)
+        if horner(slope, low) < 0.0 and horner(slope, high) > 0.0:
+            lowest = root_between(slope, low, high)
+            if horner(p, lowest) < 0.0:
+                return root_between(p, low, lowest)
+    return 2.0
+
+
+def when_negative(p: Any) -> float:
+    """Return the first u in [0, 1] after which a polynomial is negative, or 2.
 
     The coefficients have shape (orders,), lowest order first.
 
     Its value at 0 should not be negative. Where it is zero, or negative by rounding, this is a crossing only
     if the next non-zero coefficient is negative.
     """
-    if polynomial[0] > np.abs(polynomial[1:]).sum():
-        return None
-    p = polynomial if polynomial[0] > 0.0 else np.trim_zeros(polynomial[1:], "f")
-    if p.size == 0:
-        return None
-    return _first_root(p) if p[0] > 0.0 else 0.0
-
-
-def _first_root(p: FloatArray) -> float | None:
-    """Return the first root in (0, 1] of a polynomial that is positive at 0, or None."""
-    slope = p[1:] * np.arange(1, p.size)
-    values, slopes = POWERS[:, : p.size] @ p, POWERS[:, : slope.size] @ slope
-    for i in range(GRID.size - 1):
-        low, high = float(GRID[i]), float(GRID[i + 1])
-        if values[i + 1] < 0.0:
-            return _root(p, low, high)
-        if slopes[i] < 0.0 < slopes[i + 1]:
-            lowest = _root(slope, low, high)
-            if _horner(p[::-1].tolist(), lowest) < 0.0:
-                return _root(p, low, lowest)
-    return None
-
-
-def _root(p: FloatArray, low: float, high: float) -> float:
-    """Return the root of a polynomial between two values of u at which its signs differ."""
-    from scipy.optimize import brentq
-
-    backwards = p[::-1].tolist()
-    return float(brentq(lambda u: _horner(backwards, u), low, high, xtol=1e-16, rtol=1e-15))
-
-
-def _horner(backwards: list[float], u: float) -> float:
-    """Return the value at u; in plain floats, many times faster than NumPy on a few coefficients."""
-    total = 0.0
-    for coefficient in backwards:
-        total = total * u + coefficient
-    return total
+    rest = 0.0
+    for i in range(1, len(p)):
+        rest += abs(p[i])
+    if p[0] > rest:
+        return 2.0
+    first = 0
+    if p[0] <= 0.0:
+        first = 1
+        while first < len(p) and p[first] == 0.0:
+            first += 1
+        if first == len(p):
+            return 2.0
+        if p[first] < 0.0:
+            return 0.0
+    return first_root(p[first:])
