@@ -41,7 +41,6 @@ from modelgen.runtime.least_squares.wls import fit_from
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.observation import observe
-from modelgen.runtime.simulation.sensor_readings import encoder_step
 
 # Points of the grid on which noise spectra are summed.
 POINTS = 1 << 15
@@ -105,7 +104,7 @@ def noisy(cell: Cell, record: Record, rng: np.random.Generator) -> Record:
     signals = {}
     for key, samples in record.signals.items():
         if cell.rounded and key in POSITIONS:
-            step, start = encoder_step(LINES), rng.uniform()
+            step, start = 2.0 * np.pi / (4.0 * LINES), rng.uniform()
             signals[key] = step * (np.round(samples / step + start) - start)
             continue
         e = rng.standard_normal(samples.size + 500)
@@ -118,7 +117,7 @@ def noisy(cell: Cell, record: Record, rng: np.random.Generator) -> Record:
 def level(cell: Cell, key: str) -> float:
     """Return the standard deviation of a channel's noise."""
     if cell.rounded and key in POSITIONS:
-        return encoder_step(LINES) / float(np.sqrt(12.0))
+        return 2.0 * np.pi / (4.0 * LINES) / float(np.sqrt(12.0))
     return NOISE[key] * (cell.forces if key == "Gamma_m" else cell.noise)
 
 

@@ -48,7 +48,6 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.default_excitation import default_excitation, default_force
 from modelgen.runtime.simulation.plant import make_plant
-from modelgen.runtime.simulation.sensor_readings import encoder_step
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import parse_spec
 
@@ -133,7 +132,7 @@ def measured(record: Record, rng: np.random.Generator, encoder: bool) -> Record:
     for key, samples in record.signals.items():
         if encoder and key in POSITIONS:
             # every record starts anywhere between two counts; the zeros of the encoders agree
-            step, start = encoder_step(LINES), rng.uniform()
+            step, start = 2.0 * np.pi / (4.0 * LINES), rng.uniform()
             signals[key] = step * (np.round(samples / step + start) - start)
         else:
             signals[key] = samples + NOISE[key] * rng.standard_normal(samples.size)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypedDict
 
 import pytest
 
@@ -16,11 +16,16 @@ from modelgen.runtime.simulation.simulate import simulate
 from modelgen.runtime.simulation.validate import validate
 
 
+class Table(TypedDict, total=False):
+    a: int
+    b: int | None
+
+
 def test_options_replace_defaults_and_only_them() -> None:
-    defaults = {"a": 1, "b": None}
-    assert with_defaults("f", {"b": 2}, defaults) == {"a": 1, "b": 2}
-    assert with_defaults("f", {}, defaults) == defaults
-    assert defaults == {"a": 1, "b": None}
+    defaults = Table(a=1)
+    assert with_defaults("f", Table(b=2), Table, defaults) == {"a": 1, "b": 2}
+    assert with_defaults("f", Table(), Table, defaults) == {"a": 1, "b": None}
+    assert defaults == {"a": 1}
 
 
 @pytest.mark.parametrize(

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import ceil, isfinite, log10
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from rich.console import Group
-    from rich.table import Table
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from modelgen.cli.tables import table
 
 
 def comparison_tables(described: dict[str, Any]) -> Group:
     """Lay out what `describe` says."""
-    from rich.console import Group
-    from rich.text import Text
-
-    from modelgen.cli.tables import table
-
     rows, gain_rows, notes = [], [], []
     for m in described["models"]:
         number = m["condition_number"]
@@ -57,8 +54,6 @@ def interval_text(low: float, high: float) -> str:
 
 
 def _estimate_parts(found: dict[str, Any]) -> list[Any]:
-    from rich.text import Text
-
     parts: list[Any] = [Text(""), _intervals("Estimates, 95 % intervals", found["parameters"]), Text("")]
     for c in found["consistency"]:
         verdict = "consistent" if c["consistent"] else "NOT consistent"
@@ -70,8 +65,6 @@ def _estimate_parts(found: dict[str, Any]) -> list[Any]:
 
 
 def _yardstick_parts(title: str, found: dict[str, Any]) -> list[Any]:
-    from rich.text import Text
-
     methods = found["methods"]
     times = ("time", *(f"{entry['seconds']:.2f} s" for entry in methods))
     sources = {entry["method"]: entry["parameters"] for entry in methods}
@@ -87,8 +80,6 @@ def _yardstick_parts(title: str, found: dict[str, Any]) -> list[Any]:
 
 def _intervals(title: str, sources: Mapping[str, Any], *first: Sequence[str]) -> Table:
     """Return a table of intervals, a column a source, below the rows `first`."""
-    from modelgen.cli.tables import table
-
     rows = list(first)
     for name in dict.fromkeys(name for entry in sources.values() for name in entry):
         cells = [entry.get(name) for entry in sources.values()]

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from rich.console import Group
+from rich.console import Group
+from rich.text import Text
 
-    from modelgen.runtime.planning.monte_carlo import Spread
-    from modelgen.runtime.planning.sensor_set_ranking import Prediction
+from modelgen.cli.tables import table
+from modelgen.runtime.planning.monte_carlo import Spread, misorders, worst_spread
+from modelgen.runtime.planning.sensor_set_ranking import Prediction
 
 
 def describe(prediction: Prediction) -> dict[str, Any]:
@@ -33,8 +34,6 @@ def describe(prediction: Prediction) -> dict[str, Any]:
 
 def describe_monte_carlo(found: Mapping[str, Sequence[Spread]], experiments: int) -> dict[str, Any]:
     """Return the spreads of every set, in the predicted order, and what they make of it, as plain values."""
-    from modelgen.runtime.planning.monte_carlo import misorders, worst_spread
-
     found_order = misorders([*found], {name: worst_spread(spreads) for name, spreads in found.items()})
     return {
         "experiments": experiments,
@@ -49,11 +48,6 @@ def describe_monte_carlo(found: Mapping[str, Sequence[Spread]], experiments: int
 
 def design_tables(described: Mapping[str, Any]) -> Group:
     """Lay out what was predicted, confirmed and optimised."""
-    from rich.console import Group
-    from rich.text import Text
-
-    from modelgen.cli.tables import table
-
     names = list(dict.fromkeys(name for entry in described["sets"] for name in entry["parameters"]))
     columns = ("sensors", ">price", ">worst %", *(f">{name} %" for name in names))
     rows, notes = [], []
@@ -82,10 +76,6 @@ def design_tables(described: Mapping[str, Any]) -> Group:
 
 
 def _confirmed(found: Mapping[str, Any]) -> list[Any]:
-    from rich.text import Text
-
-    from modelgen.cli.tables import table
-
     columns = ["sensors", "parameter", ">std %", ">predicted", ">bias %", ">predicted", ">error %", ">+-"]
     keys = ("std", "predicted_std", "bias", "predicted_bias", "error", "uncertainty")
     rows = [
@@ -106,10 +96,6 @@ def _confirmed(found: Mapping[str, Any]) -> list[Any]:
 
 
 def _optimised(found: Mapping[str, Any]) -> list[Any]:
-    from rich.text import Text
-
-    from modelgen.cli.tables import table
-
     rows = [
         (name, f"{e['pair_percent']:.3g}", f"{e['optimised_percent']:.3g}")
         for name, e in found["parameters"].items()

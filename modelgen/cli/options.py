@@ -29,12 +29,8 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace output fil
 Trust = Annotated[
     bool, typer.Option("--trust", help="Execute the module even if modelgen did not write it like this.")
 ]
-ResultFile = Annotated[
-    Path | None, typer.Option("-o", "--output", metavar="FILE.json", help="Save what --json prints.")
-]
 
 # chains and models
-Spec = Annotated[str, typer.Argument(metavar="SPEC", help="A chain's TOML file, or a name of the catalogue.")]
 SpecOfAny = Annotated[
     str, typer.Argument(metavar="SPEC", help="TOML file of a chain or an arm, or a name of the catalogue.")
 ]
@@ -101,7 +97,9 @@ Resolution = Annotated[
 class ResultOptions:
     """What a command does with its answer: print it as tables or as JSON, and save it."""
 
-    output: ResultFile = None
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE.json", help="Save what --json prints.")
+    ] = None
     overwrite: Overwrite = False
     as_json: Json = False
 

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import exp
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rich.console import Group
+from rich.text import Text
 
 from modelgen.cli.arms.design_elastic import prediction_tables
 from modelgen.cli.tables import Description, table
-
-if TYPE_CHECKING:
-    from rich.console import Group
-
-    from modelgen.runtime.planning.arms.exciting_trajectory import ExcitingTrajectory
-    from modelgen.runtime.planning.arms.fast_excitation import FastExcitation
-    from modelgen.spec.arms.arm import ArmSpec
+from modelgen.runtime.planning.arms.exciting_trajectory import ExcitingTrajectory
+from modelgen.runtime.planning.arms.fast_excitation import FastExcitation
+from modelgen.spec.arms.arm import ArmSpec
 
 
 def trajectory_described(arm: ArmSpec, found: ExcitingTrajectory, criterion: str) -> Description:
@@ -63,9 +62,6 @@ def fast_described(second: FastExcitation, path: Path | None) -> Description:
 
 def trajectory_tables(described: Description) -> Group:
     """Lay out a trajectory, and of an elastic arm its second stage and what sensor sets would find."""
-    from rich.console import Group
-    from rich.text import Text
-
     period, count = described["period_s"], described["harmonics"]
     head = (
         f"Exciting trajectory of {described['arm']}: {period:g} s, {count} harmonics of {1 / period:.4g} Hz "

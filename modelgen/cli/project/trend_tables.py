@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rich.console import Group
+from rich.text import Text
 
 from modelgen.cli.project.trend_sources import Machine
+from modelgen.cli.tables import table
 from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.trend.thresholds import Z95
 from modelgen.runtime.trend.trend import Change, QuantityTrend, Trend
-
-if TYPE_CHECKING:
-    from rich.console import Group
 
 
 def describe(machine: Machine, found: Trend) -> dict[str, Any]:
@@ -61,11 +62,6 @@ def _change(change: Change, labels: Sequence[str]) -> dict[str, Any]:
 
 def trend_tables(described: Sequence[Mapping[str, Any]]) -> Group:
     """Lay out what `describe` says of each machine: what has changed first."""
-    from rich.console import Group
-    from rich.text import Text
-
-    from modelgen.cli.tables import table
-
     parts: list[Any] = []
     for one in described:
         entries = one["entries"]

@@ -77,9 +77,6 @@ class SearchOptions(TypedDict, total=False):
     rounds: int
 
 
-SEARCH_DEFAULTS = SearchOptions(criterion="worst", limits=None, rounds=200)
-
-
 def optimise(
     model: Model,
     parameters: Mapping[str, float],
@@ -114,7 +111,7 @@ def optimise(
     DataError
         For an unknown criterion or limit.
     """
-    search = with_defaults("optimise", options, SEARCH_DEFAULTS)
+    search = with_defaults("optimise", options, SearchOptions, SearchOptions(criterion="worst", rounds=200))
     criterion, limits = search["criterion"], search["limits"] or {}
     _check(criterion, limits)
     plant = make_plant(model, parameters)

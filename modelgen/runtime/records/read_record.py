@@ -61,9 +61,6 @@ class ReadOptions(TypedDict, total=False):
     units: Mapping[str, str] | None
 
 
-DEFAULTS = ReadOptions(needed=None, welcome=(), time_unit=None, mend=(), units=None)
-
-
 def read_record(
     path: str | Path,
     mapping: Mapping[str, str] | None = None,
@@ -112,7 +109,7 @@ def read_record(
         With one problem per mistake: the file, an absent column, a cell that is no number, non-uniform times,
         a sampling frequency that is missing or contradicted.
     """
-    given = with_defaults("read_record", options, DEFAULTS)
+    given = with_defaults("read_record", options, ReadOptions, ReadOptions(welcome=(), mend=()))
     return read(path, mapping, scales, fs, time, name, tag, **given).record
 
 
@@ -130,7 +127,7 @@ def read(
 
     A `Source` that is open already may stand for its file.
     """
-    given = with_defaults("read", options, DEFAULTS)
+    given = with_defaults("read", options, ReadOptions, ReadOptions(welcome=(), mend=()))
     needed, mend, units = given["needed"], given["mend"], given["units"] or {}
     time_unit = given["time_unit"]
     source = path if isinstance(path, Source) else open_record(Path(path), time, time_unit)

@@ -43,9 +43,6 @@ class ExcitationOptions(TypedDict, total=False):
     oversample: int
 
 
-DEFAULTS = ExcitationOptions(band_hz=None, force=None, controller=None, actuator=None, oversample=32)
-
-
 def default_excitation(
     kind: str,
     model: Model,
@@ -75,7 +72,7 @@ def default_excitation(
     DataError
         For an unknown kind, and for parameters that do not suit the model.
     """
-    given = with_defaults("default_excitation", options, DEFAULTS)
+    given = with_defaults("default_excitation", options, ExcitationOptions, ExcitationOptions(oversample=32))
     plant = make_plant(model, parameters, given["actuator"])
     amplitude = default_force(plant) if given["force"] is None else given["force"]
     if kind == "chirp":

@@ -112,9 +112,6 @@ class ChirpOptions(TypedDict, total=False):
     oversample: int
 
 
-CHIRP_DEFAULTS = ChirpOptions(ramp_s=0.1, settle_s=0.1, oversample=32)
-
-
 def chirp(
     f_start_hz: float,
     f_stop_hz: float,
@@ -146,7 +143,9 @@ def chirp(
     oversample : int
         Internal steps per sample, by default 32.
     """
-    given = with_defaults("chirp", options, CHIRP_DEFAULTS)
+    given = with_defaults(
+        "chirp", options, ChirpOptions, ChirpOptions(ramp_s=0.1, settle_s=0.1, oversample=32)
+    )
     ramp_s, settle_s, oversample = given["ramp_s"], given["settle_s"], given["oversample"]
     check_band(f_start_hz, f_stop_hz, fs)
     begin, end = ramp_s + settle_s, duration_s - ramp_s - settle_s

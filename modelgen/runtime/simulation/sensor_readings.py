@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import pi
 from zlib import crc32
 
 import numpy as np
@@ -13,11 +12,6 @@ from modelgen.errors import DataError, Problem
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.directions import wanted_directions
 from modelgen.runtime.records.record import missing_name
-
-
-def encoder_step(lines: int) -> float:
-    """Return the resolution in rad of a rotary encoder with four counts a line: 2 pi / (4 lines)."""
-    return 2.0 * pi / (4.0 * lines)
 
 
 def instrument_keys(model: Model) -> tuple[str, ...]:

@@ -97,21 +97,6 @@ class SimulationOptions(TypedDict, total=False):
     initial_state: npt.ArrayLike | None
 
 
-DEFAULTS = SimulationOptions(
-    fs=5000.0,
-    duration_s=None,
-    noise=None,
-    resolution=None,
-    bias=None,
-    seed=0,
-    oversample=32,
-    controller=None,
-    drive=None,
-    actuator=None,
-    initial_state=None,
-)
-
-
 def simulate(
     model: Model,
     parameters: Mapping[str, float],
@@ -159,7 +144,9 @@ def simulate(
         For parameters, channels or options that do not fit the model, for a chain without an
         actuator, and for a closed loop that is unstable.
     """
-    given = with_defaults("simulate", options, DEFAULTS)
+    given = with_defaults(
+        "simulate", options, SimulationOptions, SimulationOptions(fs=5000.0, seed=0, oversample=32)
+    )
     if model.is_arm:
         raise DataError.at(model.chain, "is an arm", "use modelgen.simulate_arm")
     plant = make_plant(model, parameters, given["actuator"])

@@ -79,7 +79,7 @@ def validate(
         When a channel or a force is missing, records hold the same data, or parameters or loop do not suit
         the model.
     """
-    given = with_defaults("validate", options, ValidationOptions(cutoff_hz=None, oversample=None))
+    given = with_defaults("validate", options, ValidationOptions, ValidationOptions())
     refuse_lacking(records, (*model.channels, "reference"))
     refuse_same_data(records, model.channels)
     plant = make_plant(model, parameters, actuator)

@@ -12,10 +12,13 @@ from zlib import crc32
 
 import numpy as np
 
+import modelgen.runtime.stick_slip.cubic_spring_kernel as cubic_spring_kernel
+import modelgen.runtime.stick_slip.event_free_kernel as event_free_kernel
+import modelgen.runtime.stick_slip.event_kernel as event_kernel
+import modelgen.runtime.stick_slip.root_finding as root_finding
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.numerics.numba_support import kept_code
-from modelgen.runtime.stick_slip import cubic_spring_kernel, event_free_kernel, event_kernel, root_finding
 from modelgen.runtime.stick_slip.event_free_kernel import LANES
 from modelgen.runtime.stick_slip.event_kernel import EVENTS_FULL, TOO_MANY, UNBOUNDED, run
 from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, Trajectory, too_many_events, unbounded

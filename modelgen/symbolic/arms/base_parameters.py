@@ -17,6 +17,7 @@ from modelgen.errors import ModelError, listed, shortened
 from modelgen.spec.arms.arm import LINK_PARAMETERS
 from modelgen.symbolic.arms.arm_rows import ArmRows
 from modelgen.symbolic.arms.exact_regrouping import Recipe, regrouping
+from modelgen.symbolic.arms.expressions.evaluation import residues
 from modelgen.symbolic.arms.expressions.prime_field import PRIME, echelon, fraction_of, residue
 from modelgen.symbolic.arms.length_field import (
     combination_text,
@@ -25,9 +26,10 @@ from modelgen.symbolic.arms.length_field import (
     length_elements,
 )
 from modelgen.symbolic.arms.payload_changes import payload_changes, payload_keys
-from modelgen.symbolic.arms.regressor_samples import SEED, residue_regressor
 from modelgen.symbolic.arms.unseen_changes import Change, Key, unseen_changes
 
+#: of the random points at which base parameters are proven
+SEED = 2002
 #: characters of a combination in the reason of a parameter
 LONGEST_REASON = 200
 UNSEEN = "no motion of the arm shows it"
@@ -211,3 +213,19 @@ def _reason(name: str, inside: Sequence[ArmBaseParameter], lost: Mapping[str, st
     if first == [name]:
         return f"only in combination: {shortened(inside[0].name, LONGEST_REASON)}"
     return f"only in combination, in those of {listed(first)}"
+
+
+def residue_regressor(rows: ArmRows, columns: Sequence[int], lengths: Mapping[str, int]) -> list[list[int]]:
+    """Return the named columns at random points of the field, one list a row and sample.
+
+    There are so many samples that the row of the first joint alone, which sees every link, decides the rank.
+    """
+    place = {column: k for k, column in enumerate(columns)}
+    keys = [key for key in rows.entries if key[1] in place]
+    samples = len(columns) + 8 if len(rows.names) < 4 else 3 * len(columns) // len(rows.names) + 8
+    values = residues(rows.graph, [rows.entries[key] for key in keys], samples, SEED, lengths)
+    matrix = [[[0] * len(columns) for _ in rows.names] for _ in range(samples)]
+    for (row, column), found in zip(keys, values, strict=True):
+        for sample, value in zip(matrix, found.values, strict=True):
+            sample[row][place[column]] = value
+    return [row for sample in matrix for row in sample]

@@ -18,8 +18,8 @@ from modelgen.runtime.model.model import load_model
 from modelgen.spec.arms.arm import ArmSpec
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel, arm_base_model
-from modelgen.symbolic.arms.regressor_samples import regressor_at
 from tests.symbolic.arms.made_arms import PANDA, PUMA, joint, random_arm, serial, shift, tx40
+from tests.symbolic.arms.regressor_samples import regressor_at
 from tests.symbolic.arms.test_gains import with_gains
 
 LENGTHS = {"r2": 0.2435, "d3": 0.4318, "r3": 0.0934}

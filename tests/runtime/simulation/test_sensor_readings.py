@@ -12,17 +12,12 @@ from modelgen.errors import DataError
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.simulation.sensor_readings import (
     checked_levels,
-    encoder_step,
     instrument_keys,
     readings,
 )
 
 EMPS = model_from_module(emps300_qm_qc)
 TRUE = {"q_m": np.linspace(-1.0, 1.0, 20001), "q_c": np.zeros(20001), "Gamma_m": np.ones(20001)}
-
-
-def test_an_encoder_counts_four_times_a_line() -> None:
-    assert encoder_step(500) == pytest.approx(2.0 * np.pi / 2000)
 
 
 def test_instruments_are_sensors_then_actuators() -> None:
@@ -72,7 +67,7 @@ def test_motions_of_one_seed_share_no_noise(seed: int, motions: list[tuple[str, 
 
 
 def test_readings_are_rounded_to_the_resolution() -> None:
-    step = encoder_step(100)
+    step = 2.0 * np.pi / 400
     q = readings(EMPS, TRUE, {}, {"q_m": step}, seed=0)["q_m"]
     counts = q / step
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)

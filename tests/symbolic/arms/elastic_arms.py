@@ -19,9 +19,9 @@ from modelgen.symbolic.arms.drives import motor_coordinate
 from modelgen.symbolic.arms.expressions.derivative import time_derivatives
 from modelgen.symbolic.arms.expressions.evaluation import sampled
 from modelgen.symbolic.arms.expressions.graph import Graph
-from modelgen.symbolic.arms.regressor_samples import regressor_at
 from modelgen.symbolic.arms.row_parts import row_parts
 from tests.symbolic.arms.made_arms import serial
+from tests.symbolic.arms.regressor_samples import regressor_at
 
 Motion = dict[tuple[str, int], FloatArray]
 DRIVE = ("rotor_inertia", "viscous", "coulomb", "offset")

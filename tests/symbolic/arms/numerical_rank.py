@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from modelgen.symbolic.arms.arm_rows import ArmRows
-from modelgen.symbolic.arms.regressor_samples import random_regressor
+from tests.symbolic.arms.regressor_samples import random_regressor
 
 
 def numerical_rank(rows: ArmRows, lengths: Mapping[str, float] | None = None) -> int:

@@ -10,7 +10,6 @@ import pytest
 from modelgen.errors import ModelError
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSpec
 from modelgen.symbolic.arms.arm_rows import LARGEST_ARM, ArmRows, arm_rows
-from modelgen.symbolic.arms.regressor_samples import regressor_at
 from tests.symbolic.arms.made_arms import PUMA, ROBOTS, STANFORD, arm, joint, random_arm, serial, tx40
 from tests.symbolic.arms.pinocchio_arms import (
     ORDER,
@@ -20,6 +19,7 @@ from tests.symbolic.arms.pinocchio_arms import (
     random_parameters,
     state,
 )
+from tests.symbolic.arms.regressor_samples import regressor_at
 
 ARMS = [serial(rows) for rows in ROBOTS.values()]
 #: arms with every kind of joint, trees among them

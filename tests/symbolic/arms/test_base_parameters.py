@@ -19,7 +19,6 @@ from modelgen.symbolic.arms.base_parameters import (
     arm_base_model,
     dependencies,
 )
-from modelgen.symbolic.arms.regressor_samples import random_regressor
 from modelgen.symbolic.arms.unseen_changes import unseen_changes
 from tests.symbolic.arms.made_arms import (
     PLANAR,
@@ -35,6 +34,7 @@ from tests.symbolic.arms.made_arms import (
     tx40,
 )
 from tests.symbolic.arms.numerical_rank import numerical_rank
+from tests.symbolic.arms.regressor_samples import random_regressor
 
 PUBLISHED = Path(__file__).resolve().parents[4] / "shared" / "data" / "tx40" / "TX40_bp_5.csv"
 #: base inertial parameters as the literature counts them

@@ -20,7 +20,6 @@ from modelgen.symbolic.arms.dynamics.inverse_dynamics import inverse_dynamics
 from modelgen.symbolic.arms.dynamics.lagrange import newton_minus_lagrange, vanishes
 from modelgen.symbolic.arms.expressions.evaluation import sampled
 from modelgen.symbolic.arms.expressions.graph import Graph
-from modelgen.symbolic.arms.regressor_samples import regressor_at
 from tests.symbolic.arms.elastic_arms import (
     SPATIAL,
     elastic,
@@ -34,6 +33,7 @@ from tests.symbolic.arms.elastic_arms import (
 )
 from tests.symbolic.arms.made_arms import PUMA, random_arm, serial
 from tests.symbolic.arms.numerical_rank import numerical_rank
+from tests.symbolic.arms.regressor_samples import regressor_at
 from tests.symbolic.arms.test_base_parameters import coupled, reproduces
 
 PARTS = ("damping", "stiffness3")

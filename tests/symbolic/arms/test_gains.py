@@ -12,10 +12,10 @@ import pytest
 from modelgen.spec.arms.arm import ArmSpec
 from modelgen.symbolic.arms.arm_rows import RowKind, arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
-from modelgen.symbolic.arms.regressor_samples import regressor_at
 from tests.symbolic.arms.made_arms import random_arm, serial, tx40
 from tests.symbolic.arms.numerical_rank import numerical_rank
 from tests.symbolic.arms.pinocchio_arms import random_motion
+from tests.symbolic.arms.regressor_samples import regressor_at
 
 
 def with_gains(spec: ArmSpec, joints: tuple[str, ...] | None = None) -> ArmSpec:

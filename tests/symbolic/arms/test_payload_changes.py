@@ -11,9 +11,9 @@ from modelgen.spec.arms.arm import LINK_PARAMETERS, Payload
 from modelgen.spec.arms.parameters import link_names
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
-from modelgen.symbolic.arms.regressor_samples import random_regressor
 from tests.runtime.made_arm_records import catalogued
 from tests.symbolic.arms.numerical_rank import numerical_rank
+from tests.symbolic.arms.regressor_samples import random_regressor
 
 
 # lengths of scara are symbols, links of two_link turn about one direction

@@ -7,7 +7,7 @@ does not count. The cost is what the regressor says, without random numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import log
 from typing import Any, TypedDict, Unpack
@@ -35,8 +35,6 @@ from modelgen.runtime.simulation.arms.fourier_trajectory import Bounds, FourierT
 CRITERIA = ("condition", "d-optimal")
 #: Samples of a period for every harmonic, at which the regressor is judged.
 JUDGED = 40
-#: Signals -> regressor of shape (N, rows, base parameters).
-Regressor = Callable[[Mapping[str, FloatArray]], FloatArray]
 
 
 class TrajectoryOptions(TypedDict, total=False):
@@ -108,7 +106,7 @@ def exciting_trajectory(
     DataError
         If a joint has no limits, an option cannot be used, or no trajectory keeps the boxes.
     """
-    search = with_defaults("exciting_trajectory", options, DEFAULTS)
+    search = with_defaults("exciting_trajectory", options, TrajectoryOptions, DEFAULTS)
     _check(search)
     check_boxes(search["boxes"], joints)
     trial = _Trial(module, joints, search)

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError
-from modelgen.runtime.model.model import Model
 from modelgen.runtime.simulation.arms.arm_coordinates import reading_of
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion
@@ -48,25 +46,6 @@ class MountedSensor:
     channels: tuple[str, ...]
     way: tuple[PlacedJoint, ...] = ()
     gravity: tuple[float, ...] = (0.0, 0.0, 0.0)
-
-
-def mounted_sensors(model: Model) -> tuple[MountedSensor, ...]:
-    """Return the sensors of a model's set.
-
-    Raises
-    ------
-    DataError
-        For a gyro or an accelerometer, whose mounting no module holds, and for a model without sensors.
-    """
-    if not hasattr(model.module, "SENSORS"):
-        raise DataError.at(model.chain, "has no sensors by joint and side", "leave them out")
-    given = model.module.SENSORS
-    strange = [one["key"] for one in given if one["measures"] in INERTIAL]
-    if strange:
-        what = f"{', '.join(strange)}: a module does not say how it is mounted"
-        raise DataError.at(model.sensor_set, what, "simulate the arm's file: modelgen simulate --sensors")
-    names = ("key", "joint", "side", "measures", "channels")
-    return tuple(MountedSensor(*(one[name] for name in names)) for one in given)
 
 
 def sensor_channels(

@@ -83,21 +83,6 @@ class ArmSimulationOptions(TypedDict, total=False):
     payloads: Sequence[str]
 
 
-DEFAULTS = ArmSimulationOptions(
-    fs=1000.0,
-    duration_s=None,
-    noise=None,
-    resolution=None,
-    bias=None,
-    seed=0,
-    controller=None,
-    limits=None,
-    initial_state=None,
-    sensors=None,
-    payloads=(),
-)
-
-
 def simulate_arm(
     model: Model,
     parameters: Mapping[str, float],
@@ -141,7 +126,9 @@ def simulate_arm(
     DataError
         For parameters, channels or options that do not fit the model, and for a motion that runs away.
     """
-    given = with_defaults("simulate_arm", options, DEFAULTS)
+    given = with_defaults(
+        "simulate_arm", options, ArmSimulationOptions, ArmSimulationOptions(fs=1000.0, seed=0, payloads=())
+    )
     if not model.is_arm:
         raise DataError.at(model.chain, "is a chain", "use modelgen.simulate")
     recorded = _recorded(model, given["sensors"])

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from modelgen.cli.arms.simulate_arm import arm_model, mounted
-from modelgen.errors import DataError
 from modelgen.runtime.simulation.arms.arm_plant import arm_plant
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion
-from modelgen.runtime.simulation.arms.mounted_sensors import MountedSensor, mounted_sensors, sensor_channels
-from tests.runtime.made_arm_records import catalogued, model_of, written
+from modelgen.runtime.simulation.arms.mounted_sensors import MountedSensor, sensor_channels
+from tests.runtime.made_arm_records import written
 
 ARM = """
 [arm]
@@ -90,13 +89,3 @@ def test_sensors_read_what_moved_frames_say() -> None:
     assert read["m"][0] == pytest.approx(20.0 * v0[4])
     assert read["d"][0] == pytest.approx(q0[4] - q0[2])
     assert read["t"][0] == pytest.approx(700.0 * (q0[4] - q0[2]))
-
-
-def test_sensors_of_modules_are_those_without_a_mounting() -> None:
-    spec = catalogued("elastic_two_link")
-    torques = mounted_sensors(model_of(spec, sensor_set="torques"))
-    assert [one.key for one in torques] == ["qm_1", "qm_2", "q_1", "q_2", "t_1", "t_2"]
-    with pytest.raises(DataError, match="how it is mounted"):
-        mounted_sensors(model_of(spec, sensor_set="rates"))
-    with pytest.raises(DataError, match="no sensors"):
-        mounted_sensors(model_of(catalogued("two_link")))

@@ -16,7 +16,6 @@ from modelgen.symbolic.arms.dynamics.inverse_dynamics import inverse_dynamics
 from modelgen.symbolic.arms.expressions.evaluation import sampled
 from modelgen.symbolic.arms.expressions.graph import Graph
 from modelgen.symbolic.arms.kinematics import link_motions
-from modelgen.symbolic.arms.regressor_samples import regressor_at
 from tests.symbolic.arms.made_arms import ROBOTS, random_arm, serial, tx40
 from tests.symbolic.arms.pinocchio_arms import (
     pinocchio,
@@ -25,6 +24,7 @@ from tests.symbolic.arms.pinocchio_arms import (
     random_parameters,
     state,
 )
+from tests.symbolic.arms.regressor_samples import regressor_at
 
 ARMS = [serial(rows) for rows in ROBOTS.values()] + [random_arm(random.Random(s), light=0) for s in range(12)]
 ARMS = [replace(spec, joints=tuple(replace(j, rotor_inertia=None, viscous=None, coulomb=None, offset=None)

@@ -1,33 +1,16 @@
-"""The regressor of an arm at random motions: modulo a prime, and in floating point."""
+"""The regressor of an arm in floating point, along a motion or at random ones."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.symbolic.arms.arm_rows import ArmRows
+from modelgen.symbolic.arms.base_parameters import SEED
 from modelgen.symbolic.arms.drives import coordinates
-from modelgen.symbolic.arms.expressions.evaluation import residues, sampled
-
-SEED = 2002
-
-
-def residue_regressor(rows: ArmRows, columns: Sequence[int], lengths: Mapping[str, int]) -> list[list[int]]:
-    """Return the named columns at random points of the field, one list a row and sample.
-
-    There are so many samples that the row of the first joint alone, which sees every link, decides the rank.
-    """
-    place = {column: k for k, column in enumerate(columns)}
-    keys = [key for key in rows.entries if key[1] in place]
-    samples = len(columns) + 8 if len(rows.names) < 4 else 3 * len(columns) // len(rows.names) + 8
-    values = residues(rows.graph, [rows.entries[key] for key in keys], samples, SEED, lengths)
-    matrix = [[[0] * len(columns) for _ in rows.names] for _ in range(samples)]
-    for (row, column), found in zip(keys, values, strict=True):
-        for sample, value in zip(matrix, found.values, strict=True):
-            sample[row][place[column]] = value
-    return [row for sample in matrix for row in sample]
+from modelgen.symbolic.arms.expressions.evaluation import sampled
 
 
 def random_regressor(rows: ArmRows, lengths: Mapping[str, float], seed: int = SEED) -> FloatArray:
