@@ -70,7 +70,7 @@ def main() -> None:
         what = f"{prediction.worst:.3g}, {worst.error:.3g} +- {worst.uncertainty:.2g} ({worst.name})"
         print(f"    {prediction.sensor_set}: {what}", flush=True)
     judged = misorders([prediction.sensor_set for prediction in predictions], found)
-    for what, pairs in (("in the wrong order", judged.wrong), ("that cannot be told apart", judged.ties)):
+    for what, pairs in (("in the wrong order", judged.wrong), ("that cannot be distinguished", judged.ties)):
         print(f"    pairs {what}: {', '.join(f'{a} and {b}' for a, b in pairs) or 'none'}")
 
     print(f"(c) gain over chirp and trapezoid after {given.rounds} trials, parameters of Table 2")

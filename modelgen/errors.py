@@ -28,7 +28,7 @@ def visible(text: str) -> str:
 
 
 def shortened(text: str, width: int = 80) -> str:
-    """Return a text of at most so many characters: its beginning and its end tell more than its middle."""
+    """Return a text of at most so many characters: its beginning and its end matter more than its middle."""
     if len(text) <= width:
         return text
     end = (width - 3) // 2

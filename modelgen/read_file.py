@@ -173,7 +173,7 @@ def _check_size(where: str, size: int, kind: InputKind) -> None:
 
 
 def _written(handle: int, size: int) -> int:
-    """Return how many bytes of a file are no holes; all of them where the system cannot tell."""
+    """Return how many bytes of a file are no holes; all of them where the system does not report it."""
     if not hasattr(os, "SEEK_DATA"):
         return size
     written = place = 0

@@ -87,7 +87,7 @@ def _union(kinds: list[Any], value: Any, where: str, remedy: str, problems: list
         if not found:
             return read
         tried.append(found)
-    # mistakes inside of a table or list tell more than that it is no text
+    # mistakes inside of a table or list say more than that it is no text
     inside = [found for found in tried if found[0].where != where]
     problems += (inside or tried)[0]
     return None

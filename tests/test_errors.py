@@ -26,7 +26,7 @@ def test_a_list_of_names_fits_into_a_sentence_whatever_its_length(names: list[st
         "depends on , which the records cannot answer",
         "Bounds (never negative: ): none is active",
         "leaves to be identified: ",
-        "cannot be told from ",
+        "cannot be distinguished from ",
         ", row m: not used",
         "the sensors () of it",
     ],

@@ -56,7 +56,7 @@ SVG(modelgen.draw_arm(arm))
 # ## Which numbers a motion can tell
 #
 # `modelgen show robot.toml` says the same. Nothing lies between the shoulder's and the elbow's axes but a
-# length of 0.4 m: what of the forearm cannot be told from the upper arm is added to it, exactly.
+# length of 0.4 m: what of the forearm cannot be distinguished from the upper arm is added to it, exactly.
 
 # %%
 ((file, text),) = arm_files(arm, "").items()

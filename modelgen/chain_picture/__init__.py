@@ -1,1 +1,1 @@
-"""The picture of a chain: what stands in it, where, and as SVG; knows neither specs nor models."""
+"""The picture of a chain: what stands in it, where, and as SVG; uses neither specs nor models."""

@@ -56,7 +56,7 @@ def exact(value: float) -> Fraction:
 
 
 def is_small(value: Fraction) -> bool:
-    """Return whether a fraction is one that a double tells from its neighbours."""
+    """Return whether a fraction is one that a double distinguishes from its neighbours."""
     return abs(value.numerator) * value.denominator <= LARGEST_PRODUCT
 
 

@@ -16,7 +16,7 @@ from modelgen.runtime.simulation.closed_loop import rigid_motion
 # Means of so many stretches show the slow motion, in which a chain moves as a rigid one: above a resonance
 # its bodies do move against each other.
 STRETCHES = 50
-LEAST_SLOW = 0.05  # of the whole range: less slow motion than this tells nothing
+LEAST_SLOW = 0.05  # of the whole range: less slow motion than this shows nothing
 AGAINST = -0.98  # correlation
 
 

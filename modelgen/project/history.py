@@ -95,7 +95,7 @@ def load_history(path: Path) -> tuple[HistoryEntry, ...]:
 
 
 def append(path: Path, entry: HistoryEntry) -> bool:
-    """Add an entry behind the others, unless the history has the very same one; tell whether it was added.
+    """Add an entry behind the others, unless the history has the very same one; return whether it was added.
 
     The file is written whole or not at all. It is read again for it: another run may have added to it.
     """

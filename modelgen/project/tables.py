@@ -27,7 +27,7 @@ from typing import Literal
 class RecordsTable:
     """[[records]]: files that one estimate is made from, and the date it stands for; tags by record.
 
-    `sensors` are sensor sets by record, where the project has several and a file does not tell; `payloads`
+    `sensors` are sensor sets by record, where the project has several and a file does not show it; `payloads`
     what an arm carries, RECORD=NAME, or NAME in all records.
     """
 

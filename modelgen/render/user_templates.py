@@ -164,7 +164,7 @@ def _limit() -> None:
     seconds = round(used.ru_utime + used.ru_stime) + SECONDS
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    with suppress(OSError, ValueError):  # other systems than Linux do not tell, and do not limit
+    with suppress(OSError, ValueError):  # other systems than Linux do not report, and do not limit
         pages = int(Path("/proc/self/statm").read_text().split()[0])
         size = pages * resource.getpagesize() + MEGABYTES * 1_000_000
         resource.setrlimit(resource.RLIMIT_AS, (size, size))

@@ -1,4 +1,4 @@
-"""Parameters of a chain that somebody knows besides what its file says."""
+"""Parameters of a chain that are known in addition to those of its file."""
 
 from __future__ import annotations
 

@@ -170,7 +170,7 @@ def _notes(arm: ArmSpec) -> Iterator[str]:
                 off = abs(math.remainder(step.angle.radians, 0.5 * math.pi))
                 yield (
                     f"joint {joint.name} is turned {off:.2g} rad off a right angle; if one is meant, "
-                    "write more digits (1.5707963) or degrees: else this alone tells some parameters apart"
+                    "write more digits (1.5707963) or degrees: else this alone distinguishes some parameters"
                 )
 
 

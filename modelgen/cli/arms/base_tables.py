@@ -1,4 +1,4 @@
-"""What the rows of an arm can tell apart: base parameters, as plain values and as tables."""
+"""What the rows of an arm can distinguish: base parameters, as plain values and as tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`modelgen design` of an arm: a trajectory within its limits that tells the base parameters apart."""
+"""`modelgen design` of an arm: a trajectory within its limits that distinguishes the base parameters."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def refuse_options(context: typer.Context, spec: ChainSpec | ArmSpec) -> None:
 def design_arm(
     arm: ArmSpec, trajectory: TrajectoryFlags, given: Mapping[str, Any], result: ResultOptions
 ) -> None:
-    """Search for a trajectory with the options of the command, tell it, and write it where asked for."""
+    """Search for a trajectory with the options of the command, print it, and write it where asked for."""
     from modelgen.render.arms.arm_writer import arm_module
     from modelgen.runtime.model.module_file import execute_text
     from modelgen.runtime.planning.arms.exciting_trajectory import exciting_trajectory
@@ -138,7 +138,7 @@ def design_arm(
 
 
 def predict_along(arm: ArmSpec, given: Mapping[str, Any], result: ResultOptions) -> None:
-    """Tell what each sensor set of an elastic arm would find along the motions of files."""
+    """Print what each sensor set of an elastic arm would find along the motions of files."""
     references = given_references(arm, given["excitation"])
     predicted = predictions(arm, given, references)
     described = {"arm": arm.name, "predicted": predicted}

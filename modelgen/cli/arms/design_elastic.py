@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from modelgen.runtime.simulation.arms.joint_reference import JointReference
     from modelgen.spec.arms.arm import ArmSpec
 
-#: Parameters of drives that are told of every joint.
+#: Parameters of drives that are printed for every joint.
 TOLD = ("stiffness", "damping", "stiffness3")
 
 

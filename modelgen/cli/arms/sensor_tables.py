@@ -1,4 +1,4 @@
-"""What `modelgen show` says of an arm's sensor sets: one beside the other."""
+"""What `modelgen show` says of an arm's sensor sets, side by side."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def design(
     """Predict the precision of every parameter for each sensor set, and rank the sets.
 
     Prices, noise and resolution come from a file of candidates, or from the options for the spec's own sets.
-    Of an arm: search for a trajectory that tells its base parameters apart, within the limits of the joints
+    Of an arm: search for a trajectory that distinguishes its base parameters, within the limits of the joints
     and boxes, and write it with --optimise. Of an elastic arm also a fast one about its modes, and what every
     sensor set would find in both, or in those of --excitation files.
     """

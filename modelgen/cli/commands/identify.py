@@ -26,7 +26,7 @@ SensorsOf = Annotated[
     typer.Option(
         "--sensors",
         metavar="S|RECORD=S",
-        help="Sensor set of all records or of one, where files do not tell; repeatable.",
+        help="Sensor set of all records or of one, where files do not show it; repeatable.",
     ),
 ]
 Output = Annotated[

@@ -40,7 +40,7 @@ def show(
 
     The table says for every set its rows, the highest derivative they need, which parameters can be
     identified, and which are lost against a position sensor on every body. Of an arm it shows joints, limits,
-    gears, parameters, which sums of them its motion tells apart, and what its sensor sets give.
+    gears, parameters, which sums of them its motion distinguishes, and what its sensor sets give.
     """
     from modelgen.cli.tables import console
     from modelgen.spec.arms.arm import ArmSpec

@@ -39,7 +39,7 @@ def _plain(cell: Any) -> str:
 
 
 def intervals_of(estimates: Mapping[str, Any]) -> dict[str, list[Interval]]:
-    """Return the 95 % intervals of each parameter that several estimates tell, by its name and unit."""
+    """Return the 95 % intervals of each parameter that several estimates give, by its name and unit."""
     found: dict[str, list[Interval]] = {}
     for title, one in estimates.items():
         entries = {entry.name: entry for entry in (*one.parameters.identified, *one.parameters.physical)}

@@ -1,1 +1,1 @@
-"""Records of one sensor set or of several: read for it, identified, and told as one answer."""
+"""Records of one sensor set or of several: read for it, identified, and given as one answer."""

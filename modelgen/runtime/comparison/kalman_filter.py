@@ -43,7 +43,7 @@ def filter_parameters(model: Model, records: Sequence[Record], start: Mapping[st
         When the filter diverges, or the chain has a cubic stiffness.
     """
     if model.cubic_springs:
-        raise DataError.at("Kalman filter", "knows no cubic stiffness", "use another method")
+        raise DataError.at("Kalman filter", "cannot handle a cubic stiffness", "use another method")
     plant = make_plant(model, start)
     first = np.array([plant.parameters[name] for name in model.parameters])
     scale = np.where(first == 0.0, 1.0, np.abs(first))

@@ -106,12 +106,12 @@ def linear_chain(plant: Plant, gains: EquivalentGains | None, frequency_hz: Floa
 
 
 def is_nonlinear(plant: Plant) -> bool:
-    """Tell whether Coulomb friction or a cubic spring bends the chain's frequency response."""
+    """Return whether Coulomb friction or a cubic spring bends the chain's frequency response."""
     return has_coulomb(plant) or any(plant.value(spring.parameter) for spring in plant.model.cubic_springs)
 
 
 def has_coulomb(plant: Plant) -> bool:
-    """Tell whether a body has Coulomb friction."""
+    """Return whether a body has Coulomb friction."""
     names = [name for f in plant.model.friction for name in (f.coulomb_plus, f.coulomb_minus)]
     return any(plant.value(name) for name in names)
 

@@ -35,7 +35,7 @@ from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.plant import Plant, make_plant
 
-WEIGH = "give it if it is known (--set NAME=VALUE), or record a motion that tells it from the others"
+WEIGH = "give it if it is known (--set NAME=VALUE), or record a motion that distinguishes it from the others"
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ class EstimatedChain:
 
 
 def estimated_chain(model: Model, estimate: Estimate) -> EstimatedChain:
-    """Return the chain that an estimate says: what its fit knows, or what its parameters say.
+    """Return the chain of an estimate: that of its fit, or that of its parameters.
 
     Raises
     ------

@@ -104,7 +104,7 @@ def autocorrelation(residual: FloatArray, step_s: float) -> Autocorrelation | No
 def _observed(model: Model, records: Sequence[Record], estimate: Estimate) -> Observation:
     """Return the rows at the samples that the estimate used, delays that it found compensated.
 
-    Whether samples near a reversal were used depends on the method and what stands in for it: counts tell.
+    Whether samples near a reversal were used depends on the method and its substitute: the counts show it.
     """
     moved = [advanced(record, estimate.delays) for record in records]
     if estimate.fit.method == "pham2002":

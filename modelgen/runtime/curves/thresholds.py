@@ -22,11 +22,11 @@ FILTER_ORDER = 4
 
 # Step of a parameter, of its size, for the slope of a response.
 RELATIVE_STEP = 1e-6
-# A response is told where directions that the records leave open change it by less than this share.
+# A response is given where directions that the records leave open change it by less than this share.
 OPEN_SHARE = 0.02
 
 # A normal deviate lies within so many standard deviations with 95 and 99 %.
 Z_95 = 1.959963984540054
 Z_99 = 2.5758293035489004
-# Lags of a residual's autocorrelation: more than a plot tells apart.
+# Lags of a residual's autocorrelation: more than a plot resolves.
 MOST_LAGS = 200

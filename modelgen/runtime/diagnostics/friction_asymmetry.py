@@ -161,7 +161,7 @@ def _columns(
             for coefficient, key in terms
             if key == feature.key
         )
-        # a channel that brings the direction alone tells no speed
+        # a channel that brings the direction alone has no speed
         if not share or signal.sensor is None:
             columns.append(None)
             continue

@@ -156,7 +156,7 @@ def friction_and_offset(model: Model, one_way: Mapping[str, str], columns: Seque
             role = model.roles.get(other)
             if role is not None and role.role == "offset" and role.bodies == body:
                 for one in (name, other):
-                    reasons[one] = f"{what}, so {name} and {other} cannot be told apart"
+                    reasons[one] = f"{what}, so {name} and {other} cannot be distinguished"
     return reasons
 
 
@@ -253,7 +253,7 @@ def _keys(model: Model, column: str) -> dict[str, None]:
 
 
 def _one_sided(model: Model, fit: Fit, index: int) -> bool:
-    """Tell whether a column holds one sign only, up to what a filter adds; coefficients of rows set aside."""
+    """Return whether a column has one sign only, up to what a filter adds, coefficients set aside."""
     column = model.base_parameters.index(fit.columns[index])
     least, most = np.inf, -np.inf
     for block in fit.blocks:
@@ -275,7 +275,7 @@ def _sensors_of_bodies(model: Model) -> dict[str, list[Sensor]]:
 
 
 def _moves(record: Record, sensor: Sensor) -> bool:
-    """Tell whether a sensor shows more than noise; a velocity need not change for that."""
+    """Return whether a sensor shows more than noise; a velocity need not change for that."""
     if sensor.key not in record.signals:
         return False
     spectrum = record.facts.spectrum(sensor.key)

@@ -3,7 +3,7 @@
 Noise in the columns of W does not average out: it adds its own power, N = E[dW^T dW], to W^T W, and
 E[dW^T dY] to W^T Y. What least squares would have found without them is (W^T W - N)^-1 (W^T Y - E[dW^T dY])
 (Fuller 1987, ch. 1). Of columns that are not linear in the readings noise moves the mean, too: the square
-of a noisy speed is too large. What that adds to residuals, times W, stands beside E[dW^T dY]. The noises are
+of a noisy speed is too large. What that adds to residuals, times W, is added to E[dW^T dY]. The noises are
 those of `noise_floor`, white before filter and derivatives.
 """
 
@@ -182,7 +182,7 @@ def significant_bias(fit: Fit, bias: FloatArray, noise: FloatArray) -> FloatArra
 
 
 def takes_instruments(model: Model) -> bool:
-    """Tell whether there is a simulation that makes instruments of a model: not of arms with springs."""
+    """Return whether there is a simulation that makes instruments of a model: not of arms with springs."""
     return not model.is_arm or follows(model)
 
 

@@ -43,7 +43,7 @@ REMEDIES = {
 
 
 def slowest_mode_hz(model: Model, physical: Mapping[str, float]) -> float | None:
-    """Return the frequency of the slowest mode of vibration; None where there is none, or no telling."""
+    """Return the frequency of the slowest mode of vibration; None where it is not determined."""
     if not model.actuators:
         return None
     from modelgen.runtime.simulation.closed_loop import vibration
@@ -144,14 +144,14 @@ def _from_zero(fit: Fit, at: Sequence[int]) -> float:
     values, covariance = fit.solution.x[at], hac_covariance(fit)[np.ix_(at, at)]
     deviation = np.sqrt(np.maximum(np.diag(covariance), float(np.finfo(float).tiny)))
     variances, directions = np.linalg.eigh(covariance / np.outer(deviation, deviation))
-    # what rounding has left of a variance tells no distance
+    # what rounding has left of a variance is no distance
     known = variances > len(at) * float(np.finfo(float).eps)
     moved = directions.T @ (values / deviation)
     return float(np.sum(moved[known] ** 2 / variances[known]))
 
 
 def _drowned(fit: Fit, index: int, model: Model, record: Record, choice: FilterChoice) -> bool:
-    """Tell whether what a row leaves is hardly more than noise of the sensors."""
+    """Return whether what a row leaves is hardly more than noise of the sensors."""
     x, block = fit.all_parameters(model.base_parameters), fit.blocks[index]
     noise = row_noise(model, record, choice, choice.decimation[block.record], block.row, x)
     return fit.rms(index) < LARGEST_NOISE * noise

@@ -115,7 +115,7 @@ def faulty_runs(
 
 
 def _coarse_there(samples: FloatArray, runs: Runs, which: IntArray) -> BoolArray:
-    """Tell around which runs other readings repeat as well: noise does not show there, so they are no fault.
+    """Return around which runs other readings repeat as well: no noise shows there, so they are no fault.
 
     A file with so many significant digits has coarse readings far from zero and fine ones near it; an axis
     at rest between two counts of its encoder has none of the noise that it shows when it moves.
@@ -132,7 +132,7 @@ def _coarse_there(samples: FloatArray, runs: Runs, which: IntArray) -> BoolArray
 
 
 def _not_at_rest(runs: Runs, which: IntArray, measures: str, moving: BoolArray) -> BoolArray:
-    """Tell during which runs, or next to which, the machine moves: what stands still at rest is no fault."""
+    """Return during which runs, or next to which, the machine moves: readings still at rest are no fault."""
     first, last = runs.first[which], runs.last[which]
     moved = np.concatenate([[0], np.cumsum(moving)])
     during = moved[last + 1] - moved[first] > MOSTLY * (last + 1 - first)
@@ -145,7 +145,7 @@ def _not_at_rest(runs: Runs, which: IntArray, measures: str, moving: BoolArray) 
 
 
 def _only_there(short: BoolArray, lengths: IntArray, n: int) -> bool:
-    """Tell whether readings repeat at the ends of the range, hardly elsewhere, not as in a square wave."""
+    """Return whether readings repeat at the ends of the range, hardly elsewhere, not as in a square wave."""
     there, elsewhere = int(np.sum(short)), int(np.sum(~short & (lengths >= CLIPPED_RUN)))
     return bool(there >= OFTEN and elsewhere <= RARELY * there and np.sum(lengths[short]) < 0.5 * n)
 
@@ -162,7 +162,7 @@ def _longest_by_chance(n: int, lengths: IntArray) -> float:
 
 
 def _noisy(samples: FloatArray, runs: Runs) -> bool:
-    """Tell whether there is noise larger than the resolution: readings then hardly ever repeat."""
+    """Return whether there is noise larger than the resolution: readings then hardly ever repeat."""
     fourth = np.diff(excerpt(samples), 4)
     fourth = fourth[fourth != 0.0]
     if len(fourth) < SHORTEST_RUN:
@@ -180,7 +180,7 @@ def _full_speed(steps: FloatArray, bends: FloatArray, resolution: float) -> floa
 
 
 def _sudden(steps: FloatArray, bends: FloatArray, step: IntArray, bend: IntArray, full: float) -> BoolArray:
-    """Tell which steps are at full speed and do not change as they would if something slowed down there."""
+    """Return which steps are at full speed and do not change as they would if something slowed down there."""
     found = _at(steps, step)
     return np.asarray((found > full) & (found > USUAL_CHANGES * _at(bends, bend)))
 

@@ -31,7 +31,7 @@ LARGEST_LOSS = 0.5
 
 # A bias is reported from this share of the value and this many standard deviations of the noise.
 LEAST_BIAS, LEAST_DEVIATIONS = 0.01, 2.0
-# Where less than this share of a combination of columns is no noise, what that pulls cannot be told; a
+# Where less than this share of a combination of columns is no noise, the bias by it is unknown; a
 # parameter is lost that has more than this part of its variance from there.
 LEAST_SIGNAL, LOST_PART = 0.1, 0.01
 # A parameter with a bias of more than this share of what is left of it is lost.
@@ -66,7 +66,7 @@ LEAST_REPEATED = 0.1
 SMALLEST_ERROR = 5e-4
 
 # A residual is tested on its longest stretch without masked samples, of so many frequencies at least, and of
-# so many samples at most: more of them tell no more than that no model is exact.
+# so many samples at most: more of them would only show that no model is exact.
 FEWEST_LINES = 32
 MOST_SAMPLES = 1 << 15
 # Lags of the whiteness, and rounds in which the residual's colour is fitted.

@@ -49,7 +49,7 @@ class Tried:
     calm: float
 
     def digits(self, size: FloatArray, moved: FloatArray | float = 0.0) -> float:
-        """Return how many digits of all parameters the method is predicted to know.
+        """Return how many digits of all parameters the method is predicted to determine.
 
         `size`, shape (c,), is what errors are compared with; `moved`, shape (c,), further square errors.
         """

@@ -88,7 +88,7 @@ def _known_factor(model: Model, one: Sensor, other: Sensor, ratio: float) -> str
 
 
 def _moves_as_one(model: Model) -> bool:
-    """Tell whether a chain moves as one where it moves slowly: no spring holds it to ground."""
+    """Return whether a chain moves as one where it moves slowly: no spring holds it to ground."""
     springs = (role for role in model.roles.values() if role.role in ("stiffness", "stiffness3"))
     return all(len(role.bodies) > 1 for role in springs)
 

@@ -1,6 +1,6 @@
 """A chain for MuJoCo: a joint a body with armature, damping and frictionloss, a tendon a spring.
 
-MuJoCo's friction holds a resting joint by a soft constraint: it creeps where the chain would stick.
+MuJoCo's friction holds a resting joint by a soft constraint: it drifts slowly where the chain would stick.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def write(case: Case) -> Written:
     if cubic:
         what = "is a cubic stiffness, which an MJCF tendon does not have"
         raise DataError.at(f"parameters: {cubic[0]}", what, f"leave it out with --set {cubic[0]}=0")
-    notes = ["friction at rest is a soft constraint of MuJoCo: a body that sticks creeps"]
+    notes = ["friction at rest is a soft constraint of MuJoCo: a body that sticks drifts slowly"]
     directed = [body.name for body in case.mechanics.bodies if body.asymmetric and body.viscous[0]]
     if directed:
         notes.append(f"viscous friction that differs by direction is the mean of both: {', '.join(directed)}")

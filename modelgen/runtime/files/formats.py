@@ -26,7 +26,7 @@ READERS = {
     ".mcap": ("child_process.messages", "open_mcap"),
     **dict.fromkeys(BAGS, ("child_process.messages", "open_rosbag")),
 }
-# of files that are packed as a whole the suffix before tells the format
+# of files that are packed as a whole the suffix before it shows the format
 PACKED = (".zstd", ".zst", ".gz", ".bz2", ".xz", ".zip")
 
 

@@ -34,7 +34,7 @@ from modelgen.runtime.records.record import Record
 class HighestDerivative:
     """The highest derivative `order` of a channel that the rows need, and the channel's spectra by record.
 
-    `force` tells whether an actuator is read.
+    `force` says whether an actuator is read.
     """
 
     channel: str
@@ -166,7 +166,7 @@ def quiet_cutoff(
 
     Also the channel that asked for less than the ceiling, None where none did. At least half of the power
     that a derivative has up to `within_hz` is kept. Only derivatives of sensors count: noise of a reading
-    itself is white, and noise of a force is in no column of W; for both a wider band tells more.
+    itself is white, and noise of a force is in no column of W; for both a wider band gives more information.
     """
     # a derivative that no record shows is warned of: no cut-off brings it back
     asking = [one for one in highest if one.order > 0 and not one.force and one.power(within_hz) > 0.0]

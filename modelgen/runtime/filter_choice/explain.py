@@ -57,7 +57,7 @@ def derivative(one: HighestDerivative) -> str:
 
 
 def direction_sentence(direction_hz: float, given: bool) -> str:
-    """Say below which frequency speeds tell the directions of motion."""
+    """Say below which frequency directions of motion are taken from speeds."""
     end = " as given." if given else "."
     return f"Directions of motion are the signs of velocities below {direction_hz:.4g} Hz{end}"
 

@@ -26,7 +26,7 @@ SIGNAL_CUTOFF = 4.0
 # Products of two signals of a chain, as rows of power have them, err less; noise times noise asks for less.
 POWER_BANDS = (5.0, 2.0)
 HIGHEST_CUTOFF = 0.4  # of the sampling frequency
-# Turns of a body are told where noise changes its speed by this share of what turning does meanwhile.
+# Reversals of a body are seen where noise changes its speed by this share of what the reversal changes.
 TURNS_CLEARLY = 0.1
 # The cut-off, as a share of the new Nyquist frequency.
 DECIMATION_MARGIN = 0.8

@@ -1,4 +1,4 @@
-"""Up to which frequency speeds tell when a body turns: as far as noise changes them little meanwhile.
+"""Up to which frequency speeds show when a body reverses: as far as noise changes them little meanwhile.
 
 A speed bends where friction jumps, and a low-pass of it turns late; noise behind a wide one turns by itself.
 """
@@ -42,7 +42,7 @@ def direction_cutoff(
 ) -> float:
     """Return the cut-off in Hz of velocities whose signs are directions, from that of the rows and dynamics.
 
-    Of arms it is the band in which all sensed speeds tell when they turn: joints turn as fast as friction
+    Of arms it is the band in which all sensed speeds show when they reverse: joints turn as fast as friction
     lets them. Where springs give some of the speeds it is that of the rows, as these hold far more noise.
     What of a chain's velocities is beyond the dynamics is not known to be motion.
     """

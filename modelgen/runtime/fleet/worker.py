@@ -121,5 +121,5 @@ def probe(record: FleetRecord, channels: Sequence[str]) -> None:
 
 
 def same_records(first: FleetRecord, second: FleetRecord, channels: Sequence[str]) -> bool:
-    """Tell whether two records hold the same data."""
+    """Return whether two records hold the same data."""
     return same_throughout(first.opened(), second.opened(), channels)

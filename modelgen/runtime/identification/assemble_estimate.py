@@ -173,7 +173,7 @@ def _physical(solved: Solved, base: FloatArray, covariances: Covariances) -> Fou
         and list(found) == list(model.parameters)
         and {*known, *solved.fixed} >= {*model.base_parameters}
     ):
-        reason = f"cannot be told from {', '.join(doubtful)}, too uncertain in these records"
+        reason = f"cannot be distinguished from {', '.join(doubtful)}, too uncertain in these records"
         hanging = hanging_on(model, covariances, found, doubtful, known)
         doubtful |= dict.fromkeys((name for name in hanging if name not in solved.fixed), reason)
         physical = tuple(entry for entry in physical if entry.name not in doubtful)

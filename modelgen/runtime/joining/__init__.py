@@ -1,1 +1,1 @@
-"""One answer from records of different sensors: an estimate each sensor set, joined by what each knows."""
+"""One answer from records of different sensors: an estimate each sensor set, joined by their covariances."""

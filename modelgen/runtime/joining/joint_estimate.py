@@ -91,7 +91,7 @@ class JointEstimate:
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """Estimates of sensor sets and the fit of the physical parameters to all that they know."""
+    """Estimates of sensor sets and the fit of the physical parameters to all of them."""
 
     models: Mapping[str, Model]
     parts: Mapping[str, SensorSetPart]
@@ -238,7 +238,7 @@ def _fit(joined: Joined, every: tuple[Parameter, ...]) -> EstimatedFit:
 
 
 def _refused(joined: Joined, known: set[str]) -> dict[str, str]:
-    """Return why parameters have no number: what each set that could tell it says."""
+    """Return why parameters have no number: what each set that could determine it says."""
     found: dict[str, str] = {}
     for name in joined.chain.parameters:
         if name in known:
@@ -247,13 +247,13 @@ def _refused(joined: Joined, known: set[str]) -> dict[str, str]:
             t: e.not_identifiable[name] for t, e in joined.estimates.items() if name in e.not_identifiable
         }
         told = listed([f"{title}: {why}" for title, why in reasons.items()], most=3)
-        open_still = f"no sensor set tells it, nor do they together ({told})" if told else "stays open"
+        open_still = f"no sensor set determines it, nor do all together ({told})" if told else "stays open"
         found[name] = joined.doubtful.get(name, open_still)
     return found
 
 
 def _unseen(joined: Joined) -> tuple[str, ...]:
-    """Return the parameters that these sensors could not tell even if every record answered all it could."""
+    """Return the parameters that these sensors could not determine even with ideal records."""
     values = joined.solution.values
     slopes = np.concatenate([model.base_jacobian(values) for model in joined.models.values()])
     size = np.array([abs(values[name]) or 1.0 for name in joined.chain.parameters])
@@ -288,7 +288,7 @@ def _advice(joined: Joined, failed: Mapping[str, str]) -> tuple[Advice, ...]:
         for title, why in failed.items()
     ]
     for title, one in joined.estimates.items():
-        # what a set cannot tell alone another one may
+        # what one set cannot determine alone another one may
         own = [advice for advice in one.checks.advice if advice.kind != "dependent columns"]
         found += [replace(advice, where=f"{title}: {advice.where}") for advice in own]
     return tuple(found)

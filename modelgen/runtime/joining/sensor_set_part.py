@@ -19,7 +19,7 @@ Evaluate = Callable[[Mapping[str, float]], FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class SensorSetPart:
-    """Numbers that one estimate knows, each a function of the physical parameters.
+    """Values that one estimate gives, each a function of the physical parameters.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class SensorSetPart:
 
 
 def part_of(model: Model, estimate: Estimate) -> SensorSetPart:
-    """Return what an estimate of a model knows.
+    """Return the values that an estimate of a model gives.
 
     Base parameters are linear in the physical ones. Where they are composites that the fit was made of, more
     of them than there are parameters, the physical parameters themselves stand for them.

@@ -51,7 +51,7 @@ def fit_total(fit: Fit, model: Model) -> Fit:
     last = Vt[-1]
     apart = len(s) > 1 and s[-2] - s[-1] > RANK_TOLERANCE * s[0]
     if not apart or abs(last[-1]) < RANK_TOLERANCE:
-        remedy = "use method wls or iv, which say what cannot be told apart"
+        remedy = "use method wls or iv, which say what cannot be distinguished"
         raise IdentifiabilityError.at("method tls", "has no solution: columns are dependent", remedy)
     free = -last[:-1] / last[-1]
     rest = triangle[:known, -1] - triangle[:known, known:-1] @ free

@@ -1,4 +1,4 @@
-"""The view of an arm's module that the road knows: signals, features and sums, as of a chain's.
+"""The view of an arm's module that the runtime uses: signals, features and sums, as of a chain's.
 
 What the record must bring, and whose directions the rows hold, is in `arm_channels`; here every entry becomes
 a sum of signals and features, or a line of the kernel.

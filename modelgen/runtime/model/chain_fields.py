@@ -1,4 +1,4 @@
-"""What a chain's module holds, under the names that an arm's is told by, too."""
+"""What a chain's module holds, under the names that an arm's has, too."""
 
 from __future__ import annotations
 

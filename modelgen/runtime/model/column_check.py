@@ -160,6 +160,6 @@ def _disagreements(
 
 
 def _close(got: FloatArray, expected: FloatArray) -> BoolArray:
-    """Tell for every column, shape (N,) or (N, columns), whether it differs by rounding only."""
+    """Return for every column, shape (N,) or (N, columns), whether it differs by rounding only."""
     scale = np.max(np.abs(expected), axis=0)
     return np.asarray(np.all(np.abs(got - expected) <= TOLERANCE * scale, axis=0))

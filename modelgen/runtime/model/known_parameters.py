@@ -167,7 +167,7 @@ def _reduced(model: Model, held: Mapping[str, float]) -> _Reduced:
     known = [_determined(slope[kept]) for slope in slopes]
     identifiable = tuple(name for index, name in enumerate(left) if all(one[index] for one in known))
     absent = {
-        name: model.absent.get(name, "cannot be told from the other parameters by these sensors")
+        name: model.absent.get(name, "cannot be distinguished from the other parameters by these sensors")
         for name in left
         if name not in identifiable
     }
@@ -199,7 +199,7 @@ def _slopes(model: Model, held: Mapping[str, float], left: list[str]) -> FloatAr
 
 
 def _determined(slope: FloatArray) -> list[bool]:
-    """Tell which parameters have no part in what leaves all base parameters as they are."""
+    """Return which parameters have no part in what leaves all base parameters as they are."""
     scaled = slope / (np.linalg.norm(slope, axis=1, keepdims=True) if len(slope) else 1.0)
     _, sizes, directions = np.linalg.svd(scaled)
     rank = int(np.sum(sizes > NEGLIGIBLE * sizes.max(initial=0.0)))

@@ -37,7 +37,7 @@ def couplings(model: Model, matrices: ChainMatrices, name: str) -> tuple[Couplin
 
     A link of ratio r has 1 / r^2 and 1 on the diagonal of its matrix and -1 / r off it; its first body is
     the one with 1 / r^2. Bodies whose diagonal holds more than their links are tied to the ground. Names
-    that links of a ring share may leave it open which ends are first: `couples_as` tells.
+    that links of a ring share may leave it open which ends are first: `couples_as` checks it.
     """
     share = matrices.stiffness[name] if name in matrices.stiffness else matrices.damping[name]
     ends = [matrices.bodies.index(body) for body in dict.fromkeys(model.roles[name].bodies)]
@@ -68,7 +68,7 @@ def couplings(model: Model, matrices: ChainMatrices, name: str) -> tuple[Couplin
 
 
 def couples_as(links: tuple[Coupling, ...], share: FloatArray) -> bool:
-    """Tell whether the links together make this matrix, shape (bodies, bodies)."""
+    """Return whether the links together make this matrix, shape (bodies, bodies)."""
     levers = [link.lever(len(share)) for link in links]
     made = sum((np.outer(lever, lever) for lever in levers), np.zeros_like(share))
     return bool(np.abs(made - share).max() <= NEGLIGIBLE * np.abs(share).max())

@@ -20,7 +20,7 @@ from modelgen.runtime.modes.uncertain_chain import UncertainChain, without_inert
 
 LINEAR = "Linear about rest: {names} is the cube of a deflection and has no part there."
 BOTH_WAYS = "Friction that depends on the direction counts with the mean of both."
-OPEN = "{count} of {total} modes cannot be told: they need {names}, which the records leave open."
+OPEN = "{count} of {total} modes cannot be computed: they need {names}, which the records leave open."
 UNDAMPED = (
     "Damping ratios and time constants need {names}, which the records leave open; the frequencies hold for "
     "{taken}."
@@ -144,7 +144,7 @@ def _slopes(
 
 
 def _depend(slopes: FloatArray, chain: UncertainChain) -> npt.NDArray[np.bool_]:
-    """Tell which pairs' damping, and which frequencies, depend on what is left open, shape (pairs, 2).
+    """Return which pairs' damping, and which frequencies, depend on what is left open, shape (pairs, 2).
 
     A frequency depends on damping by the square of it only: it is told where nothing but damping is open.
     """
@@ -159,7 +159,7 @@ def _depend(slopes: FloatArray, chain: UncertainChain) -> npt.NDArray[np.bool_]:
 def _loose(
     pairs: list[PolePair], slopes: FloatArray, chain: UncertainChain, undamped: UndampedModes
 ) -> npt.NDArray[np.bool_]:
-    """Tell the same of what is too uncertain for a linear step, shape (pairs, 2).
+    """Return the same for what is too uncertain for a linear step, shape (pairs, 2).
 
     Damping is in a pair's sum, the frequency is its product; of a free motion it is zero, whatever is known.
     """

@@ -91,7 +91,7 @@ def _peaks_of(record: Record, sensor: Sensor, force: str) -> Iterator[Peak]:
 
 
 def _excited(record: Record, force: str, low_hz: float, high_hz: float) -> bool:
-    """Tell whether the force has power between two frequencies: what leaks there makes peaks of its own."""
+    """Return whether the force has power between two frequencies: what leaks there makes peaks of its own."""
     f, power = record.facts.power(force)
     bands = np.r_[low_hz * (high_hz / low_hz) ** np.arange(-40.0, 41.0)]
     edges = np.unique(np.searchsorted(f, bands[bands < f[-1]]))

@@ -1,4 +1,4 @@
-"""What is told of a pair of poles, and the interval of each number: delta method, or the ends worked out.
+"""The values of a pair of poles, and the interval of each: delta method, or the ends worked out.
 
 An interval is the range that a number takes within the ellipsoid of the parameters that a deviation of 1.96
 along the number's own slope reaches (Hasofer and Lind 1974; the delta method where the number is linear).

@@ -37,10 +37,10 @@ class Mode(PairValues):
         Undamped natural frequency in Hz, the magnitude of the poles over 2 pi; None where the chain moves
         freely as a whole, which is a mode of 0 Hz.
     damping_ratio : ModalValue or None
-        Above 1 for a motion that creeps back without swinging; None where the records leave damping open.
+        Above 1 for an overdamped motion; None where the records leave damping open.
     time_constants_s : tuple of ModalValue
         In s, of real poles, slowest first: of a free motion how its speed decays, of one with a damping ratio
-        above 1 how it creeps back; none where the motion swings.
+        above 1 those of the overdamped return; none where the motion oscillates.
     shape : mapping of str to float
         How far each body moves, in its own unit (rad or m), in the undamped mode; 1 for the body that has
         most of the energy.

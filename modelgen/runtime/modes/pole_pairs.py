@@ -64,7 +64,7 @@ def pole_pairs(inertia: FloatArray, D: FloatArray, K: FloatArray, modes: Undampe
 
     Inertias, damping D and stiffness K (SI) have shape (bodies, bodies); inertias alone may be (bodies,).
 
-    `modes` may be those of other values of the parameters, not far away: they tell which pair is which.
+    `modes` may be those of other values of the parameters, not far away: they show which pair is which.
     """
     A, unit = _modal(inertia, D, K, modes)
     poles, vectors = np.linalg.eig(A)

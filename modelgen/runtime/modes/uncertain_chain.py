@@ -1,4 +1,4 @@
-"""What an estimate knows of a chain: values of its parameters, their covariance, and what it leaves open."""
+"""What an estimate determines of a chain: values and covariance of its parameters, what it leaves open."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ def _smaller(error: FloatArray, than: FloatArray) -> bool:
 
 
 def _known(slope: FloatArray) -> list[bool]:
-    """Tell which parameters take no part in a direction that leaves all base parameters as they are."""
+    """Return which parameters take no part in a direction that leaves all base parameters as they are."""
     _, s, Vt = np.linalg.svd(slope, full_matrices=True)
     rank = int(np.sum(s > RANK_TOLERANCE * s[0]))
     return [bool(known) for known in np.all(np.abs(Vt[rank:]) < NULL_SHARE, axis=0)]

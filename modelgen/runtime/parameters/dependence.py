@@ -29,7 +29,7 @@ from modelgen.runtime.parameters.thresholds import (
     VARIANCE_SHARE,
 )
 
-INSEPARABLE = "cannot be told apart in these records"
+INSEPARABLE = "cannot be distinguished in these records"
 LISTED = 6  # columns of a group
 
 
@@ -76,7 +76,7 @@ class Dependence:
         """What is seen of the columns, in words and numbers."""
         columns = joined(self.columns)
         if not self.combinations:
-            return f"{columns} cannot be told apart"
+            return f"{columns} cannot be distinguished"
         verb = "is" if len(self.combinations) == 1 else "are"
         seen = joined(
             [f"{c.text} = {c.value:.4g} (standard deviation {c.std:.2g})" for c in self.combinations]

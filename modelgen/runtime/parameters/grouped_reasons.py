@@ -66,7 +66,7 @@ def reasons_of_parameters(
     formulas : mapping of str to str
         Base parameters that go by a short name to what they are made of.
     parameters : collection of str
-        The physical parameters that these sensors can tell, in the order of the spec.
+        The physical parameters that these sensors can determine, in the order of the spec.
     numbers : collection of str
         Parameters with a number, which need no reason.
     """

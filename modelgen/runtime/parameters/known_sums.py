@@ -1,4 +1,4 @@
-"""Inertias that are too uncertain each, but known together: slow motion tells what moves in step."""
+"""Inertias that are too uncertain each, but known together: slow motion shows what moves in step."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def with_known_sums(
 
 
 def _felt_shares(model: Model, values: Mapping[str, float], names: list[str]) -> FloatArray | None:
-    """Return what share of each inertia the body of the first one feels, all moving as one."""
+    """Return what share of each inertia the body of the first one carries, all moving as one."""
     # least squares needs no simulation but for this
     from modelgen.runtime.simulation.closed_loop import vibration
     from modelgen.runtime.simulation.plant import make_plant

@@ -45,5 +45,5 @@ def nearest_parameters(model: Model, base: FloatArray) -> tuple[Mapping[str, flo
 
 
 def alike(values: Mapping[str, float], other: Mapping[str, float]) -> bool:
-    """Tell whether two sets of parameters are the same solution."""
+    """Return whether two sets of parameters are the same solution."""
     return all(abs(value - other[name]) <= DIFFERENT * abs(other[name]) for name, value in values.items())

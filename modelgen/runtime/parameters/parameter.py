@@ -11,7 +11,7 @@ SYMMETRIC = ("Ixy", "Ixz", "Iyz", "mx", "my", "mz")
 
 
 def may_be_zero(name: str, role: str) -> bool:
-    """Tell whether a parameter of a right model may well be zero: relative to that none is certain."""
+    """Return whether a parameter of a right model may well be zero: relative to that none is certain."""
     return role == "offset" or (role == "link" and name.split("_")[0] in SYMMETRIC)
 
 

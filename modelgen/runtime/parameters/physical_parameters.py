@@ -150,7 +150,7 @@ def _from_composites(
 
 
 def _astray(model: Model, base: FloatArray, covariances: Covariances, found: PhysicalSolution | None) -> bool:
-    """Tell whether a solution is no chain, is far from the composites, or leaves open what they determine."""
+    """Return whether a solution is no chain, is far from the composites, or leaves open what those do."""
     if found is None or not _solid(model, found.values):
         return True
     whole = all_from_composites(model) and bool(np.isfinite(base).all())
@@ -179,7 +179,7 @@ def _best(
 
 
 def _solid(model: Model, values: Mapping[str, float]) -> bool:
-    """Tell whether inertias and stiffnesses are above zero: other solutions are no chain's."""
+    """Return whether inertias and stiffnesses are above zero: other solutions are no chain's."""
     roles = model.roles
     return all(
         value > 0.0
@@ -237,7 +237,7 @@ def hanging_on(
 
 
 def all_from_composites(model: Model) -> bool:
-    """Tell whether the base parameters are composites that determine every physical parameter."""
+    """Return whether the base parameters are composites that determine every physical parameter."""
     return bool(model.composites) and len(model.identifiable) == len(model.parameters)
 
 

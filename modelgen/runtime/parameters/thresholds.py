@@ -15,7 +15,7 @@ VARIANCE_SHARE = 0.5
 SMALLEST_SHARE = 0.05
 # The parameter that the others are combined with is the first one of at least this share in a direction.
 PIVOT_SHARE = 0.3
-# A sum of parameters without numbers of their own is told where its interval is within this share of it.
+# A sum of parameters without numbers of their own is given where its interval is within this share of it.
 KNOWN_SHARE = 0.3
 # Beyond this the columns are as good as equal, and no variance can be worked out from them.
 HIGHEST_INDEX = 1e7
@@ -78,5 +78,5 @@ SOLVER_GAP = 1e-11
 # A bound holds a parameter, or a link, that it moves by so many standard deviations.
 HELD = 1e-2
 
-# A sum of inertias is told in place of those that are not known where its deviation is below this, in %.
+# A sum of inertias is given in place of those that are not known where its deviation is below this, in %.
 KNOWN_SUM_PERCENT = 5.0

@@ -29,14 +29,16 @@ def not_identifiable(
     reasons = {name: _why_zero(model, name) for name in fit.absent}
     for name, lost in zip(fit.columns, fit.solution.undetermined, strict=True):
         if lost:
-            reasons[name] = "cannot be told from other parameters in these records (W is short of rank)"
+            reasons[name] = (
+                "cannot be distinguished from other parameters in these records (W is short of rank)"
+            )
     for name, reason in {**offsets_of_encoder_zeros(model, records, fit), **like_delays(model, fit)}.items():
         reasons.setdefault(name, reason)
     return {name: reasons[name] for name in model.base_parameters if name in reasons}
 
 
 def like_delays(model: Model, fit: Fit) -> dict[str, str]:
-    """Return the base parameters made of what cannot be told from delays of forces, with that reason.
+    """Return the base parameters of what cannot be distinguished from delays of forces, with that reason.
 
     Friction of such a body without a sensor has none either: the direction of the dry one is that of a
     simulation, and the viscous one takes what that has wrong.
@@ -54,7 +56,7 @@ def like_delays(model: Model, fit: Fit) -> dict[str, str]:
     _, slopes = _anywhere(model)
     places = [model.parameters.index(name) for name in unknown]
     delays = ", ".join(channel for channel, _, _ in fit.delays)
-    why = f"cannot be told from the delay of {delays} in these records"
+    why = f"cannot be distinguished from the delay of {delays} in these records"
     return {name: why for name, row in zip(model.base_parameters, slopes, strict=True) if np.any(row[places])}
 
 
@@ -73,7 +75,7 @@ def _why_zero(model: Model, name: str) -> str:
         return f"no record carries payload {payload}: say which one does (--payload RECORD={payload})"
     if not any(model.base_parameters.index(name) in row for row in model.regressor_columns):
         return (
-            "needs how far the springs deflect, which the records do not tell: move faster, towards the "
+            "needs how far the springs deflect, which the records do not show: move faster, towards the "
             "modes of the arm, or measure both sides of the springs"
         )
     return "its column is zero in every sample used"
@@ -172,6 +174,6 @@ def _slowest_sensors(model: Model) -> Mapping[str, Sensor]:
 
 def _steady_share(record: Record, sensor: Sensor, limit_hz: float) -> float:
     derivative = 1 - sensor.order
-    # an accelerometer does not tell a constant velocity; its own constant is no motion
+    # an accelerometer does not show a constant velocity; its own constant is no motion
     spectrum = record.facts.power(sensor.key, derivative, keep_mean=derivative >= 0)
     return share_below(*spectrum, limit_hz)

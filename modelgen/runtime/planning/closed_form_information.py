@@ -1,4 +1,4 @@
-"""What instruments of a given noise let an estimator know: covariance and bias, without any random numbers.
+"""What an estimator can determine with instruments of a given noise: covariance and bias, no random numbers.
 
 The rows Y = W x hold for the noise-free record. Every instrument adds white noise, which filters and
 differences turn into coloured noise of W and Y with known correlations. From these follow
@@ -68,7 +68,7 @@ def information(
     *,
     instruments: bool,
 ) -> Information:
-    """Return what noise-free records tell once their instruments have this noise.
+    """Return what noise-free records determine once their instruments have this noise.
 
     Parameters
     ----------

@@ -87,7 +87,7 @@ def optimise(
     method: str | None = None,
     **options: Unpack[SearchOptions],
 ) -> Optimised:
-    """Return two records that tell more than chirp and trapezoid of the same length within the same limits.
+    """Return two records that are more precise than chirp and trapezoid of the same length and limits.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ SCALINGS = 4
 MOST_SHRINKS = 20
 # The criterion's logarithm where an experiment fails, or leaves a parameter open.
 FAILED = 50.0
-# The same of a trajectory along which columns cannot be told apart: better than one that leaves its boxes.
+# The same of a trajectory along which columns cannot be distinguished: better than one that leaves its boxes.
 BLIND = 25.0
 # The scale of a trial is met to this share below the limit.
 SAFETY = 0.999

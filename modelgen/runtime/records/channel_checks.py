@@ -52,7 +52,7 @@ def checked_channel(where: str, key: Any, values: Any) -> tuple[FloatArray | Non
 
 
 def _is_usual(samples: FloatArray) -> bool:
-    """Tell, by the fastest test, whether samples of shape (n,) are finite and within the limits."""
+    """Return, by the fastest test, whether samples of shape (n,) are finite and within the limits."""
     if not samples.size:
         return False
     peak = max(float(samples.max()), -float(samples.min()))  # NaN where one of them is

@@ -106,7 +106,7 @@ def propose(source: Source, model: Model | None, still: Collection[str] = ()) ->
 
 
 def _by_place(model: Model, columns: Sequence[str], chosen: Mapping[str, str]) -> dict[str, str]:
-    """Return channels that no name tells: inputs u and outputs y, as many as the model has, in its order."""
+    """Return channels that no name shows: inputs u and outputs y, as many as the model has, in its order."""
     found: dict[str, str] = {}
     actuators, sensors = ([one.key for one in part] for part in (model.actuators, model.sensors))
     for names, keys in ((INPUT_NAMES, actuators), (OUTPUT_NAMES, sensors)):
@@ -188,7 +188,7 @@ def _score(want: _Wanted, column: _Column) -> float:
 
 
 def _suits(want: _Wanted, column: _Column) -> bool:
-    """Tell whether a column's unit is that of an input of the loop, or its words where it has none."""
+    """Return whether a column's unit is that of an input of the loop, or its words where it has none."""
     if column.unit is not None:
         return column.unit.si == want.unit
     said = {key for key in QUANTITIES if any(word in QUANTITIES[key] for word in column.words)}

@@ -123,7 +123,7 @@ def read(
     tag: str | None = None,
     **options: Unpack[ReadOptions],
 ) -> Reading:
-    """Read one record and tell what was taken for what; the parameters are those of `read_record`.
+    """Read one record and report how the file was interpreted; the parameters are those of `read_record`.
 
     A `Source` that is open already may stand for its file.
     """

@@ -1,4 +1,4 @@
-"""The same data given twice: it tells nothing new, but would make every interval smaller.
+"""The same data given twice: it adds no information, but would make every interval smaller.
 
 Records are compared by what they hold, whatever their files, formats, names and tags: whole records of equal
 length up to a factor and to rounding (a table of seven digits and the binary file), and, where they are in
@@ -113,7 +113,7 @@ class Contents(Sequence[str]):
 
 
 def is_held_out(source: Channels, channels: Sequence[str], used: Collection[str]) -> bool:
-    """Tell whether a record is none of those used, which are told by `contents`, or by their names."""
+    """Return whether a record is none of those used, which are known by `contents`, or by their names."""
     return source.name not in used and not set(contents(source, channels)) & set(used)
 
 
@@ -125,7 +125,7 @@ def alike(looks: Sequence[FloatArray]) -> list[tuple[int, int]]:
     pairs = []
     for indices in groups.values():
         table = np.array([looks[index] for index in indices])
-        coarse = table[:, ::WIDTH]  # a few samples tell most records apart
+        coarse = table[:, ::WIDTH]  # a few samples distinguish most records
         for place in range(len(indices) - 1):
             near = 1 + place + np.flatnonzero(np.abs(coarse[place + 1 :] - coarse[place]).max(axis=1) < NEAR)
             near = near[np.abs(table[near] - table[place]).max(axis=1) < NEAR]
@@ -145,12 +145,12 @@ def look(source: Channels, channels: Sequence[str]) -> FloatArray:
 
 
 def same_throughout(first: Channels, second: Channels, channels: Sequence[str]) -> bool:
-    """Tell whether two records of one length are the same in all channels, up to factors and rounding."""
+    """Return whether two records of one length are the same in all channels, up to factors and rounding."""
     return first.n == second.n and all(_agrees(first, second, channel) for channel in channels)
 
 
 def _agrees(first: Channels, second: Channels, channel: str) -> bool:
-    """Tell whether a channel of two records is the same up to a factor and to rounding."""
+    """Return whether a channel of two records is the same up to a factor and to rounding."""
     factor, peak = _factor(first, second, channel)
     noise, products = np.zeros(2), np.zeros(3)
     for start in range(0, first.n, CHUNK):

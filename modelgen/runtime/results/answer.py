@@ -138,7 +138,7 @@ def _mode(mode: Mode) -> str:
     if mode.frequency_hz is None:
         return f"free motion, time constant {constants} s" if constants else "free motion, 0 Hz"
     text = _frequency(mode) + (f", measured peak {peak_hz(mode)}" if mode.measured else "")
-    return f"{text}; creeps, {constants} s" if constants else text
+    return f"{text}; overdamped, time constants {constants} s" if constants else text
 
 
 def _frequency(one: PairValues) -> str:

@@ -64,7 +64,7 @@ class Estimate:
     source : Source or None
         Model and records, for plots and comparisons; None where the estimate was loaded or pickled.
     contents : sequence of str
-        What tells the samples of these records from others', a text for each channel of each; empty where
+        What identifies the samples of these records, a text for each channel of each; empty where
         the estimate was saved without.
     """
 

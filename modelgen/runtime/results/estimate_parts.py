@@ -20,7 +20,7 @@ class EstimatedModel:
 
     `composites` maps base parameters that go by a short symbol to their formula in the physical ones, `roles`
     physical parameters to what they are (inertia, stiffness, ...). `unseen` are those that these sensors
-    cannot tell, whatever the records hold; `known` holds values (SI) of those that were not estimated.
+    cannot determine, whatever the records hold; `known` holds values (SI) of those that were not estimated.
     `groupings` maps the short names of sums to these, of arms.
     `joined` are the sensor sets whose estimates were joined to this one; none for a single one.
     """

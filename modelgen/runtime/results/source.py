@@ -28,7 +28,7 @@ class EstimateSource:
 
     @property
     def chain(self) -> UncertainChain | None:
-        """What the fit knows of all parameters; None where that is no chain."""
+        """What the fit determines of all parameters; None where that is no chain."""
         return None if self.known is None else self.known[0]
 
     def __reduce__(self) -> tuple[Any, ...]:

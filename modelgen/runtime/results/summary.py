@@ -77,7 +77,7 @@ def _parameter_rows(estimate: Estimate) -> list[list[str]]:
 
 
 def _told_otherwise(estimate: Estimate) -> tuple[str, ...]:
-    """Return the composites by a short symbol that physical parameters are told in place of."""
+    """Return the composites by a short symbol that are given in place of physical parameters."""
     symbols = [
         entry.name for entry in estimate.parameters.identified if entry.name in estimate.model.composites
     ]

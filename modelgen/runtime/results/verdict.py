@@ -66,7 +66,7 @@ UNRELATED, ZEROS = (
     "zeros are unrelated",
     "begin every record with the links at rest, and set the encoders to zero",
 )
-TOGETHER = "cannot be told"
+TOGETHER = "cannot be distinguished"
 APART = "give one of them as known, sense more (modelgen show --sensors all), or move differently"
 OTHERWISE = "record another motion, or sense more (modelgen show --sensors all)"
 RESIDUAL = "compare with the default method, which tests what it leaves"

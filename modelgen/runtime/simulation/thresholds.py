@@ -19,7 +19,7 @@ REVERSAL_MARGIN = 1.5
 BAND = (0.2, 1.8)
 # As a share of the sampling frequency.
 HIGHEST_PART_OF_FS = 0.2
-# Levels of the trapezoid, in shares of the top speed: two of them tell viscous from Coulomb friction.
+# Levels of the trapezoid, in shares of the top speed: two of them distinguish viscous and Coulomb friction.
 SPEED_LEVELS = (1.0, 0.5)
 
 # Internal steps.

@@ -1,4 +1,4 @@
-"""Sensor sets of an arm side by side: which rows each gives, what they tell apart, what is lost and why."""
+"""Sensor sets of an arm side by side: which rows each gives, what they distinguish, what is lost and why."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class _Kind(NamedTuple):
 
 _MOTOR, _LINK = _Kind("qm", "motor", "position", True), _Kind("q", "link", "position")
 _RATE, _TORQUE = _Kind("dq", "link", "velocity", True), _Kind("t", "between", "torque")
-#: Beside the axis of its joint, where it feels this one turn.
+#: Off the axis of its joint, so that it senses its rotation.
 _FELT = _Kind("a", "link", "accelerometer", True, (Shift(0, Length(Fraction(1, 10))),))
 #: What robots have: by name, the sensors of every joint. A rigid joint has one encoder.
 USUAL_SETS: dict[str, tuple[_Kind, ...]] = {

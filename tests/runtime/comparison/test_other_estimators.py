@@ -85,7 +85,7 @@ def test_a_kalman_filter_takes_innovations_as_they_are() -> None:
 
 def test_a_kalman_filter_refuses_a_cubic_stiffness() -> None:
     hardening = replace(QC, cubic_springs=(CubicSpring("K", ((0, 1.0), (1, -1.0))),))
-    with pytest.raises(DataError, match="Kalman filter: knows no cubic stiffness; use another method"):
+    with pytest.raises(DataError, match="Kalman filter: cannot handle a cubic stiffness; use another method"):
         filter_parameters(hardening, [], LIGHT)
 
 

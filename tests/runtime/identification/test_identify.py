@@ -346,6 +346,6 @@ def test_a_mass_that_never_accelerates_gets_no_number_but_the_reason() -> None:
     problems = caught.value.problems
     reasons = {name: one.what for one in problems for name in re.findall(r"\w+", one.where)}
     assert reasons["M"] == "its column is zero in every sample used"
-    assert "cannot be told" in reasons["Fv"]
+    assert "cannot be distinguished" in reasons["Fv"]
     assert "never reverses" in reasons["Fc"]
     assert "never reverses" in reasons["offset"]

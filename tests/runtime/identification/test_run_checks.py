@@ -119,7 +119,7 @@ def test_what_only_the_drift_leaves_without_a_value_is_refused_late() -> None:
     drift = 100.0 * np.outer(unseen, unseen)
     late = late_refusals(fit, {}, drift, ())
     assert set(late) == {"J_c", "F_vmc"}
-    assert late["J_c"].startswith("J_c, F_vmc cannot be told apart in these records (")
+    assert late["J_c"].startswith("J_c, F_vmc cannot be distinguished in these records (")
     assert late["F_vmc"] == late["J_c"]
     # their sum does not drift: it is told with its interval
     said = re.search(r"known is (?P<sum>J_c \+ 0\.3 F_vmc) = (?P<value>\S+)", late["J_c"])

@@ -151,7 +151,7 @@ def test_what_the_base_parameters_leave_open_is_named() -> None:
     )
     found = without("K")
     assert [mode.name for mode in found] == ["free"]
-    assert found.notes[0] == "1 of 2 modes cannot be told: they need K, which the records leave open."
+    assert found.notes[0] == "1 of 2 modes cannot be computed: they need K, which the records leave open."
     (note,) = modes_at(AXIS, {**truth, "J_c": -1e-7}).notes
     assert note == "No modes: J_c comes out below zero (-1e-07 kg m^2), and no body is without inertia."
 

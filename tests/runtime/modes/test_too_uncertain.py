@@ -40,7 +40,7 @@ def test_a_mode_of_doubtful_composites_is_not_told() -> None:
     assert low is not None and high is not None
     assert low <= true[0].time_constants_s[0].value <= high
     assert not estimate.modes().antiresonances
-    assert "1 of 2 modes cannot be told: they need J_c, F_vmc, K" in estimate.modes().notes[0]
+    assert "1 of 2 modes cannot be computed: they need J_c, F_vmc, K" in estimate.modes().notes[0]
 
 
 @pytest.mark.slow

@@ -108,5 +108,5 @@ def test_a_series_in_parts_gives_the_same_and_so_do_sums_over_blocks(monkeypatch
     assert scores_bandwidth([parts]) == pytest.approx(whole, rel=1e-12)
     monkeypatch.setattr(bandwidth, "KEPT_SUMS", len(psi))
     assert whole / 2.0 < scores_bandwidth([parts]) < 2.0 * whole
-    # what lasts for as long as the record cannot be told from none
+    # what lasts for as long as the record cannot be distinguished from none
     assert scores_bandwidth([psi, np.zeros((0, 3))]) <= LONGEST_WINDOW * len(psi)

@@ -108,11 +108,13 @@ def test_two_separate_pairs_are_two_groups() -> None:
     groups = dependences(fit, hac_covariance(fit))
     assert [group.columns for group in groups] == [("J_m", "F_vm"), ("F_vmc", "K")]
     assert [group.combinations[0].text for group in groups] == ["J_m + F_vm", "F_vmc - K"]
-    assert groups[0].inseparable("why").startswith("J_m, F_vm cannot be told apart in these records (why; ")
+    assert (
+        groups[0].inseparable("why").startswith("J_m, F_vm cannot be distinguished in these records (why; ")
+    )
     model = SimpleNamespace(composites={"F_vm": "F_vm*J_c/K"}, parameters=("J_m", "J_c", "K"))
     # what is known of a composite is nothing that the spec names
     told = groups[0].inseparable("why", model)  # type: ignore[arg-type]
-    assert told == "J_m, J_c, K cannot be told apart in these records (why)"
+    assert told == "J_m, J_c, K cannot be distinguished in these records (why)"
 
 
 def test_columns_that_a_simulation_moves_as_one_are_known_as_a_sum() -> None:

@@ -3,9 +3,9 @@ from __future__ import annotations
 from modelgen.runtime.parameters.grouped_reasons import grouped_reasons, reasons_of_parameters
 
 REASONS = {
-    "J": "J and K cannot be told apart in these records (condition index 90)",
+    "J": "J and K cannot be distinguished in these records (condition index 90)",
     "F_a": "no motion of a in record one: 3 %",
-    "K": "J and K cannot be told apart in these records (condition index 90)",
+    "K": "J and K cannot be distinguished in these records (condition index 90)",
     "F_b": "no motion of b in record one: 40 %",
 }
 
@@ -18,7 +18,10 @@ def test_each_reason_is_said_once() -> None:
 
 
 def test_composites_are_told_by_the_parameters_of_the_spec() -> None:
-    apart, late = "J_a, J_b cannot be told apart in these records", "cannot be told from the delay of T"
+    apart, late = (
+        "J_a, J_b cannot be distinguished in these records",
+        "cannot be distinguished from the delay of T",
+    )
     reasons = {
         "J_a": apart,
         "C1": late,

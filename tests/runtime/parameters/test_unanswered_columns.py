@@ -136,7 +136,7 @@ def test_what_cannot_be_told_from_a_delay_is_refused_with_all_that_holds_it() ->
 
     reasons = like_delays(BENCH, fit("Jc", "K", "i"))  # type: ignore[arg-type]
     assert set(reasons) == {"Jc", "K"}
-    assert reasons["K"] == "cannot be told from the delay of i in these records"
+    assert reasons["K"] == "cannot be distinguished from the delay of i in these records"
     assert like_delays(BENCH, fit("i")) == {}  # type: ignore[arg-type]
     assert like_delays(BENCH, SimpleNamespace(carried=None)) == {}  # type: ignore[arg-type]
     hidden = model_from_module(three_mass_qa_qb_ac)

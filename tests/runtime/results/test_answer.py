@@ -61,12 +61,12 @@ def test_reasons_of_one_kind_share_a_line() -> None:
         "K_a": "its standard deviation is 46.8 % of its value",
         "S": "its standard deviation is 46.8 % of its value",
         "J_a": "its standard deviation is 2e+03 % of its value",
-        "D": "cannot be told from M (W is short of rank)",
+        "D": "cannot be distinguished from M (W is short of rank)",
     }
     text = answer_text(replace(whole, parameters=replace(whole.parameters, not_identifiable=reasons)))
     said = " ".join(text.split())
     assert text.count("No number for") == 3
-    assert "No number for D: cannot be told from M" in said
+    assert "No number for D: cannot be distinguished from M" in said
     assert "No number for F_a (F_b likewise): no constant-velocity motion of a in record one: 3 %" in said
     assert "No number for K_a, S (J_a likewise): its standard deviation is 46.8 % of its value" in said
 

@@ -104,7 +104,9 @@ def test_what_has_no_number_asks_for_another_measurement() -> None:
 
     said = verdict(without("no constant-velocity motion of m in record chirp"))
     assert (said.word, said.action) == (AGAIN, "add slow motion in both directions")
-    assert verdict(without("cannot be told from F in these records")).action.startswith("give one of them")
+    assert verdict(without("cannot be distinguished from F in these records")).action.startswith(
+        "give one of them"
+    )
     assert "set the encoders to zero" in verdict(without("... the encoders' zeros are unrelated")).action
     # what these sensors cannot see is known before any record
     assert verdict(without("drops out of every row", ("S",))).word == TRUST

@@ -53,7 +53,7 @@ def listing_of(messages: Iterable[Message], unknown: str) -> Iterator[Any]:
 
 
 def _may_have_others(streams: list[dict[str, None]], seen: int) -> bool:
-    """Tell whether further messages of a topic can have other fields: those whose entries have names."""
+    """Return whether further messages of a topic can have other fields: those whose entries have names."""
     return seen <= MOST_COMPARED and any(map(NAMED.search, streams[0]))
 
 
@@ -131,7 +131,7 @@ def _numbers(value: Any, name: str = "", depth: int = 0) -> Iterator[tuple[str, 
 
 
 def _is_row(entry: Any, count: int) -> bool:
-    """Tell whether a field is an array of so many numbers."""
+    """Return whether a field is an array of so many numbers."""
     listed = isinstance(entry, (list, tuple, np.ndarray)) and len(entry) == count
     return listed and all(isinstance(one, (int, float, np.number)) for one in entry)
 

@@ -1,4 +1,4 @@
-"""A trajectory of an arm that tells its base parameters apart, within limits that hold at every instant.
+"""A trajectory of an arm that distinguishes its base parameters, within limits that hold at every instant.
 
 Finite Fourier series of every joint (Swevers et al. 1997) that begin and end at rest. Every trial is scaled
 until a limit of its joint is reached, and stands where its range leaves room; boxes are kept, or the trial
@@ -81,7 +81,7 @@ class ExcitingTrajectory:
 def exciting_trajectory(
     module: Any, joints: Sequence[PlannedJoint], **options: Unpack[TrajectoryOptions]
 ) -> ExcitingTrajectory:
-    """Search for the trajectory of an arm that tells most about its base parameters.
+    """Search for the trajectory of an arm that determines its base parameters best.
 
     Parameters
     ----------
@@ -205,12 +205,12 @@ class _Trial:
         return -float(np.log(singular).mean())
 
     def failure(self, value: float, best: FloatArray) -> ModelgenError:
-        """Return what is told where the best of all trials does not count."""
+        """Return the error where the best of all trials does not count."""
         if value >= FAILED:
             _, _, kept = self.trajectory(best)
             what = f"are kept by no trajectory: the best leaves {worst_text(self._search['boxes'], kept)}"
             return DataError.at("boxes", what, "widen them, or give the trajectory more time")
-        what = "tells the base parameters apart: limits or boxes leave it next to no motion"
+        what = "distinguishes the base parameters: limits or boxes leave it almost no motion"
         return IdentifiabilityError.at("no trajectory", what, "widen them, or shorten the trajectory")
 
     def start(self, seed: int, refuge: FloatArray | None) -> FloatArray:

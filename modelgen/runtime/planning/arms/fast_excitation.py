@@ -1,6 +1,6 @@
 """The second stage of an elastic arm's excitation: small and fast, about the frequencies of its modes.
 
-Large, slow motion tells gravity and friction; springs deflect visibly where links and motors swing against
+Large, slow motion shows gravity and friction; springs deflect visibly where links and motors swing against
 each other. Every joint takes harmonics of its own, from below the lowest to above the highest mode with held
 motors, with equal speeds and Schroeder's phases (1970), which keep the peaks low.
 """

@@ -221,6 +221,6 @@ def reading_of(
 
 
 def follows(model: Model) -> bool:
-    """Tell whether the motion of an arm with rigid joints follows from its rows."""
+    """Return whether the motion of an arm with rigid joints follows from its rows."""
     found = arm_coordinates(model)
     return found is not None and not found.elastic

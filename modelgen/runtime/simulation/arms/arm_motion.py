@@ -197,7 +197,7 @@ def _parts(linear: _Linear, step_s: float, k: int) -> tuple[FloatArray, FloatArr
 
 
 def _series(exponent: FloatArray, parabola: FloatArray) -> FloatArray:
-    """Return the exponential, beside it the sums of E^j p_k / (j + k + 1)!, k = 0, 1, 2: Horner's rule."""
+    """Return the exponential and the sums of E^j p_k / (j + k + 1)!, k = 0, 1, 2: Horner's rule."""
     size = exponent.shape[1]
     norm = float(np.abs(exponent).sum(axis=2).max(initial=0.0))
     degree = next((k for k in range(4, DEGREES) if norm**k < ROUNDED * factorial(k)), DEGREES)

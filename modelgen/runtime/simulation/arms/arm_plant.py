@@ -151,14 +151,14 @@ class ArmPlant:
         }
 
     def driving_forces(self, q: FloatArray, v: FloatArray, a: FloatArray) -> dict[str, FloatArray]:
-        """Return what the drives report (and the base feels) along a motion, shape (N,) each, by key."""
+        """Return what drives report (and what acts on the base) along a motion, shape (N,) each, by key."""
         tau = self.exerted(self.balance(q, v, a))
         return dict(zip(self.forces, tau, strict=True)) | self.base_forces(q, v, a, tau)
 
     def base_forces(
         self, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray
     ) -> dict[str, FloatArray]:
-        """Return what the base feels, where the module has rows of it, shape (N,) each, by key."""
+        """Return force and torque on the base, where the module has rows of it, shape (N,) each, by key."""
         further = [one.key for one in self.model.actuators if one.key not in self.forces]
         if not further:
             return {}

@@ -121,7 +121,7 @@ class FrictionSteps:
 
 
 def _about_to_start(share: FloatArray, last: FloatArray) -> npt.NDArray[np.bool_]:
-    """Tell which speeds stick by a mean share of friction that may exceed 1 within the step."""
+    """Return which speeds stick by a mean share of friction that may exceed 1 within the step."""
     return np.asarray((np.abs(share) < 1.0) & (np.abs(share) + np.abs(share - last) >= 1.0))
 
 

@@ -1,4 +1,4 @@
-"""Rows of what sensors feel of links and motors: reading = motion.
+"""Rows of what sensors measure of links and motors: reading = motion.
 
 Where a spring places a link, what a gyro, an accelerometer or the speed or acceleration of a joint says of it
 is a row that holds no parameter but those that give the position. Where the mounting of a gyro or an

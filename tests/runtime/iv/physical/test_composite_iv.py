@@ -130,7 +130,7 @@ def test_what_an_unknown_delay_hides_is_refused_with_all_that_hangs_on_it() -> N
     truth = motor_only("emps300").parameter_sets["table_1"]
     found = estimate("table_1", 0, drift_check=False)
     assert set(found.not_identifiable) == {"J_m", "J_c", "F_vmc", "K"}
-    assert "cannot be told from" in found.not_identifiable["J_m"]
+    assert "cannot be distinguished from" in found.not_identifiable["J_m"]
     for entry in found.parameters.physical:
         assert abs(entry.value - truth[entry.name]) < 3.5 * entry.std
 
