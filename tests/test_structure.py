@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
@@ -361,3 +362,41 @@ def test_a_constant_without_a_reason_is_found() -> None:
     assert scattered_constants({**table, "part/module.py": "B = 1.0"}) == ["modelgen/part/module.py: B"]
     assert not scattered_constants({"part/module.py": "B = 1.0"})
     assert not scattered_constants({**table, "other/module.py": "B = 1.0\nC = 1"})
+
+
+ARRAYS = re.compile(r"\b(?:Float|Complex|Int|Bool)Array\b|\bNDArray\b|\bndarray\b|\bArrayLike\b")
+# "shape (n,)", or the shape alone where a name stands before it: "the residual, (n,)", "(lines,) each"
+SHAPE = re.compile(r"\b[Ss]hapes?\b|\((?:\w|[ *+-])+,\)|\((?:\w|[ *+-])+(?:, (?:\w|[ *+-])+)+\)")
+
+
+def public_functions(text: str) -> Iterator[tuple[str, Function]]:
+    """Functions and methods that may be called from outside: no underscore in their name or their class's."""
+
+    def inside(nodes: Sequence[ast.stmt], prefix: str) -> Iterator[tuple[str, Function]]:
+        for node in nodes:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                yield from inside(node.body, f"{prefix}{node.name}.")
+            elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not node.name.startswith("_"):
+                yield prefix + node.name, node
+
+    return inside(tree(text).body, "")
+
+
+def takes_arrays(node: Function) -> bool:
+    arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+    given = [one.annotation for one in arguments] + [node.returns]
+    return any(ARRAYS.search(ast.unparse(one)) for one in given if one is not None)
+
+
+def test_public_functions_state_the_shapes_of_their_arrays(sources: Mapping[str, str]) -> None:
+    silent, stated = [], 0
+    for path, text in sources.items():
+        for name, node in public_functions(text):
+            if not takes_arrays(node):
+                continue
+            if SHAPE.search(ast.get_docstring(node) or ""):
+                stated += 1
+            else:
+                silent.append(f"modelgen/{path}: {name}")
+    assert stated > 300
+    assert not silent

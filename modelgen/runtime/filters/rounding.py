@@ -26,7 +26,7 @@ def excerpt(samples: FloatArray) -> FloatArray:
 
 
 def rounding(samples: FloatArray) -> float:
-    """Return the step to which readings are rounded, the coarser where it differs, 0 if they are not.
+    """Return the step to which readings, shape (n,), are rounded, the coarser where it differs; 0 for none.
 
     It differs in a file with so many significant digits: it is coarser far from zero.
     """

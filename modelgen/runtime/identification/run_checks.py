@@ -151,7 +151,7 @@ def checked(
     refused: Mapping[str, str],
     extras: Extras,
 ) -> Checks:
-    """Return what is checked of an estimate: what was asked for, and why that is not all."""
+    """Return what is checked of an estimate, and why that is not all; `drift` has shape (c, c)."""
     kept = tuple(task.checks.keep)
     if not task.checks.tests:
         told = (*solution.advice, untested("is not checked, as asked for"))

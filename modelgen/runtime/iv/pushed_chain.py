@@ -58,7 +58,7 @@ class Pushed(Mapping[str, FloatArray]):
         return self.among({key})[key]
 
     def among(self, keys: Collection[str]) -> dict[str, FloatArray]:
-        """Return what changes in the channels among some keys, worked out together."""
+        """Return the changes of the channels among some keys, shape (n,) each, worked out together."""
         asked = [key for key in self._keys if key in keys]
         missing = [key for key in asked if key not in self._found]
         for key, way in self._held.read(missing, self._push).items():

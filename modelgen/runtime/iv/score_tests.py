@@ -82,7 +82,7 @@ def scores(span: Span, effects: Sequence[Effect], grown: Sequence[Sequence[Float
         Of a fit with instruments.
     effects : sequence of Effect
     grown : sequence of sequence of array
-        For each effect how Y - W X grows with its size: one array a block of the fit.
+        For each effect how Y - W X grows with its size: one array, shape (rows,), a block of the fit.
     """
     if not effects:
         return ()
@@ -161,7 +161,7 @@ def without_noise(
     effects : sequence of Effect
         Those that matter.
     noise : pair
-        What noise adds to the residual and to the effects, as `noise_rows` returns it.
+        What noise adds to the residual and to the effects, shape (rows,) a block, as `noise_rows` returns it.
     """
     fit = span.fit
     r = span.apart(stacked(fit, noise[0]))

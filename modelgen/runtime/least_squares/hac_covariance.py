@@ -93,7 +93,7 @@ def long_run_covariance(
 def long_run_covariances(
     series: Sequence[Series | FloatArray], quantiles: Sequence[float], least: float = 1.0, grown: bool = True
 ) -> list[FloatArray]:
-    """Return what `long_run_covariance` returns for each of some quantiles, from the same sums."""
+    """Return `long_run_covariance`, shape (c, c), for each of some quantiles, from the same sums."""
     series = [kept(one) for one in series]
     bandwidth = max(least, scores_bandwidth(series, grown))
     sums = [ParzenSums(bandwidth) for _ in series]

@@ -152,7 +152,7 @@ def in_stretches(source: Channels, channel: str, length: int | None = None) -> I
 def with_extremes(
     source: Channels, channel: str, length: int | None = None
 ) -> Iterator[tuple[FloatArray, float, float]]:
-    """Yield the same, each with its least and its greatest sample."""
+    """Yield the same, shape (n,) each, with its least and its greatest sample."""
     step = length or READ_SAMPLES
     for start in range(0, source.n, step):
         stop = min(start + step, source.n)

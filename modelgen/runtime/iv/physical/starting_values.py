@@ -93,7 +93,7 @@ def near_composites(
 ) -> dict[str, float]:
     """Return the parameters that come closest to the composites, zeros if there are none.
 
-    `covariance_of` weighs the composites, `hac_covariance` by default.
+    `covariance_of` weighs the composites, shape (c, c); `hac_covariance` by default.
     """
     try:
         return with_shared_friction(
