@@ -69,7 +69,7 @@ def mend_times(track: Track, mends: Iterable[str]) -> Track:
 
 
 def mend_turns(signals: Mapping[str, FloatArray], mends: Iterable[str]) -> Track:
-    """Return the channels, shape (n,) each, with the turns asked for added; no times are returned."""
+    """Return the channels, shape (n,) each, SI, with the turns asked for added; no times are returned."""
     mended, said = dict(signals), []
     for key in _channels(mends, UNWRAP):
         size = modulus(mended[key])

@@ -23,8 +23,8 @@ from modelgen.runtime.records.record import Record, refuse_lacking
 from modelgen.runtime.records.same_data import is_held_out, refuse_same_data
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
 from modelgen.runtime.simulation.drive import Drive
-from modelgen.runtime.simulation.excitation import Excitation
-from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
+from modelgen.runtime.simulation.excitation import Excitation, excitation_from_record
+from modelgen.runtime.simulation.plant import Plant, make_plant, refuse_lacking_forces
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.runtime.simulation.thresholds import CUTOFF_SHARE, FILTER_ORDER, REACH_TOLERANCE, STEPS_A_SAMPLE
 from modelgen.runtime.simulation.validation import SignalCheck, Validation
@@ -138,17 +138,12 @@ def _validate(
 def _excitation(
     plant: Plant, record: Record, controller: PositionVelocityController, oversample: int
 ) -> Excitation:
-    given, nodes = record.signals, np.arange(record.n)
-    times = np.arange((record.n - 1) * oversample + 1) / oversample
-    zero = np.zeros(record.n)
-    rate = given.get("reference_rate", zero)
-    if "reference_rate" not in given and controller.rate_gain:
-        rate = differentiate(given["reference"], record.dt)
-    _, further = measured_forces(plant, record)
-    arrays = (given["reference"], rate, given.get("feedforward", zero), *further.values())
-    r, r_rate, feedforward, *others = (np.interp(times, nodes, array) for array in arrays)
-    forces = dict(zip(further, others, strict=True))
-    return Excitation(r, r_rate, feedforward, record.fs * oversample, record.name, forces)
+    refuse_lacking_forces(plant, record)
+    if "reference_rate" not in record.signals:
+        reference = record.signals["reference"]
+        rate = differentiate(reference, record.dt) if controller.rate_gain else np.zeros(record.n)
+        record = record.edited({"reference_rate": rate})
+    return excitation_from_record(record, oversample, tuple(plant.further))
 
 
 def initial_state(plant: Plant, record: Record, cutoff_hz: float) -> FloatArray:

@@ -14,7 +14,7 @@ SOME_LENGTH = 0.4
 
 
 def pose_of(steps: Iterable[Step], lengths: Mapping[str, float | None]) -> FloatArray:
-    """Return the frame behind steps in that before them, shape (4, 4)."""
+    """Return the frame behind steps in that before them, shape (4, 4), lengths in m."""
     pose: FloatArray = np.eye(4)
     for step in steps:
         pose = pose @ _motion(step, lengths)
@@ -22,7 +22,7 @@ def pose_of(steps: Iterable[Step], lengths: Mapping[str, float | None]) -> Float
 
 
 def zero_poses(arm: ArmSpec) -> dict[str, FloatArray]:
-    """Return the frame of every joint in that of the base, shape (4, 4), by the name of the joint."""
+    """Return the frame of every joint in that of the base, shape (4, 4), lengths in m, by the joint."""
     return {name: frames[-1] for name, frames in zero_ways(arm).items()}
 
 

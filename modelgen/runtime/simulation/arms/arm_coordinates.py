@@ -210,7 +210,7 @@ def reading_of(
     driven: tuple[int, ...],
     size: int,
 ) -> FloatArray:
-    """Return what an encoder reads as a sum of coordinates, shape (size,).
+    """Return what an encoder reads as a sum of coordinates, rad or m per one of each, shape (size,).
 
     At a motor it reads the turns of the motor itself, in front of its gear.
     """

@@ -66,7 +66,7 @@ class _Linear:
 
 
 def arm_motion(plant: ArmPlant, reference: JointMotion, push: Push, start: FloatArray) -> ArmMotion:
-    """Return the motion from a state, positions then speeds, shape (2 coordinates,), at the nodes.
+    """Return the motion from a state, positions then speeds, shape (2 coordinates,), SI, at the nodes.
 
     `reference` is the motion of the coordinates that is supposed at first.
 

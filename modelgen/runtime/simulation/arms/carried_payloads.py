@@ -37,7 +37,7 @@ def carrying(plant: ArmPlant, record: Record) -> ArmPlant:
 
 
 def forces_of_motion(plant: ArmPlant, motion: JointMotion, record: Record) -> dict[str, FloatArray]:
-    """Return what drives report along a motion, shape (n,) each, with what a record carries, ever or always.
+    """Return what drives report along a motion, shape (n,) each, SI, with what a record carries.
 
     They are linear in what is carried.
     """

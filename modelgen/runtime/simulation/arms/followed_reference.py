@@ -17,7 +17,7 @@ from modelgen.runtime.simulation.arms.thresholds import MOST_A_SAMPLE, NODES_A_R
 
 
 def carried_start(plant: ArmPlant, reference: JointMotion) -> FloatArray:
-    """Return the state on the reference, shape (2 coordinates,), links where their springs carry them."""
+    """Return the state on the reference, shape (2 coordinates,), SI, links where their springs carry them."""
     own = plant.coordinates
     q, v, a = (own.stiff @ one[:, :1] for one in (reference.q, reference.v, reference.a))
     links = [k for k in range(len(own.joints)) if k not in own.driven]

@@ -138,7 +138,7 @@ class Tracking:
     added: FloatArray
 
     def at(self, q: FloatArray, v: FloatArray, start: int) -> FloatArray:
-        """Return the push at half steps from node `start` on, shape (coordinates, N)."""
+        """Return the push at half steps from node `start` on, shape (coordinates, N), in N m or N."""
         part = slice(2 * start, 2 * start + q.shape[1])
         seen, rates = self._seen(q, v)
         wanted = self._wanted(seen, rates, part)
@@ -148,7 +148,7 @@ class Tracking:
         return self.plant.pushed(wanted + self.added[:, part])
 
     def slopes(self, q: FloatArray, v: FloatArray, start: int) -> tuple[FloatArray, FloatArray]:
-        """Return its derivatives by q and q', shape (N, coordinates, coordinates) each."""
+        """Return its derivatives by q and q', shape (N, coordinates, coordinates) each, in SI."""
         part, nodes = slice(2 * start, 2 * start + q.shape[1]), slice(None, None, 2)
         wanted = self._wanted(*self._seen(q, v), part)
         by_q, by_v = self.fed_back(q[:, nodes], v[:, nodes], wanted[:, nodes])
@@ -190,7 +190,7 @@ class Tracking:
 def tracking(
     plant: ArmPlant, controller: JointController, reference: JointMotion, added: FloatArray | None = None
 ) -> Tracking:
-    """Return a controller at work on a plant; `added`, shape (joints, N), is added."""
+    """Return a controller at work on a plant; `added`, shape (joints, N), in N m or N, is added."""
     fine = reference.finer(2)
     further = np.zeros_like(fine.q) if added is None else at_half_steps(added.T).T
     kp, kv = controller.gains(plant, reference)

@@ -51,7 +51,7 @@ class JointMotion:
 
 
 def motion_of(q: FloatArray, rate_hz: float) -> JointMotion:
-    """Return the motion through positions, shape (joints, N): cubic splines between them."""
+    """Return the motion through positions, shape (joints, N), in rad or m: cubic splines between them."""
     from scipy.interpolate import CubicSpline
 
     times = np.arange(q.shape[1]) / rate_hz

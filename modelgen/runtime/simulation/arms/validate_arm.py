@@ -26,7 +26,7 @@ REFERENCES = ("reference", "reference_rate", "reference_acceleration")
 
 
 def base_values(model: Model, parameters: Mapping[str, float]) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return base parameters from values by their names, shape (columns,), and the names that are absent.
+    """Return base parameters, shape (columns,), SI, from values by name, and the names that are absent.
 
     All physical parameters will do as well; what is absent counts as zero.
 
@@ -126,6 +126,6 @@ def reference_motion(plant: ArmPlant, record: Record) -> JointMotion:
 
 
 def first_state(plant: ArmPlant, record: Record, cutoff_hz: float) -> FloatArray:
-    """Return positions, then speeds, at the first sample of a record, shape (2 coordinates,)."""
+    """Return positions, then speeds, at the first sample of a record, shape (2 coordinates,), SI."""
     motion = measured_motion(plant.coordinates, record, FILTER_ORDER, cutoff_hz)
     return np.concatenate((motion.q[:, 0], motion.v[:, 0]))
