@@ -86,7 +86,7 @@ class ContinuousLoop:
     def moved(
         self, excitation: Excitation, initial: FloatArray, oversample: int = 1, mode: Mode | None = None
     ) -> Motion:
-        """Return the motion from a state, shape (states,), SI; where it goes on, `mode` are the bodies' modes.
+        """Return the motion from a state, shape (states,), SI; `mode`: the bodies' modes where it goes on.
 
         Forces of actuators that are not among `further` are left out.
         """
