@@ -90,7 +90,7 @@ def test_columns_that_no_trajectory_tells_apart_are_told() -> None:
         return np.concatenate([found, found[:, :, :1]], axis=2)
 
     blind = SimpleNamespace(SIGNALS=module.SIGNALS, regressor=twice)
-    with pytest.raises(IdentifiabilityError, match="no trajectory: tells the base parameters apart"):
+    with pytest.raises(IdentifiabilityError, match="no trajectory: distinguishes the base parameters"):
         exciting_trajectory(blind, planned_joints(SPEC), **SEARCH)
 
 
