@@ -120,11 +120,13 @@ def zero_columns(fit: Fit, model: Model) -> dict[str, str]:
     """Return the columns of a chain's rows without a force that are zero within noise, with the reason.
 
     Zero solves such a row, too: it leaves nothing there, weighs the more for it, and decides what other rows
-    have in common with it. A body without inertia that nothing moves is none.
+    have in common with it. A body without inertia that nothing moves is none. Rows that share a column
+    with it have taken over what is missing: the inertia of one body is then that of both.
     """
     if model.is_arm:
         return {}
     found: dict[str, str] = {}
+    shared: dict[str, str] = {}
     forced = {block.row for block in fit.blocks if block.has_force}
     for row in dict.fromkeys(block.row for block in fit.blocks if block.row not in forced):
         names = [model.base_parameters[column] for column in model.regressor_columns[row]]
@@ -136,7 +138,11 @@ def zero_columns(fit: Fit, model: Model) -> dict[str, str]:
             f"row {row_name} has no force, and zero solves it as well: noise of the sensors hides its motion"
         )
         found |= dict.fromkeys(names, why)
-    return found
+        columns = set(model.regressor_columns[row])
+        beside = [own for own in model.regressor_columns if columns & {*own}]
+        taken = f"takes over what is lost where {why}"
+        shared |= {model.base_parameters[column]: taken for own in beside for column in own}
+    return {name: why for name, why in shared.items() if name in fit.columns} | found
 
 
 def _from_zero(fit: Fit, at: Sequence[int]) -> float:

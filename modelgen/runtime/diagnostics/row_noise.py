@@ -1,4 +1,8 @@
-"""How large the noise of the sensors is in a row: their white noise behind filter and derivatives."""
+"""How large the noise of the sensors is in a row: their noise behind filter and derivatives.
+
+It is white, but for what encoders round: that follows the motion. At rest, or at a steady speed of nearly
+whole steps a sample, its power lies at low frequencies, where rows that hold a spring let all of it through.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     FRICTION_OVER_REST,
     HIGHEST,
     LARGEST_NOISE,
+    LONGEST_ROUNDED,
     NOISE_LINES,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
@@ -33,7 +38,13 @@ def noise_band(
 
 
 def row_noise(
-    model: Model, record: Record, choice: FilterChoice, factor: int, row: int, x: FloatArray
+    model: Model,
+    record: Record,
+    choice: FilterChoice,
+    factor: int,
+    row: int,
+    x: FloatArray,
+    moved: Record | None = None,
 ) -> float:
     """Return the rms that noise of the sensors gives Y - W x of a row, in its unit.
 
@@ -43,11 +54,44 @@ def row_noise(
         Decimation of the record.
     x : array, shape (columns,)
         All base parameters in the model's order, zero for those not in the fit.
+    moved : Record, optional
+        The motion without noise: encoders are taken to round that.
     """
     frequency_hz, power = noise_band(record, choice)
     spectra = noise_ways(model, record, choice, factor)[row].of_residual(x).spectra(frequency_hz)
-    total = sum(record.facts.spectrum(key).noise * float(one @ power) for key, one in spectra.items())
+    total = 0.0
+    for key, one in spectra.items():
+        white = record.facts.spectrum(key).noise
+        density = white if moved is None else _as_rounded(record, moved, key, white, frequency_hz)
+        total += float(np.sum(density * one * power))
     return sqrt(total)
+
+
+def _as_rounded(
+    record: Record, moved: Record, key: str, white: float, frequency_hz: FloatArray
+) -> FloatArray | float:
+    """Return the density of a reading's noise at some frequencies: that of its rounding where it is more."""
+    step = record.facts.rounding(key) if key in moved.signals else 0.0
+    if step <= 0.0 or record.n > LONGEST_ROUNDED:
+        return white
+    density = moved.facts.kept(("rounded", key, step), lambda: _rounding(moved.signals[key], step, moved.fs))
+    # cells of the band and lines of the spectrum: what lies in a cell is spread over it
+    width_hz = 2.0 * float(frequency_hz[0])
+    cell = np.round(np.fft.rfftfreq(moved.n, 1.0 / moved.fs) / width_hz - 0.5).astype(int).clip(0)
+    inside = cell < len(frequency_hz)
+    line_hz = moved.fs / moved.n
+    found = np.bincount(cell[inside], density[inside], len(frequency_hz)) * line_hz / width_hz
+    return np.asarray(np.maximum(found, white))
+
+
+def _rounding(samples: FloatArray, step: float, fs: float) -> FloatArray:
+    """Return the one-sided density of what rounding changes, (lines,), for zeros half a step apart."""
+    total = np.zeros(len(samples) // 2 + 1)
+    for zero in (0.0, 0.5):
+        changed = step * (np.round(samples / step + zero) - zero) - samples
+        total += np.abs(np.fft.rfft(changed)) ** 2
+    total[1:] *= 2.0
+    return total / (2.0 * fs * len(samples))
 
 
 def exceeding_noise(
@@ -70,7 +114,8 @@ def exceeding_noise(
     found, x = [], fit.all_parameters(model.base_parameters)
     for index, (block, left) in enumerate(zip(fit.blocks, fit.left_shares, strict=True)):
         factor = choice.decimation[block.record]
-        noise = row_noise(model, records[block.record], choice, factor, block.row, x)
+        moved = (fit.simulated or {}).get(block.record)
+        noise = row_noise(model, records[block.record], choice, factor, block.row, x, moved)
         if left > share and fit.rms(index) > multiple * noise:
             found.append((block, left))
     return found

@@ -77,6 +77,9 @@ LEAST_POWER = 1e-4
 
 # The noise is integrated over so many frequencies up to this multiple of the cut-off.
 NOISE_LINES, HIGHEST = 2000, 6.0
+# What encoders round is worked out along records of so many samples at most: in longer ones no few steps of a
+# sample stay whole for long.
+LONGEST_ROUNDED = 1 << 18
 
 # Cut-offs and weights of load rows that are tried, as multiples of those in use.
 CUTOFF_FACTORS = (1.0 / sqrt(2.0), sqrt(2.0))

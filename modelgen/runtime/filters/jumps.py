@@ -15,6 +15,8 @@ from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filters.thresholds import (
     BEND,
     BEND_APART,
+    BEND_NEAR,
+    BEND_STEPS,
     JUMP,
     JUMP_ORDER,
     LEAST_JUMP,
@@ -41,23 +43,53 @@ def jumps(samples: FloatArray) -> IntArray:
 def bends(samples: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the samples at which a signal, shape (n,), bends, and by how much its slope grows at each.
 
-    Shape (bends,) each, the second in the signal's unit a sample. Those about halfway between two samples are
-    hardly seen.
+    Shape (bends,) each, the second in the signal's unit a sample. A bend grows with the steps of a
+    difference, its noise does not: wide steps find what noise hides from narrow ones. Those say its sample
+    and its size; about halfway between two samples they show hardly any, and little is folded.
     """
-    high = _high_difference(samples)
-    found = _standing_out(high, BEND, samples)
-    size = np.pad(np.abs(high), BEND_APART)
-    around = np.arange(2 * BEND_APART + 1)
-    # the difference rings on both sides of a bend
-    found = found[size[found + BEND_APART] >= np.max(size[found[:, None] + around], axis=1, initial=0.0)]
+    high, found = _high_difference(samples), np.zeros(0, dtype=np.int64)
+    for step in BEND_STEPS:
+        wide = _high_difference(samples, step)
+        ahead = (len(high) - len(wide)) // 2
+        seen = _standing_out(wide, BEND, samples)
+        # the difference rings on both sides of a bend
+        seen = seen[np.abs(wide[seen]) >= _largest_around(np.abs(wide), seen, BEND_APART * step)] + ahead
+        if step > 1:
+            seen = _sharpest(high, wide, seen, ahead)
+        known = np.abs(seen[:, None] - found[None, :]).min(axis=1, initial=len(samples)) <= BEND_APART
+        found = np.concatenate([found, seen[~known]])
+    found = np.sort(found)
     return found + JUMP_ORDER // 2, high[found] / BENT
 
 
-def _high_difference(samples: FloatArray) -> FloatArray:
-    """Return the difference of a signal, shape (n - order,), the first one around its sample order / 2."""
-    if len(samples) <= JUMP_ORDER:
+def _largest_around(values: FloatArray, places: IntArray, reach: int) -> FloatArray:
+    """Return the largest of some values up to so many places before and after each place."""
+    around = np.arange(2 * reach + 1)
+    return np.asarray(np.max(np.pad(values, reach)[places[:, None] + around], axis=1, initial=0.0))
+
+
+def _sharpest(high: FloatArray, wide: FloatArray, seen: IntArray, ahead: int) -> IntArray:
+    """Return where a narrow difference shows most of what a wide one shows about some places, of its sign."""
+    near = np.clip(seen[:, None] + np.arange(-BEND_NEAR, BEND_NEAR + 1), 0, len(high) - 1)
+    sign = np.sign(wide[seen - ahead])
+    best = np.argmax(high[near] * sign[:, None], axis=1)
+    found = near[np.arange(len(seen)), best]
+    return np.asarray(np.unique(found[high[found] * sign > 0.0]))
+
+
+def _high_difference(samples: FloatArray, step: int = 1) -> FloatArray:
+    """Return the difference of a signal, shape (n - order * step - step + 1,), that is as high.
+
+    Of means over so many neighbours, an odd number, which are as far apart; the first one is around the
+    sample (order * step + step - 1) / 2.
+    """
+    if len(samples) < (JUMP_ORDER + 1) * step:
         return np.zeros(0)
-    return np.convolve(samples, DIFFERENCE, "valid")
+    if step == 1:
+        return np.convolve(samples, DIFFERENCE, "valid")
+    kernel = np.zeros(JUMP_ORDER * step + 1)
+    kernel[::step] = DIFFERENCE
+    return np.convolve(samples, np.convolve(kernel, np.full(step, 1.0 / step)), "valid")
 
 
 def _standing_out(high: FloatArray, multiple: float, samples: FloatArray) -> IntArray:

@@ -62,8 +62,10 @@ FINER, REFINED, LATE = 4, 3, 0.05
 AS_HIGH, SHORTEST = 0.9, 1.2
 
 # A bend is looked for from this multiple of the noise on: of normal noise one sample in two million has it.
-# Bends are so many samples apart: farther away the difference of one is below 3 % of its peak.
-BEND, BEND_APART = 5.0, 5
+# Bends are so many steps of a difference apart: farther away that of one is below 3 % of its peak. With steps
+# of three samples it stands out three times as far; with wider ones natural frequencies of drives do so, too.
+# The place is known to so many samples there.
+BEND, BEND_APART, BEND_STEPS, BEND_NEAR = 5.0, 5, (1, 3), 2
 
 # What is usual in a long channel is seen in so many stretches of so many samples.
 EXCERPTS, EXCERPT = 16, 1 << 12

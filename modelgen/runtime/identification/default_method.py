@@ -11,6 +11,7 @@ from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.progress import step
 from modelgen.runtime.advice import noted
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.diagnostics.parameter_checks import zero_columns
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero
@@ -86,7 +87,7 @@ def _of_chain(task: Task, method: Auto) -> Begun:
     """Return instruments of a chain, or least squares where it is better."""
     given, task = task, with_predicted_cutoff(task, consistent=True)
     try:
-        first = _instrumental(task, method.instrumental)
+        first = _with_all_rows(_instrumental(task, method.instrumental))
     except (IdentifiabilityError, DataError) as error:
         other = with_predicted_cutoff(given, consistent=False)
         left = {one.choice.cutoff_hz: one for one in (other, given)}
@@ -112,9 +113,18 @@ def _below(one: Begun) -> float:
 def _tried(task: Task, method: Auto) -> Begun | None:
     """Return instruments; None where they find nothing."""
     try:
-        return _instrumental(task, method.instrumental)
+        return _with_all_rows(_instrumental(task, method.instrumental))
     except (IdentifiabilityError, DataError):
         return None
+
+
+def _with_all_rows(found: Begun) -> Begun:
+    """Return a fit; raise where zero solves one of its rows: another cut-off may show what moves there."""
+    model = found.task.model
+    lost = zero_columns(found.found.fit, model)
+    if lost:
+        raise IdentifiabilityError(*refused_problems(lost, model))
+    return found
 
 
 def _of_arm(task: Task, method: Auto) -> Begun:

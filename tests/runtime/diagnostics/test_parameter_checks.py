@@ -132,6 +132,26 @@ def test_the_noise_of_a_row_is_that_of_a_record_of_noise_alone() -> None:
         assert row_noise(model, record, choice, 1, block.row, truth) == pytest.approx(left, rel=0.05)
 
 
+def test_rounding_counts_as_it_follows_the_motion() -> None:
+    model, step, rng = model_from_module(emps300_qm_qc), 2.0 * np.pi / 4096, np.random.default_rng(3)
+    truth = model.base_from_physical({**model.parameter_sets["light"], "F_sm": 0.0})
+    t = np.arange(20_000) / 5000.0
+    creeping = 1e-3 * t + 5.0 * np.clip(t - 3.0, 0.0, None)  # next to no step in the first three seconds
+    motion = {"q_m": creeping + 0.3 * step, "q_c": creeping - 0.1 * step, "Gamma_m": np.zeros(len(t))}
+    read = {key: step * np.round(motion[key] / step) for key in ("q_m", "q_c")}
+    read["Gamma_m"] = 1e-4 * rng.standard_normal(len(t))
+    moved, record = Record(motion, 5000.0, "moved"), Record(read, 5000.0, "read")
+    choice = FilterChoice(6, 200.0, 100.0, (1,), 100.0, 100.0, (), (), ())
+    quiet = observe(model, [moved], choice).blocks
+    for block, other in zip(observe(model, [record], choice).blocks, quiet, strict=True):
+        change = (block.Y - other.Y) - (block.W - other.W) @ truth
+        left = float(np.sqrt(np.mean(change**2)))
+        white = row_noise(model, record, choice, 1, block.row, truth)
+        assert white < 0.4 * left
+        # readings of other zeros would be rounded otherwise
+        assert 0.5 * left < row_noise(model, record, choice, 1, block.row, truth, moved) < 2.0 * left
+
+
 def test_a_load_row_that_noise_pulls_to_zero_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     from modelgen.runtime.least_squares.wls import fit_paper
 
@@ -184,9 +204,13 @@ def test_the_columns_of_a_row_without_a_force_that_zero_solves_have_no_number() 
     motor = np.where(rows.blocks[1].W[0] == 0.0, rows.blocks[0].W, 0.0)
     hidden = fit_paper(replace(rows, blocks=(replace(rows.blocks[0], W=motor), rows.blocks[1])))
     found = zero_columns(hidden, TWO_MASS)
-    load = TWO_MASS.regressor_columns[rows.blocks[1].row]
-    assert set(found) == {TWO_MASS.base_parameters[column] for column in load}
+    load = {TWO_MASS.base_parameters[column] for column in TWO_MASS.regressor_columns[rows.blocks[1].row]}
     assert all("zero solves it as well" in why for why in found.values())
+    assert {name for name, why in found.items() if why.startswith("row c has no force")} == load
+    # the motor's row holds the spring: without it the motor's inertia is that of both
+    motors = {TWO_MASS.base_parameters[column] for column in TWO_MASS.regressor_columns[rows.blocks[0].row]}
+    assert set(found) == load | motors
+    assert found["J_m"].startswith("takes over what is lost")
 
 
 def test_an_offset_whose_interval_holds_zero_is_no_sign_of_a_poor_motion() -> None:

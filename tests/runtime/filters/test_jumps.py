@@ -34,6 +34,21 @@ def test_small_corners_are_told_with_their_size() -> None:
     np.testing.assert_allclose(growth, slopes, atol=0.25)
 
 
+def test_corners_that_noise_hides_from_single_samples_are_found_over_several() -> None:
+    corners, slopes = [1000, 1020, 3000, 3021], [0.2, -0.2, 0.18, -0.18]
+    bent = sum(slope * np.clip(K - at, 0, None) for at, slope in zip(corners, slopes, strict=True))
+    slow = 20.0 * np.sin(2.0 * np.pi * 0.02 * K) + 0.0075 * np.random.default_rng(7).normal(size=N)
+    # single samples show four times their noise there, as they do once by chance
+    places, growth = bends(slow + bent)
+    assert len(places) == 4
+    assert np.all(np.abs(places - corners) <= 1)
+    np.testing.assert_allclose(growth, slopes, atol=0.15)
+    # where a filter has rounded the corners there are none
+    window = np.hanning(15)[1:-1]
+    rounded = np.convolve(np.pad(bent, 6, mode="edge"), window / window.sum(), "valid")
+    assert bends(slow + rounded)[0].size == 0
+
+
 def test_a_steady_motion_and_noise_have_none() -> None:
     assert bends(SMOOTH)[0].size == bends(np.zeros(10))[0].size == 0
     assert jumps(SMOOTH).size == 0

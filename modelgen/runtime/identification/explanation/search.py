@@ -100,7 +100,7 @@ class Search:
 
     def told(self, seen: Seen) -> list[bool]:
         """Tell of each effect that is estimated whether it is certain, and large enough to be named."""
-        certain = normal_beyond(0.5 * LEVEL / (len(self.effects) + len(seen.tested)))
+        certain = normal_beyond(0.5 * LEVEL / max(len(self.effects) + len(seen.tested), 1))
         return [
             abs(size) > certain * std and not self._small(effect, size, seen)
             for effect, size, std in zip(self.effects, self.now.sizes, self.now.stds, strict=True)

@@ -66,6 +66,10 @@ def test_what_stood_in_for_an_effect_goes_once_that_one_is_estimated(monkeypatch
     assert len(found[1].sizes) == 2
 
 
+def test_where_no_motion_can_be_simulated_nothing_is_told() -> None:
+    assert searching().told(Seen()) == []
+
+
 def test_effects_that_a_start_brought_along_stay_however_small(monkeypatch: pytest.MonkeyPatch) -> None:
     solved(monkeypatch, {LATE.name: 0.1, FRICTION.name: 20.0})
     found = searching(LATE, given=1)._freed(FRICTION)
