@@ -19,6 +19,7 @@ from modelgen.runtime.least_squares.thresholds import (
     ROUNDING,
 )
 from modelgen.runtime.numerics.iterative_refinement import refined
+from modelgen.runtime.numerics.qr_triangle import triangle_of
 from modelgen.runtime.numerics.regressor import Regressor, regressor
 
 
@@ -70,7 +71,7 @@ def least_squares(W: FloatArray, Y: FloatArray) -> LeastSquares:
     The normal equations would lose half of the digits. Where W is short of rank, the shortest solution (of
     the scaled columns) is taken and the columns that take part in the ambiguity are marked.
     """
-    return polished(np.asarray(np.linalg.qr(np.column_stack([W, Y]), mode="r")), [(W, Y)])
+    return polished(triangle_of(np.column_stack([W, Y])), [(W, Y)])
 
 
 def polished(

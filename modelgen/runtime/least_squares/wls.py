@@ -35,6 +35,7 @@ from modelgen.runtime.least_squares.thresholds import (
     SMALLEST_RESIDUAL,
     WEIGHTING_ROUNDS,
 )
+from modelgen.runtime.numerics.qr_triangle import triangle_of
 from modelgen.runtime.numerics.regressor import Regressor, Regressors
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.row_block import STRETCH, RowBlock
@@ -221,7 +222,7 @@ def _solve(
         rows, parts = regressed_rows(blocks, weights, projected), weighted_parts(blocks, weights, projected)
     else:
         rows, parts = triangle_rows(blocks, weights, c), _Weighted(blocks, weights, c)
-    triangle = np.asarray(np.linalg.qr(rows, mode="r"))
+    triangle = triangle_of(rows)
     solution = polished(triangle, parts if polish else ())
     residuals = residuals_of(blocks, solution.x)
     return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
@@ -253,7 +254,7 @@ class _Weighted(Sequence[tuple[Regressor, FloatArray]]):
 
 def _triangle(rows: Sequence[RowTriangle], weights: Sequence[float], columns: int) -> FloatArray:
     """Return the triangle of the weighted rows, from their own."""
-    return np.asarray(np.linalg.qr(triangle_rows(rows, weights, columns), mode="r"))
+    return triangle_of(triangle_rows(rows, weights, columns))
 
 
 def _rms(rows: Sequence[RowTriangle], x: FloatArray) -> list[float]:

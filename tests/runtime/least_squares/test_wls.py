@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -110,6 +112,17 @@ def test_too_few_samples_answer_nothing() -> None:
     W = np.random.default_rng(7).standard_normal((2, 2))
     with pytest.raises(IdentifiabilityError, match="2 samples are left for 2 columns"):
         fit_paper(Observation(("a", "b"), (block(W, np.ones(2)),)))
+
+
+def test_a_row_with_a_single_sample_beside_a_long_one_is_short_of_rank() -> None:
+    """Reversals leave a row hardly any samples where its filters reach far: no traceback."""
+    rng = np.random.default_rng(6)
+    few, many, x = rng.standard_normal((1, 9)), rng.standard_normal((50, 2)), np.arange(1.0, 10.0)
+    long = replace(block(many, many @ x[:2]), touched=np.arange(2))
+    observation = Observation(tuple("abcdefghi"), (long, block(few, few @ x, row=1)))
+    for fit in (fit_matched(observation), fit_paper(observation)):
+        assert fit.solution.undetermined.tolist() == [False] * 2 + [True] * 7
+        np.testing.assert_allclose(fit.solution.x[:2], x[:2])
 
 
 def test_zero_columns_are_left_out_and_named() -> None:
