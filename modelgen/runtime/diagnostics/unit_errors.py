@@ -131,7 +131,7 @@ def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> FloatArr
     """Return how many times as much as `one` says `other` moves, in the lowest bands where they are coherent.
 
     Of shape (bands,), below zero where they move against each other. None where too few bands are coherent,
-    or where the ratio changes with the frequency.
+    or where the ratio changes with the frequency, or its sign: beyond an antiresonance.
     """
     # of a long record, the stretch that moves most
     parts = record.facts.stretches(one.key)
@@ -155,7 +155,7 @@ def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> FloatArr
             ratios.append(cross / power)
             along.append(product.real / cross)
         low = band.stop
-    if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios):
+    if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios) or min(along) < 0.0 < max(along):
         return None
     return np.asarray(np.copysign(ratios, np.median(along)), dtype=float)
 

@@ -17,12 +17,13 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import ModelgenError
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.choose_cutoff import part_tried
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.refusals import dependent_columns, unanswered
-from modelgen.runtime.identification.thresholds import BETTER, BEYOND_CHANCE, TRIES, UNEXPLAINED
+from modelgen.runtime.identification.thresholds import BETTER, BEYOND_CHANCE, OVER_NOISE, TRIES, UNEXPLAINED
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
@@ -68,20 +69,24 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         Of the channels as they are given.
     """
     job = replace(job, late=())
-    given = _sense(job, fit)
-    if not given.impossible and given.unexplained < UNEXPLAINED:
-        return ()
+    given, rows = _sense(job, fit), None
+    if not given.impossible:
+        # a derivative may be all noise in a record that hardly moves: that says nothing of the channels
+        rows = _beyond_noise(job, fit)
+        given = _sense(job, fit, rows)
+        if given.unexplained < UNEXPLAINED:
+            return ()
     run = METHODS["wls"].run
     parts = tuple(part_tried(record) for record in job.records)
     if any(part.n < record.n for part, record in zip(parts, job.records, strict=True)):
         job = replace(job, records=parts, surveys=(), start=None)
-        given = _sense(job, run(job)[1])
+        given = _sense(job, run(job)[1], rows)
     still = [key for key in job.model.channels if not any(_spans(record, key) for record in job.records)]
     tried: list[tuple[_Sense, _Change]] = []
     for change in list(_changes(job.model, still))[:TRIES]:
         try:
             other = _changed(job, change)
-            found = _sense(other, run(other)[1])
+            found = _sense(other, run(other)[1], rows)
         except ModelgenError:
             continue
         better = given.explained_by(found)
@@ -148,7 +153,14 @@ def _changed(job: Job, change: _Change) -> Job:
     return replace(job, records=records, choice=choice)
 
 
-def _sense(job: Job, fit: Fit) -> _Sense:
+def _beyond_noise(job: Job, fit: Fit) -> frozenset[tuple[int, int]]:
+    """Return which (record, row) leave more than noise of the sensors."""
+    beyond = exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE)
+    return frozenset((block.record, block.row) for block, _ in beyond)
+
+
+def _sense(job: Job, fit: Fit, rows: Container[tuple[int, int]] | None = None) -> _Sense:
+    """Return what a fit contradicts; of the given (record, row) only what they leave, of all without."""
     refused = unanswered(job.model, job.records, job.choice, fit) | dependent_columns(fit)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
     spreads = dict(zip(fit.columns, spread.tolist(), strict=True))
@@ -159,7 +171,8 @@ def _sense(job: Job, fit: Fit) -> _Sense:
         if name not in refused and -value > BEYOND_CHANCE * spreads[name]
     ]
     left = [0.0]
-    for index in range(len(fit.blocks)):
-        share = fit.unexplained(index)
-        left.append(1.0 if share is None else share)
+    for index, block in enumerate(fit.blocks):
+        if rows is None or (block.record, block.row) in rows:
+            share = fit.unexplained(index)
+            left.append(1.0 if share is None else share)
     return _Sense(len(impossible), max(left))

@@ -91,6 +91,18 @@ def test_nothing_is_told_of_right_channels() -> None:
     assert said(with_load(1.2), held) == []
 
 
+def test_bodies_that_move_against_each_other_beyond_an_antiresonance_are_not_told_to_be_reversed() -> None:
+    """A long chain's antiresonance may lie within the lowest bands of a short record."""
+    model, record = clean()
+    n = record.n
+    lines = np.fft.rfft(np.random.default_rng(0).standard_normal(n)) / np.arange(1.0, n // 2 + 2) ** 3
+    gain = np.full(len(lines), -0.3)
+    gain[:12], gain[12:20], gain[20:28] = 1.3, -1.13, -0.65
+    moved = record.edited({"q_m": np.fft.irfft(lines, n), "q_l": np.fft.irfft(lines * gain, n)})
+    assert low_frequency_ratios(moved, model.sensors[0], model.sensors[1]) is None
+    assert said(moved) == []
+
+
 def test_a_motion_that_ends_elsewhere_is_not_told_to_be_reversed() -> None:
     # the transform of such a position is that of its drift, which (j omega)^2 made a motion of its own
     model = model_of(ACCELERATION, "motor")

@@ -15,7 +15,12 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
-from modelgen.runtime.identification.swapped_channels import _changes, _Sense, swapped_channels
+from modelgen.runtime.identification.swapped_channels import (
+    _changes,
+    _Sense,
+    _sense,
+    swapped_channels,
+)
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -113,6 +118,23 @@ def test_what_no_exchange_mends_is_not_told() -> None:
         for block, residual in zip(fit.blocks, fit.residuals, strict=True)
     ]
     assert max(left) > 0.9
+    assert swapped_channels(job, fit) == ()
+
+
+def test_a_derivative_that_is_all_noise_says_nothing_of_the_channels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A record that hardly moves beside one that does: its differentiated row is filtered noise."""
+    quiet = {"q_m": 5e-3, "a_c": 2.0, "Gamma_m": 1e-4}
+    values = AC.parameter_sets["light"]
+    records = [
+        simulate(AC, values, "chirp", fs=2000.0, duration_s=2.0, noise=quiet | {"q_m": 2e-5}).record,
+        simulate(AC, values, "trapezoid", fs=2000.0, duration_s=2.0, noise=quiet).record,
+    ]
+    job = Job(AC, tuple(records), choose_filter(AC, records))
+    fit = METHODS["wls"].run(job)[1]
+    assert _sense(job, fit).unexplained > 0.9
+    monkeypatch.setattr(
+        "modelgen.runtime.identification.swapped_channels._changes", lambda *_: pytest.fail("tried")
+    )
     assert swapped_channels(job, fit) == ()
 
 
