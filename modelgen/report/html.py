@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import jinja2
@@ -14,6 +15,7 @@ from markupsafe import Markup, escape
 from modelgen.render.environment import template_environment
 from modelgen.runtime.modes.modes import cells, peak_hz
 from modelgen.runtime.results.answer import plus_minus
+from modelgen.template_folder import template_text
 
 
 def report_environment() -> jinja2.Environment:
@@ -25,6 +27,23 @@ def report_environment() -> jinja2.Environment:
     env.filters["peak"] = lambda mode: _typeset(peak_hz(mode))
     env.filters["cells"] = lambda one: [_typeset(text) for text in cells(one)]
     return env
+
+
+def rendered(template: str, plots: Sequence[Any], **fields: Any) -> str:
+    """Return a page from a template, with the script that draws its plots, its style, and these fields."""
+    script = template_text("report.js")
+    return (
+        report_environment()
+        .get_template(template)
+        .render(
+            fields,
+            script=Markup(script),
+            style=Markup(template_text("report.css")),
+            policy=policy_of(script),
+            plots=plots,
+            data=safe_json(plots),
+        )
+    )
 
 
 def policy_of(script: str) -> str:

@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 import modelgen
 from modelgen.report.chain_drawing import chain_section
-from modelgen.report.html import policy_of, report_environment, safe_json
+from modelgen.report.html import rendered
 from modelgen.report.mathml import row_equations, symbol
 from modelgen.report.plots import (
     autocorrelation_plot,
@@ -41,7 +41,6 @@ from modelgen.runtime.results.check_tables import check_tables
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.results.summary import INTERVAL_KINDS
 from modelgen.runtime.simulation.validation import Validation
-from modelgen.template_folder import template_text
 
 Description = dict[str, Any]
 
@@ -78,47 +77,38 @@ def report_page(
     left = Unmade(unmade or {})
     records = [item.record if isinstance(item, Reading) else item for item in readings]
     rows, singular = rebuild(model, records, estimate)
-    script, style = template_text("report.js"), template_text("report.css")
-    plots = zoomable(rows, validations)
-    return (
-        report_environment()
-        .get_template("report.html.j2")
-        .render(
-            title=str(estimate.model),
-            picture=Markup(left.attempt("chain", lambda: _picture(model, picture), "")),
-            estimate=estimate,
-            model=model,
-            verdict=estimate.verdict,
-            asked=asked_for(estimate),
-            refused=grouped_reasons(estimate.unanswered),
-            modes=estimate.modes(),
-            ranges=posture_ranges(estimate.modes()),
-            style=Markup(style),
-            script=Markup(script),
-            policy=policy_of(script),
-            data=safe_json(plots),
-            plots=plots,
-            row_plots=len(rows),
-            equations=row_equations(model),
-            symbols={name: symbol(name) for name in (*model.base_parameters, *model.parameters)},
-            interval=estimate.conf_int(),
-            physical=_physical_rows(estimate),
-            interval_kind=INTERVAL_KINDS[estimate.fit.covariance_kind],
-            sensor_sets=sensor_sets,
-            residuals=left.attempt("residuals", lambda: _residuals(rows, estimate, records), []),
-            checks=check_tables(estimate.checks),
-            scans=left.attempt("checks", lambda: scan_plots(estimate.checks.scan), []),
-            frequency=()
-            if model.is_arm  # it depends on the posture
-            else left.attempt("frequency", lambda: _frequency(model, records, estimate), []),
-            correlation=left.attempt("conditioning", lambda: correlation_plot(estimate), None),
-            singular=left.attempt("conditioning", lambda: singular_value_plot(singular), None),
-            unmade=left,
-            singular_values=[f"{value:.4g}" for value in singular],
-            readings=[_reading(item) for item in readings],
-            validations=validations,
-            provenance=_provenance(model, estimate, options or {}),
-        )
+    return rendered(
+        "report.html.j2",
+        zoomable(rows, validations),
+        title=str(estimate.model),
+        picture=Markup(left.attempt("chain", lambda: _picture(model, picture), "")),
+        estimate=estimate,
+        model=model,
+        verdict=estimate.verdict,
+        asked=asked_for(estimate),
+        refused=grouped_reasons(estimate.unanswered),
+        modes=estimate.modes(),
+        ranges=posture_ranges(estimate.modes()),
+        row_plots=len(rows),
+        equations=row_equations(model),
+        symbols={name: symbol(name) for name in (*model.base_parameters, *model.parameters)},
+        interval=estimate.conf_int(),
+        physical=_physical_rows(estimate),
+        interval_kind=INTERVAL_KINDS[estimate.fit.covariance_kind],
+        sensor_sets=sensor_sets,
+        residuals=left.attempt("residuals", lambda: _residuals(rows, estimate, records), []),
+        checks=check_tables(estimate.checks),
+        scans=left.attempt("checks", lambda: scan_plots(estimate.checks.scan), []),
+        frequency=()
+        if model.is_arm  # it depends on the posture
+        else left.attempt("frequency", lambda: _frequency(model, records, estimate), []),
+        correlation=left.attempt("conditioning", lambda: correlation_plot(estimate), None),
+        singular=left.attempt("conditioning", lambda: singular_value_plot(singular), None),
+        unmade=left,
+        singular_values=[f"{value:.4g}" for value in singular],
+        readings=[_reading(item) for item in readings],
+        validations=validations,
+        provenance=_provenance(model, estimate, options or {}),
     )
 
 

@@ -10,11 +10,10 @@ import numpy as np
 from markupsafe import Markup
 
 import modelgen
-from modelgen.report.html import policy_of, report_environment, safe_json
+from modelgen.report.html import rendered
 from modelgen.report.plots import zoomable
 from modelgen.report.svg import axis_for, interval_plot
 from modelgen.runtime.simulation.validation import Validation
-from modelgen.template_folder import template_text
 
 #: label, value, low and high end of an interval
 Interval = tuple[str, float, float, float]
@@ -64,27 +63,19 @@ def result_page(
     validations : sequence of Validation, optional
         Measured and simulated signals, drawn by the page's script.
     """
-    script, plots = template_text("report.js"), zoomable((), validations)
     facts = [
         ("command", command),
         ("modelgen", modelgen.__version__),
         ("Python, NumPy", f"{platform.python_version()}, {np.__version__}"),
         *options.items(),
     ]
-    return (
-        report_environment()
-        .get_template("result.html.j2")
-        .render(
-            title=title,
-            parts=[(type(part).__name__, part) for part in parts],
-            pictures=[_picture(name, rows) for name, rows in (intervals or {}).items() if rows],
-            plots=plots,
-            data=safe_json(plots),
-            script=Markup(script),
-            style=Markup(template_text("report.css")),
-            policy=policy_of(script),
-            facts=facts,
-        )
+    return rendered(
+        "result.html.j2",
+        zoomable((), validations),
+        title=title,
+        parts=[(type(part).__name__, part) for part in parts],
+        pictures=[_picture(name, rows) for name, rows in (intervals or {}).items() if rows],
+        facts=facts,
     )
 
 

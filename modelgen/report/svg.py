@@ -164,46 +164,41 @@ def interval_plot(x_axis: Axis, rows: Sequence[tuple[str, float, float, float]],
     left, step = 170, 24
     height = TOP + step * len(rows) + BOTTOM
 
-    def place(value: float) -> float:
-        within = float(np.clip(x_axis.place(np.array([value]))[0], -0.02, 1.02))
-        return left + within * (WIDTH - left - RIGHT)
-
-    parts = [_rect("frame", left, TOP, WIDTH - left - RIGHT, height - TOP - BOTTOM)]
-    for value in x_axis.ticks():
-        x = place(value)
-        parts.append(Markup('<path class="grid" d="M{0} {1}V{2}"/>').format(_n(x), TOP, height - BOTTOM))
-        parts.append(_text("tick", x, height - BOTTOM + 15, _label(value), "middle"))
-    for index, (name, value, low, high) in enumerate(rows):
+    parts = [_frame(x_axis, None, height, left=left)]
+    for index, (name, *interval) in enumerate(rows):
+        at, begin, end = map(_n, np.clip(_x(x_axis, np.array(interval), left), left - 10.0, WIDTH))
         y = TOP + step * (index + 0.5)
         shown = name if len(name) <= 24 else f"{name[:21]}..."
         parts.append(_text("tick", left - 6, y + 4, shown, "end"))
         line = Markup('<path class="line rebuilt" d="M{0} {1}H{2}M{3} {4}V{5}"/>')
-        ends = (_n(place(low)), _n(y), _n(place(high)), _n(place(value)), _n(y - 5), _n(y + 5))
-        parts.append(line.format(*ends))
-    parts.append(_text("label", (left + WIDTH - RIGHT) / 2, height - 6, x_axis.label, "middle"))
+        parts.append(line.format(begin, _n(y), end, at, _n(y - 5), _n(y + 5)))
     return _svg(title, parts, height)
 
 
-def _frame(x_axis: Axis, y_axis: Axis, height: int, x_ticks: bool = True) -> Markup:
-    parts = [_rect("frame", LEFT, TOP, WIDTH - LEFT - RIGHT, height - TOP - BOTTOM)]
+def _frame(
+    x_axis: Axis, y_axis: Axis | None, height: int, x_ticks: bool = True, left: float = LEFT
+) -> Markup:
+    parts = [_rect("frame", left, TOP, WIDTH - left - RIGHT, height - TOP - BOTTOM)]
     base = height - BOTTOM
     for value in x_axis.ticks() if x_ticks else ():
-        x = float(_x(x_axis, np.array([value]))[0])
+        x = float(_x(x_axis, np.array([value]), left)[0])
         parts.append(Markup('<path class="grid" d="M{0} {1}V{2}"/>').format(_n(x), TOP, base))
         parts.append(_text("tick", x, base + 15, _label(value), "middle"))
+    parts.append(_text("label", (left + WIDTH - RIGHT) / 2, height - 6, x_axis.label, "middle"))
+    if y_axis is None:
+        return Markup("").join(parts)
     for value in y_axis.ticks():
         y = float(_y(y_axis, np.array([value]), height)[0])
         parts.append(Markup('<path class="grid" d="M{0} {1}H{2}"/>').format(LEFT, _n(y), WIDTH - RIGHT))
         parts.append(_text("tick", LEFT - 6, y + 4, _label(value), "end"))
-    parts.append(_text("label", (LEFT + WIDTH - RIGHT) / 2, height - 6, x_axis.label, "middle"))
     middle = (TOP + base) / 2
     turned = Markup(' transform="rotate(-90 14 {0})"').format(_n(middle))
     parts.append(_text("label", 14, middle, y_axis.label, "middle", turned))
     return Markup("").join(parts)
 
 
-def _x(axis: Axis, values: FloatArray) -> FloatArray:
-    return np.asarray(LEFT + axis.place(values) * (WIDTH - LEFT - RIGHT))
+def _x(axis: Axis, values: FloatArray, left: float = LEFT) -> FloatArray:
+    return np.asarray(left + axis.place(values) * (WIDTH - left - RIGHT))
 
 
 def _y(axis: Axis, values: FloatArray, height: int) -> FloatArray:

@@ -52,20 +52,10 @@ def move(
     The controller drives the plant's own actuator; the forces of further ones are the excitation's.
     `initial` holds all positions, then all velocities, shape (2 bodies,); a current loop starts at no force.
     """
-    run = _sampled if drive.sampled else _continuous
-    return run(plant, controller, drive, excitation, np.r_[initial, [0.0] * drive.lags], oversample)
-
-
-def _continuous(
-    plant: Plant,
-    controller: PositionVelocityController,
-    drive: Drive,
-    excitation: Excitation,
-    initial: FloatArray,
-    oversample: int,
-) -> Motion:
-    further = tuple(_further(plant, excitation))
-    loop = ContinuousLoop(plant, controller, drive.bandwidth_hz, further)
+    initial = np.r_[initial, [0.0] * drive.lags]
+    if drive.sampled:
+        return _sampled(plant, controller, drive, excitation, initial, oversample)
+    loop = ContinuousLoop(plant, controller, drive.bandwidth_hz, tuple(_further(plant, excitation)))
     return loop.moved(excitation, initial, oversample)
 
 
