@@ -23,6 +23,9 @@ from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.row_terms import holds_force, holds_gain
 from modelgen.runtime.rows.standstill_speeds import Survey
 
+# Triangles that are kept until they are joined: all of them would grow with the record.
+AT_A_TIME = 16
+
 
 @dataclass(frozen=True, eq=False)
 class RowTriangle:
@@ -139,21 +142,38 @@ def triangles_and_masks(
             found.append((Used(lines.shape[1], bits), tall_triangle(lines[:-1].T, lines[-1])))
         return found, signals.force_power
 
-    parts, powers = zip(*rows.over_chunks(of), strict=True)
+    taken = [_TakenRow() for _ in rows.terms]
     total: dict[int, float] = {}
-    for power in powers:
+    for part, power in rows.over_chunks(of):
+        for one, (used, triangle) in zip(taken, part, strict=True):
+            one.take(used, triangle)
         for times, more in power.items():
             total[times] = total.get(times, 0.0) + more
-    grid, found, every = len(rows.grid), [], []
-    for terms, info, of_row in zip(rows.terms, rows.plan.model.rows, zip(*parts, strict=True), strict=True):
-        used, triangles = zip(*of_row, strict=True)
-        count = sum(one.samples for one in used)
-        triangle = triangle_of(np.concatenate(triangles))
+    grid, model, found = len(rows.grid), rows.plan.model, []
+    for terms, info, one in zip(rows.terms, model.rows, taken, strict=True):
+        count, triangle = sum(used.samples for used in one.used), one.triangle()
         scale = float(np.sqrt(total.get(info.differentiated, 0.0) / grid)) / info.lever
         measured = float(np.linalg.norm(triangle[:, -1]))
-        model = rows.plan.model
         has_force = holds_force(model, terms.row, measured, scale * np.sqrt(count))
         touched, by_gain = np.array(terms.columns, dtype=np.int64), holds_gain(model, terms.row)
         found.append(RowTriangle(index, terms.row, count, grid, has_force, scale, triangle, touched, by_gain))
-        every.append(used)
-    return found, tuple(every)
+    return found, tuple(tuple(one.used) for one in taken)
+
+
+class _TakenRow:
+    """One row of a record, chunk by chunk: what is used of it, and triangles, few at a time."""
+
+    def __init__(self) -> None:
+        self.used: list[Used] = []
+        self._triangles: list[FloatArray] = []
+
+    def take(self, used: Used, triangle: FloatArray) -> None:
+        """Take in a chunk: what is used, and its triangle, shape (k + 2, k + 2)."""
+        self.used.append(used)
+        self._triangles.append(triangle)
+        if len(self._triangles) == AT_A_TIME:
+            self._triangles = [self.triangle()]
+
+    def triangle(self) -> FloatArray:
+        """Return the triangle of all chunks, shape (k + 2, k + 2)."""
+        return triangle_of(np.concatenate(self._triangles))

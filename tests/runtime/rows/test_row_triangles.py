@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
@@ -11,9 +13,11 @@ from generated import emps300_qm_ac, emps300_qm_qc, three_mass_qa_qb_ac, tree_po
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.least_squares.wls import fit_matched, solve_matched
 from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.records.channels import EditedChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
-from modelgen.runtime.rows.row_triangles import observe_triangles
+from modelgen.runtime.rows.record_rows import matched_rows
+from modelgen.runtime.rows.row_triangles import observe_triangles, row_triangles
 from modelgen.runtime.simulation.simulate import simulate
 
 CHAINS = (emps300_qm_qc, emps300_qm_ac, two_mass_bench_qm_qc, three_mass_qa_qb_ac, tree_positions)
@@ -43,3 +47,27 @@ def test_solution_and_sizes_are_those_of_the_rows(module: ModuleType) -> None:
         assert triangle.force_scale == pytest.approx(block.force_scale, rel=1e-12)
         assert triangle.residual_norm(x) == pytest.approx(float(np.linalg.norm(block.residual(x))), rel=1e-9)
         assert triangle.terms_norm(x) == pytest.approx(block.terms_norm(x), rel=1e-9)
+
+
+def test_memory_does_not_grow_with_the_number_of_chunks() -> None:
+    model = model_from_module(emps300_qm_qc)
+    clean = simulate(
+        model, next(iter(model.parameter_sets.values())), "chirp", duration_s=8.0, fs=5000.0, oversample=2
+    ).record
+    # files are read in stretches, and nothing of their channels is kept
+    record = Record.over(EditedChannels(clean, clean.name, clean.n))
+    choice = choose_filter(model, [clean], cutoff_hz=400.0)
+    rows = matched_rows(model, record, choice, choice.decimation[0], samples=256)
+    peaks = []
+    for part in (0.5, 0.5, 1.0):  # the first loads the code
+        some = replace(rows, grid=rows.grid[: int(part * len(rows.grid))])
+        tracemalloc.start()
+        try:
+            found = row_triangles(some, 0)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+        finally:
+            tracemalloc.stop()
+    chunks, triangle = len(rows.grid) // (256 // choice.decimation[0]), found[0].triangle
+    assert chunks > 100
+    # half of the chunks are more than in the run before: only a bit a sample of each is kept, no triangles
+    assert peaks[2] - peaks[1] < len(found) * triangle.nbytes * chunks / 2
