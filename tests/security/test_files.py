@@ -20,7 +20,7 @@ from modelgen.project.lock_file import load_lock
 from modelgen.project.project_file import load_project
 from modelgen.read_file import DATA, open_file
 from modelgen.render.target import user_files
-from modelgen.runtime.files.formats import SUFFIXES, open_source
+from modelgen.runtime.files.formats import READERS, open_source
 from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.files.open_channels import FORMATS, open_channels
 from modelgen.runtime.model.model import load_model
@@ -49,7 +49,7 @@ ENTRIES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "lock": ("a.lock", load_lock),
     "template": ("a.txt.j2", lambda path: user_files(CHAIN, "qm", path.parent)),
     "npy": ("a.npy", lambda path: open_npy({"q_m": path}, 1000.0)),
-    **{f"record{suffix}": (f"a{suffix}", read_record) for suffix in SUFFIXES},
+    **{f"record{suffix}": (f"a{suffix}", read_record) for suffix in READERS},
     **{
         f"stretches{suffix}": (f"a{suffix}", lambda path: open_channels(path, {"q_m": ("q_m", 1.0)}, 1000.0))
         for suffix in FORMATS

@@ -270,7 +270,7 @@ def test_checks_that_fail_take_no_answer_away(monkeypatch: pytest.MonkeyPatch) -
     def fails(*_: object) -> None:
         raise np.linalg.LinAlgError("did not converge")
 
-    monkeypatch.setattr("modelgen.runtime.identification.identify.examine", fails)
+    monkeypatch.setattr("modelgen.runtime.identification.run_checks.examine", fails)
     estimate = identify(RIGID, rigid_record(), **values_of(**SETTINGS))
     assert estimate.params
     assert estimate.checks.advice[-1].kind == "not checked"
