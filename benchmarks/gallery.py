@@ -22,11 +22,12 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageChops
 
-from modelgen.cli.figure import draw_forces
-from modelgen.cli.write_report import force_panels, sensor_set_rows
+from modelgen.cli.figure import forces_figure, write_picture
+from modelgen.cli.write_report import sensor_set_rows
 from modelgen.render.writer import generate
 from modelgen.report.arm_drawing import draw_arm
 from modelgen.report.page import report_page
+from modelgen.runtime.curves.rebuilt import rebuild
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import model_from_text
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController
@@ -90,7 +91,8 @@ def main() -> None:
     ]
     estimate = identify(model, records)
     (DOCS / "arm.svg").write_text(draw_arm(load_arm(catalog_path("scara"))), encoding="utf-8")
-    draw_forces(force_panels(model, records, estimate), DOCS / "forces.svg")
+    rows = [row for row in rebuild(model, records, estimate)[0] if row.has_force]
+    write_picture(forces_figure(rows), DOCS / "forces.svg", overwrite=True)
     loops = validate(model, estimate.physical, records[1:], LOOP)
     page = report_page(model, records, estimate, {}, sensor_set_rows(spec), loops)
     for name, dark, first, after in SHOTS:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
@@ -181,3 +182,29 @@ def test_no_module_imports_from_its_own_package(repo_root: Path) -> None:
         if path.name != "__init__.py" and any(m in packages or m[0] == "." for m in imports_from(path)):
             offenders.append(str(inside))
     assert not offenders, f"import from the module that defines the name instead: {offenders}"
+
+
+def outside_programs() -> list[Path]:
+    """Notebooks and benchmarks: programs that use the package and run rarely."""
+    root = Path(__file__).resolve().parents[1]
+    return [*sorted((root / "docs/notebooks").glob("*.py")), *sorted((root / "benchmarks").glob("*.py"))]
+
+
+@pytest.mark.parametrize("path", outside_programs(), ids=lambda path: path.name)
+def test_what_notebooks_and_benchmarks_import_is_there(path: Path) -> None:
+    taken = [
+        (node.module, name.name)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "modelgen"
+        for name in node.names
+    ]
+    for module, name in taken:
+        assert pkgutil.resolve_name(f"{module}.{name}") is not None
+
+
+def test_what_the_reference_lists_is_there() -> None:
+    page = (Path(__file__).resolve().parents[1] / "docs/reference.md").read_text(encoding="utf-8")
+    listed = [line.split()[1] for line in page.splitlines() if line.startswith("::: ")]
+    assert listed
+    for one in listed:
+        assert pkgutil.resolve_name(one) is not None

@@ -82,10 +82,4 @@ for name, true in spec.parameter_sets["bench"].items():
 # And the torque, measured and rebuilt from the other channels by the identified parameters:
 
 # %%
-from IPython.display import Image
-
-from modelgen.cli.figure import draw_forces
-from modelgen.cli.write_report import force_panels
-
-draw_forces(force_panels(model, records, estimate), folder / "torque.png")
-Image(folder / "torque.png")
+estimate.plot.fit(records)

@@ -113,8 +113,9 @@ LEAST_EXPLAINED = 0.03
 LEAST_MOVE = 0.5
 # Nor does it matter where it moves no parameter by this share of its value.
 LEAST_MOVED_SHARE = 3e-4
-# What is not estimated is in the intervals from this share of a standard deviation: below it is rounding.
-LEAST_DRIFT = 1e-6
+# What is not estimated is in the intervals from this share of a standard deviation: less would widen none
+# by more than 0.005 %, and give every parameter a drift to be read.
+LEAST_DRIFT = 1e-2
 # What adds more than this multiple of the largest term to the rows is no effect that was overlooked.
 LARGEST_SHARE = 3.0
 
