@@ -12,6 +12,7 @@ from modelgen.errors import ModelError, listed
 from modelgen.spec.arms.arm import ArmSensor, ArmSpec
 from modelgen.symbolic.arms.arm_rows import ArmRows
 from modelgen.symbolic.arms.arm_sensor_sets import arm_overview, with_usual_sets
+from modelgen.symbolic.arms.sensed.sensing import follows
 
 #: names of lost parameters in the table; --json has all
 MOST_NAMES = 6
@@ -32,7 +33,7 @@ def describe_sensor_sets(arm: ArmSpec, chosen: str | None) -> list[Description]:
             "sensors": [_sensor(sensor) for sensor in arm.sensor_sets[summary.name]],
             "rows": _rows(summary.model.rows) if summary.model else [],
             "estimated": [one.channel for one in summary.model.rows.estimated] if summary.model else [],
-            "unread": _unread(summary.model.rows) if summary.model else [],
+            **(_unread(summary.model.rows) if summary.model else {"unread": [], "unread_in_vain": []}),
             "base_parameters": [base.name for base in summary.model.base] if summary.model else [],
             "lost": list(summary.lost),
             "reason": summary.model.rows.lacking if summary.model else summary.reason,
@@ -62,10 +63,14 @@ def sensor_set_tables(described: Sequence[Description]) -> Iterator[Any]:
             for one in described
         ],
     )
+    reasons = {
+        "unread": "what they measure follows from other sensors",
+        "unread_in_vain": "the rows that hold what they measure need more than this set measures",
+    }
     for one in described:
-        if one["unread"]:
-            keys = ", ".join(one["unread"])
-            yield Text(f"{one['name']}: no row reads {keys}: what they measure follows from other sensors")
+        for kind, reason in reasons.items():
+            if one[kind]:
+                yield Text(f"{one['name']}: no row reads {', '.join(one[kind])}: {reason}")
 
 
 def _rows(rows: ArmRows) -> list[Description]:
@@ -75,10 +80,16 @@ def _rows(rows: ArmRows) -> list[Description]:
     return [{"name": name, "differentiated": times} for name, times in found if name not in used]
 
 
-def _unread(rows: ArmRows) -> list[str]:
-    """Return the sensors of which nothing is in the rows."""
+def _unread(rows: ArmRows) -> Description:
+    """Return the sensors of which nothing is in the rows: those that others replace, and the rest."""
     read = {key for channels in rows.channels.values() for key, *_ in channels}
-    return [sensor.key for sensor in rows.sensors if read.isdisjoint(sensor.channels)]
+    measured = rows.sensors[: len(rows.sensors) - len(rows.estimated)]
+    unread = [sensor for sensor in measured if read.isdisjoint(sensor.channels)]
+    replaced = [sensor.key for sensor in unread if follows(rows.spec, measured, sensor)]
+    return {
+        "unread": replaced,
+        "unread_in_vain": [sensor.key for sensor in unread if sensor.key not in replaced],
+    }
 
 
 def _short(name: str) -> str:

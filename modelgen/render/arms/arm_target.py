@@ -73,14 +73,16 @@ def _kernel(language: Language, lines: ArmLines, line: StraightLine) -> dict[str
     A line has no name where no other reads its value, and no output where it is an intermediate value.
     """
     needed = {operand for operation in line.operations for operand in operation.operands}
-    sections: dict[str, list[tuple[str | None, str, int | None]]] = {}
-    for operation in line.operations:
+
+    def source(operation: Operation) -> tuple[str | None, str, int | None]:
         place = int(operation.target[1:]) if operation.target[0] == "o" else None
         name = operation.name if operation.name in needed else None
-        sections.setdefault(operation.section, []).append((name, _source(language, operation), place))
+        return name, _source(language, operation), place
+
+    sections = tuple((section, tuple(map(source, operations))) for section, operations in line.sections())
     read = [symbol for symbol in lines.signals if symbol in line.inputs]
     inputs = [(lines.local[symbol], language.name(signal_key(symbol))) for symbol in read]
-    return {"inputs": inputs, "sections": tuple(sections.items())}
+    return {"inputs": inputs, "sections": sections}
 
 
 def _source(language: Language, operation: Operation) -> str:

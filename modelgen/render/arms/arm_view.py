@@ -57,10 +57,7 @@ def _base_source(factors: Mapping[str, float]) -> str:
 
 def _kernel(signals: tuple[str, ...], line: StraightLine, outputs: int) -> dict[str, Any]:
     """Return one function of straight lines: (comment, lines) of each section."""
-    sections: dict[str, list[str]] = {}
-    for operation in line.operations:
-        sections.setdefault(operation.section, []).append(_source(operation))
-    named = tuple((section, tuple(lines)) for section, lines in sections.items())
+    named = tuple((section, tuple(map(_source, operations))) for section, operations in line.sections())
     return {"signals": signals, "sections": named, "buffers": line.buffers, "outputs": outputs}
 
 

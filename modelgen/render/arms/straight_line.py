@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import groupby
 
 from modelgen.render.arms.free_signs import free_signs
 from modelgen.symbolic.arms.expressions.graph import Graph, Node, Ref, Symbol
@@ -54,6 +55,14 @@ class StraightLine:
     operations: tuple[Operation, ...]
     buffers: int
     inputs: tuple[Symbol, ...]
+
+    def sections(self) -> Iterator[tuple[str, Iterator[Operation]]]:
+        """Yield the operations in their order, by section; a section may come again.
+
+        Columns of payloads and of mountings stand behind all joints: what they need is computed by then, and
+        what they overwrite is no longer needed.
+        """
+        yield from groupby(self.operations, key=lambda operation: operation.section)
 
 
 def straight_line(

@@ -19,6 +19,7 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.row_noise import noise_band, row_noise
 from modelgen.runtime.diagnostics.thresholds import (
+    HARMLESS_BIAS,
     LEAST_BIAS,
     LEAST_DEVIATIONS,
     LEAST_SIGNAL,
@@ -27,6 +28,7 @@ from modelgen.runtime.diagnostics.thresholds import (
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
@@ -157,17 +159,19 @@ def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> NoiseEff
     return NoiseEffect(bias, spread, inverse, float(share.max(initial=0.0)))
 
 
-def lost_in_noise(fit: Fit, bias: FloatArray) -> dict[str, str]:
+def lost_in_noise(fit: Fit, bias: FloatArray, left: FloatArray) -> dict[str, str]:
     """Return the columns whose parameter noise biases by more than its whole value, with the reason.
 
-    `bias` is that of each column of the fit, shape (c,).
+    `bias` is that of each column of the fit, `left` what of it is still in the estimate, shape (c,) each. Of
+    what may be zero the value is no measure: where the interval hardly feels what is left, nothing is lost.
     """
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
     return {
         name: "its column is mostly noise of the sensors"
         if not np.isfinite(move)
         else f"noise of the sensors biases it by {100.0 * abs(move / value):.0f} % of what is left of it"
-        for name, move, value in zip(fit.columns, bias, fit.solution.x, strict=True)
-        if abs(move) > LOST_SHARE * abs(value)
+        for name, move, still, value, std in zip(fit.columns, bias, left, fit.solution.x, spread, strict=True)
+        if abs(move) > LOST_SHARE * abs(value) and abs(still) > HARMLESS_BIAS * std
     }
 
 

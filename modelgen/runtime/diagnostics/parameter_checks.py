@@ -39,6 +39,7 @@ REMEDIES = {
     "offset": "add slow motion in both directions",
     "link": "move this link and those before it faster, and through more postures",
     "gain": "add a record with a payload of known mass",
+    "mounting": "turn the link with this sensor faster, and about more axes",
 }
 
 

@@ -92,7 +92,7 @@ def _identified(
         fit = replace(fit, notes=fit.notes + notes)
     extras = compared(task, solution, again)
     drift = drift + more_than_noise(fit, extras)
-    refused = late_refusals(fit, solution.refused, drift, task.checks.keep, extras.bias, task.model)
+    refused = late_refusals(fit, solution.refused, drift, task.checks.keep, extras.biases, task.model)
     step("judging the fit")
     if task.checks.tests and chosen.matched:
         job = task.job

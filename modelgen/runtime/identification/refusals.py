@@ -83,16 +83,17 @@ def late_refusals(
     refused: Mapping[str, str],
     drift: FloatArray,
     keep: Sequence[str],
-    bias: FloatArray | None = None,
+    bias: tuple[FloatArray, FloatArray] | None = None,
     model: Model | None = None,
 ) -> dict[str, str]:
     """Return what is refused once drift and bias are known: not all that is left, though.
 
     `drift` is the mean square by which settings move the estimate, shape (c, c), `bias` the bias by
-    noise, shape (c,); both in the order of the columns of the fit and in their units.
+    noise and what of it is left in the estimate, shape (c,) each; all in the order of the columns of the fit
+    and in their units.
     """
     found = dependent_columns(fit, refused, drift, model) | (
-        lost_in_noise(fit, bias) if bias is not None else {}
+        lost_in_noise(fit, *bias) if bias is not None else {}
     )
     late = {name: reason for name, reason in found.items() if name not in refused and name not in keep}
     left = [name for name in fit.columns if name not in refused and name not in late]

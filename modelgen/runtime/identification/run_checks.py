@@ -78,6 +78,11 @@ class Extras:
     changing: ChangingInertia | None = None
     residuals: Callable[[], tuple[ResidualTest, ...]] = tuple
 
+    @property
+    def biases(self) -> tuple[FloatArray, FloatArray] | None:
+        """Return the bias by noise and what of it may still be in the estimate, shape (c,) each, if known."""
+        return None if self.bias is None or self.bias_left is None else (self.bias, self.bias_left)
+
 
 def compared(
     task: Task,

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from modelgen.cli.main import app, main
 from modelgen.spec.arms.arm import LINK_PARAMETERS
-from modelgen.spec.load import catalog_arms
+from modelgen.spec.load import catalog_arms, catalog_path
 from tests.spec.arms.random_urdf import random_urdf
 
 
@@ -97,6 +97,22 @@ def test_show_says_what_sensor_sets_give_and_what_they_lack() -> None:
     assert "Base parameters: 18 (6 of links, 12 of drives)" in one
     rigid = json.loads(run("show", "two_link", "--sensors", "all", "--json").output)["sensor_sets"]
     assert not any(entry["lost"] for entry in rigid)
+
+
+def test_sensors_in_vain_are_told_from_those_that_others_replace(tmp_path: Path) -> None:
+    text = catalog_path("elastic_two_link").read_text(encoding="utf-8")
+    few = "".join(
+        f'{key} = {{ joint = "{joint}", side = "{side}", measures = "position" }}\n'
+        for key, joint, side in (("m1", "1", "motor"), ("l1", "1", "link"), ("m2", "2", "motor"))
+    )
+    text = text.replace('"damping"]', '"damping", "stiffness3"]')
+    text = text.replace("[lengths]", f"[sensors.few]\n{few}\n[lengths]")
+    file = tmp_path / "a.toml"
+    file.write_text(text, encoding="utf-8")
+    (told,) = json.loads(run("show", str(file), "--sensors", "few", "--json").output)["sensor_sets"]
+    assert told["unread"] == [] and told["unread_in_vain"] == ["m2"]
+    printed = run("show", str(file), "--sensors", "few").output
+    assert "no row reads m2: the rows that hold what they measure need more" in printed
 
 
 def test_show_draws_an_arm(tmp_path: Path) -> None:

@@ -15,7 +15,8 @@ from modelgen.generated_module.module_check import has_header, seal
 from modelgen.render.arms.arm_view import BLOCK
 from modelgen.render.arms.arm_writer import arm_module
 from modelgen.runtime.model.model import load_model
-from modelgen.spec.arms.arm import ArmSpec
+from modelgen.spec.arms.arm import ArmSensor, ArmSpec, Payload
+from modelgen.spec.arms.parameters import link_names
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel, arm_base_model
 from tests.symbolic.arms.made_arms import PANDA, PUMA, joint, random_arm, serial, shift, tx40
@@ -170,3 +171,25 @@ def test_a_module_of_an_arm_is_loaded(tmp_path: Path) -> None:
     path.write_text(arm_module(arm_base_model(arm_rows(tx40()))))
     model = load_model(path)
     assert model.is_arm and len(model.base_parameters) == 61
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_what_stands_behind_all_joints_is_computed_there(place: int) -> None:
+    """Columns of payloads and of mountings on inner links follow those of the joints behind them."""
+    arm = serial([(0, 0, 0, 0.3), (-90, 0, 0, 0.1), (0, 0.4, 0, 0.05)], True)
+    on = arm.joints[place].name
+    carried = replace(arm, payloads=(Payload("disc", on, link_names("disc")),))
+    model = arm_base_model(arm_rows(carried))
+    module = executed(model)
+    signals = random_signals(module, 50)
+    load = {"load disc": signals["load_disc"]}
+    wanted = regressor_at(model.rows, motion_of(carried, signals), load)[:, :, list(model.columns)]
+    np.testing.assert_allclose(module["regressor"](signals), wanted, rtol=1e-12, atol=1e-12)
+
+    joints = [ArmSensor(f"q_{one.name}", one.name, "link", "position") for one in arm.moving]
+    felt = ArmSensor("a", on, "link", "accelerometer", estimated=True)
+    model = arm_base_model(arm_rows(replace(arm, sensor_sets={"s": (*joints, felt)}), sensor_set="s"))
+    module = executed(model)
+    signals = random_signals(module, 50)
+    wanted = regressor_at(model.rows, motion_of(arm, signals), {})[:, :, list(model.columns)]
+    np.testing.assert_allclose(module["regressor"](signals), wanted, rtol=1e-12, atol=1e-12)

@@ -16,7 +16,8 @@ from modelgen.errors import RenderError
 from modelgen.render.arms.arm_target import arm_target_files
 from modelgen.render.arms.arm_writer import arm_module
 from modelgen.render.target_writer import check_target, write_target
-from modelgen.spec.arms.arm import ArmSpec
+from modelgen.spec.arms.arm import ArmSpec, Payload
+from modelgen.spec.arms.parameters import link_names
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
 from tests.symbolic.arms.made_arms import random_arm, serial, tx40
@@ -33,6 +34,8 @@ ARMS = [
     replace(with_gains(tx40(), ("2", "6")), known={"m6": 2.5, "mz4": -0.3, "gain_2": 1.5}, name="cos"),
     ASYMMETRIC,
     replace(SYMBOLIC, name="double"),
+    # columns behind those of all joints
+    replace(SYMBOLIC, name="carrying", payloads=(Payload("disc", "2", link_names("disc")),)),
     *(replace(coupled(random_arm(random.Random(k)), random.Random(k)), name=f"made{k}") for k in (3, 6, 9)),
 ]
 ARMS = [replace(spec, name=spec.name if spec.name != "arm" else f"arm{k}") for k, spec in enumerate(ARMS)]

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,17 +10,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from generated import emps300_qm_ac
-from modelgen.runtime.diagnostics.noise_bias import _without_noise, noise_bias
+from modelgen.runtime.diagnostics.noise_bias import _without_noise, lost_in_noise, noise_bias
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.measured_records import bench, emps
-from tests.runtime.rigid_motion import RIGID, TRUTH, kinds, rigid_record, swings
+from tests.runtime.rigid_motion import CHOICE, RIGID, TRUTH, kinds, rigid_record, swings
 
 MODEL = model_from_module(emps300_qm_ac)
 NOISE = {"q_m": 2e-5, "a_c": 2.0, "Gamma_m": 1e-4}
@@ -81,6 +82,15 @@ def test_what_is_lost_in_noise_gets_no_number() -> None:
         RIGID, slow(6e-5), **values_of("wls", cutoff_hz=10.0, direction_cutoff_hz=5.0, keep=("M",))
     )
     assert kept.params["M"] < 0.6 * TRUTH["M"]
+
+
+def test_a_value_of_zero_is_not_lost_by_a_bias_that_its_interval_hardly_feels() -> None:
+    fit = METHODS["wls"].run(Job(RIGID, (rigid_record(),), CHOICE))[1]
+    std = np.sqrt(np.diag(hac_covariance(fit)))
+    none = replace(fit, solution=replace(fit.solution, x=0.1 * std))
+    assert lost_in_noise(none, 0.3 * std, 0.3 * std) == {}
+    assert lost_in_noise(none, 2.0 * std, 0.2 * std) == {}
+    assert set(lost_in_noise(none, 2.0 * std, 2.0 * std)) == set(fit.columns)
 
 
 @pytest.mark.parametrize("which", ["emps", "bench"])

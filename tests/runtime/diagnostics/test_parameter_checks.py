@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from generated import emps300_qm_ac, emps300_qm_qc
+from modelgen.render.arms.arm_writer import arm_files
 from modelgen.runtime.diagnostics import parameter_checks
 from modelgen.runtime.diagnostics.parameter_checks import (
     negative_values,
@@ -20,12 +21,16 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.wls import fit_matched
-from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.model.model import model_from_module, model_from_text
 from modelgen.runtime.numerics.regressor import plain_regressors
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
 from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.arms.arm import ArmMeasures, ArmSensor, Payload
+from modelgen.spec.arms.load import load_arm
+from modelgen.spec.arms.parameters import link_names
+from modelgen.spec.load import catalog_path
 from tests.runtime.identification.test_assemble_estimate import observation
 from tests.runtime.rigid_motion import CHOICE, FS, RIGID, SETTINGS, kinds, rigid_record, swings
 
@@ -48,6 +53,32 @@ def test_a_motion_that_is_too_slow_for_the_inertia_is_named() -> None:
     assert advice.where == "M"
     assert "accelerate harder" in advice.remedy
     assert "noisy derivative" in kinds(estimate)
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accelerometer"])
+def test_whatever_is_uncertain_has_a_remedy(sensor: ArmMeasures) -> None:
+    """Of every kind of parameter that an arm can have, mountings of sensors among them."""
+    arm = load_arm(catalog_path("elastic_two_link"))
+    estimated = ArmSensor("s", "2", "link", sensor, estimated=True)
+    joints = tuple(
+        replace(one, stiffness3=f"K3_{one.name}", gain=f"gain_{one.name}") for one in arm.joints[1:]
+    )
+    arm = replace(
+        arm,
+        joints=(arm.joints[0], *joints),
+        sensor_sets={"all": (*arm.sensor_sets["encoders"], estimated)},
+        payloads=(Payload("disc", "2", link_names("disc")),),
+    )
+    ((file, text),) = arm_files(arm, "all").items()
+    model = model_from_text(text, file)
+    assert {"mounting", "gain", "stiffness3", "link"} <= {role.role for role in model.roles.values()}
+    fit = _fit_of_two_rows(1e-6)
+    entry = identify(RIGID, rigid_record(), **values_of(**SETTINGS)).parameters.identified[0]
+    for name in model.parameters:
+        uncertain = replace(entry, name=name, value=1.0, std=0.3)
+        named = replace(fit, columns=tuple(name if one == "K" else one for one in fit.columns))
+        (advice,) = uncertain_parameters(model, named, [uncertain], 10.0, None, None)
+        assert advice.remedy
 
 
 def test_a_stiffness_below_its_mode_is_called_too_slow() -> None:

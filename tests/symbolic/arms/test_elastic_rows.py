@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import random
+import re
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -178,6 +180,24 @@ def test_encoders_on_links_alone_place_the_motors() -> None:
     cubic = replace(arms, joints=tuple(replace(j, stiffness3=f"K3{j.name}") for j in arms.joints))
     with pytest.raises(ModelError, match="the position of motor 1"):
         arm_rows(cubic, sensor_set="s")
+
+
+@pytest.mark.parametrize("joints", [None, ("1",), ("2", "3")])
+@pytest.mark.parametrize("sensors", [("motor position 1",), ("motor velocity 2",), ("link velocity 3",), ()])
+def test_the_sensors_that_an_error_names_give_a_row(
+    joints: tuple[str, ...] | None, sensors: tuple[str, ...]
+) -> None:
+    spec = elastic(serial(SPATIAL, True), joints, damping=True, stiffness3=True)
+    named = [(joint, side, measures) for side, measures, joint in (one.split() for one in sensors)]
+    spec = with_sensors(spec, *named)
+    with pytest.raises(ModelError, match="give no row") as error:
+        arm_rows(spec, sensor_set="s")
+    remedy = error.value.problems[0].remedy
+    tables = [tomllib.loads(one) for one in re.findall(r"\w+ = \{[^}]*\}", remedy)]
+    added = [ArmSensor(key, **table) for one in tables for key, table in one.items()]
+    assert added
+    spec = replace(spec, sensor_sets={"s": (*spec.sensor_sets["s"], *added)})
+    assert arm_rows(spec, sensor_set="s").names
 
 
 def test_what_a_set_cannot_give_is_said_with_the_sensor_that_would() -> None:

@@ -153,21 +153,22 @@ def _differentiated(graph: Graph, row: Balance) -> Balance:
 
 
 def _none(spec: ArmSpec, missing: Mapping[str, Sequence[Channel]], where: str) -> ModelError:
-    shortest = min(missing.values(), key=len)
-    what = f"give no row: the nearest one needs {_what(spec, shortest)}"
-    return ModelError.at(where, what, f"add a sensor, for example {_sensor(spec, shortest[0])}")
+    """Return the error that names what the nearest row needs, and the sensors with which it can be read."""
+    needed = _lowest(min(missing.values(), key=lambda symbols: (len(_lowest(symbols)), len(symbols))))
+    what = f"give no row: the nearest one needs {_what(spec, needed)}"
+    sensors = " and ".join(_sensor(spec, symbol) for symbol in needed)
+    return ModelError.at(
+        where, what, f"add {'sensors' if len(needed) > 1 else 'a sensor'}, for example {sensors}"
+    )
 
 
 def _what(spec: ArmSpec, symbols: Sequence[Channel]) -> str:
     """Return in words what symbols are of: the positions of links 1 and 2, the speed of motor 1."""
     motors = {motor_coordinate(joint): joint.name for joint in spec.moving if joint.elastic}
-    lowest: dict[str, int] = {}
-    for symbol in symbols:
-        lowest[symbol.name] = min(symbol.order, lowest.get(symbol.name, symbol.order))
     groups: dict[tuple[int, str], list[str]] = {}
-    for name, order in lowest.items():
-        side = "motor" if name in motors else "link"
-        groups.setdefault((min(order, 1), side), []).append(motors.get(name, name))
+    for symbol in _lowest(symbols):
+        side = "motor" if symbol.name in motors else "link"
+        groups.setdefault((min(symbol.order, 1), side), []).append(motors.get(symbol.name, symbol.name))
     words = []
     for (order, side), names in groups.items():
         many = "s" if len(names) > 1 else ""
@@ -175,6 +176,15 @@ def _what(spec: ArmSpec, symbols: Sequence[Channel]) -> str:
             f"the {'speed' if order else 'position'}{many} of {side}{many} {listed(sorted(names), most=6)}"
         )
     return " and ".join(words)
+
+
+def _lowest(symbols: Sequence[Channel]) -> list[Channel]:
+    """Return the least differentiated symbol of every coordinate: what gives it gives its derivatives."""
+    found: dict[str, Channel] = {}
+    for symbol in symbols:
+        if symbol.order < found.get(symbol.name, symbol).order or symbol.name not in found:
+            found[symbol.name] = symbol
+    return list(found.values())
 
 
 def _sensor(spec: ArmSpec, symbol: Channel) -> str:

@@ -84,6 +84,23 @@ def measured_torques(sensors: tuple[ArmSensor, ...]) -> dict[str, str]:
     return {sensor.joint: sensor.key for sensor in reversed(torques)}
 
 
+def follows(spec: ArmSpec, sensors: tuple[ArmSensor, ...], sensor: ArmSensor) -> bool:
+    """Return whether the other sensors give the coordinates that what a sensor measures is made of."""
+    others = ArmSensing(spec, tuple(one for one in sensors if one is not sensor))
+    if sensor.measures in ORDERS:
+        reading = reading_of(spec, sensor)
+        return all(others.channels(name, reading.order) is not None for name in reading.coordinates)
+    if sensor.measures == "torque":
+        return False
+    joints = {joint.name: joint for joint in spec.joints}
+    at: str | None = sensor.joint
+    while at is not None:
+        if joints[at].kind != "fixed" and others.channels(at, 0) is None:
+            return False
+        at = joints[at].parent
+    return True
+
+
 def _subtract(
     left: dict[str, Fraction],
     made: dict[int, Fraction],
