@@ -203,7 +203,7 @@ def test_the_sensors_that_an_error_names_give_a_row(
 def test_what_a_set_cannot_give_is_said_with_the_sensor_that_would() -> None:
     speeds = both("motor", "velocity")
     rates = both("link", "velocity")
-    for sides, needs in ((speeds, "the position of link 1"), (rates, "the positions of links 1, 2")):
+    for sides, needs in ((speeds, "the position of link 1"), (rates, "motor 1 and the position of link 1")):
         with pytest.raises(ModelError) as error:
             arm_rows(with_sensors(two_link(), *sides), sensor_set="s")
         assert needs in str(error.value) and 'joint = "1", side = "' in str(error.value)
