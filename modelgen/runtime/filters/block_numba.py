@@ -73,15 +73,9 @@ class LoopBlocks:
 
 def loop_blocks(tables: BlockTables, kernel: Kernel) -> LoopBlocks:
     """Return the tables as the loops want them: derivatives side by side, states filled up to `LANES`."""
-    wide, n = tables.window, tables.powers.shape[1]
-    filled = -(-n // LANES) * LANES
-    spread = tables.spread.transpose(0, 2, 1).reshape(len(tables.spread), -1)
-    near = np.zeros((wide, 2 * filled + spread.shape[1]))
-    near[: tables.block, :n] = tables.gather
-    near[wide - tables.block :, filled : filled + n] = tables.gather_back
-    near[:, 2 * filled :] = spread[:wide]
-    far = np.zeros((2 * filled, spread.shape[1]))
-    far[:n], far[filled : filled + n] = spread[wide : wide + n], spread[wide + n :]
+    n = tables.powers.shape[1]
+    near, far = tables.joined(LANES)
+    filled = len(far) // 2
     hop = np.zeros((filled, filled))
     hop[:n, :n] = tables.powers[0]
     ends = [

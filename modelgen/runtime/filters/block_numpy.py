@@ -18,9 +18,11 @@ HALOS = 8
 
 @dataclass(frozen=True, eq=False)
 class BlockProduct:
-    """Tables at work on panels of blocks."""
+    """Tables at work on panels of blocks; `near` and `far` as `BlockTables.joined` gives them."""
 
     tables: BlockTables
+    near: FloatArray
+    far: FloatArray
 
     def apply(
         self, samples: FloatArray, origin: int, blocks: int, signs: bool = False
@@ -41,34 +43,44 @@ class BlockProduct:
         """
         tables = self.tables
         samples = np.sign(samples) if signs else samples
-        out = np.empty((blocks, tables.kept * tables.derivatives))
+        out = np.empty((tables.derivatives, blocks, tables.kept))
         panels = max(1, round(blocks * tables.block / max(PANEL, HALOS * 2 * tables.halo * tables.block)))
         step = -(-blocks // panels)
         with np.errstate(invalid="ignore", over="ignore"):  # the peak shows what is not finite
             found = [
-                self._panel(samples, origin + first * tables.block, out[first : first + step])
+                self._panel(samples, origin + first * tables.block, out[:, first : first + step])
                 for first in range(0, blocks, step)
             ]
-        return out.reshape(-1, tables.derivatives), float(np.max(found))
+        return out.reshape(tables.derivatives, -1).T, float(np.max(found))
 
     def _panel(self, samples: FloatArray, origin: int, out: FloatArray) -> float:
-        """Fill in consecutive blocks, the first of which begins at sample `origin`; return the peak."""
-        tables = self.tables
-        block, states, wide, halo = tables.block, tables.powers.shape[1], tables.window, tables.halo
-        margin, inside = halo * block, len(out) * block
-        whole = window(samples, origin - tables.before - margin, origin + inside + tables.after + margin)
-        forward = product(whole[: margin + inside - block].reshape(-1, block), tables.gather)
-        behind = whole[len(whole) - margin - inside + block :]
-        backward = product(behind.reshape(-1, block), tables.gather_back)
-        scan(forward, tables.powers)
-        scan(backward, tables.powers, backward=True)
-        body = whole[margin : len(whole) - margin]
-        near = body.reshape(-1, block) if wide == block else _overlapping(body, block, wide)
-        spread = tables.spread.reshape(len(tables.spread), -1)
-        product(near, spread[:wide], out)
-        out += product(forward[halo - 1 :], spread[wide : wide + states])
-        out += product(backward[: len(out)], spread[wide + states :])
+        """Fill in consecutive blocks, the first of which begins at sample `origin`; return the peak.
+
+        `out` has the shape (derivatives, blocks, kept in a block).
+        """
+        tables, count = self.tables, out.shape[1]
+        block, n, halo = tables.block, tables.powers.shape[1], tables.halo
+        low = origin - tables.before - halo * block
+        whole = window(samples, low, low + (count + 2 * halo - 1) * block + tables.window)
+        parts = product(_windows(whole, block, tables.window), self.near)
+        # both states at once: the one that runs backward runs forward in turned time
+        both = np.empty((2, len(parts), n))
+        both[0], both[1] = parts[:, :n], parts[::-1, n : 2 * n]
+        scan(both, tables.powers)
+        reached = both[:, halo - 1 : halo - 1 + count]
+        states = np.concatenate([reached[0], reached[1, ::-1]], axis=1)
+        shape = count, tables.derivatives, tables.kept
+        near, far = (
+            parts[halo : halo + count, 2 * n :].reshape(shape),
+            product(states, self.far).reshape(shape),
+        )
+        np.add(near.transpose(1, 0, 2), far.transpose(1, 0, 2), out=out)
         return largest(whole)
+
+
+def block_product(tables: BlockTables) -> BlockProduct:
+    """Return the tables as few products want them."""
+    return BlockProduct(tables, *tables.joined())
 
 
 def product(lines: FloatArray, table: FloatArray, out: FloatArray | None = None) -> FloatArray:
@@ -103,32 +115,34 @@ def window(samples: FloatArray, start: int, stop: int) -> FloatArray:
     return padded
 
 
-def scan(states: FloatArray, powers: FloatArray, backward: bool = False) -> None:
-    """Replace s_b by the sum over the blocks a up to b (from b on, if `backward`) of s_a, carried to b.
+def scan(states: FloatArray, powers: FloatArray) -> None:
+    """Replace s_b by the sum over the blocks a up to b of s_a, carried to b.
 
     After step i every row holds the sum over 2^i blocks; the transition over twice the last power counts as
     zero.
 
     Parameters
     ----------
-    states : array, shape (blocks, n)
+    states : array, shape (blocks, n), or several side by side, shape (several, blocks, n)
         Changed in place.
     powers : array, shape (levels, n, n)
         Transposed transition over 1, 2, 4, ... blocks.
-    backward : bool
     """
     hop = 1
     for power in powers:
-        if hop >= len(states):
+        if hop >= states.shape[-2]:
             break
-        later, earlier = states[hop:], states[:-hop]
-        if backward:
-            earlier += product(later, power)
-        else:
-            later += product(earlier, power)
+        states[..., hop:, :] += np.matmul(states[..., :-hop, :], power)
         hop *= 2
 
 
-def _overlapping(body: FloatArray, block: int, wide: int) -> FloatArray:
-    """Return windows copied side by side, because a matrix product needs lines that do not overlap."""
-    return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(body, wide)[::block])
+def _windows(samples: FloatArray, block: int, wide: int) -> FloatArray:
+    """Return windows that begin a block after one another, shape (blocks, wide), of samples, shape (n,).
+
+    Copied where they overlap: a matrix product needs lines that do not.
+    """
+    if wide == block:
+        return samples.reshape(-1, block)
+    samples = np.ascontiguousarray(samples, dtype=float)
+    step, count = samples.itemsize, (len(samples) - wide) // block + 1
+    return np.ndarray((count, wide), float, samples, strides=(block * step, step)).copy()

@@ -57,6 +57,24 @@ class BlockTables:
         """Samples kept in a block."""
         return self.block // self.factor
 
+    def joined(self, lanes: int = 1) -> tuple[FloatArray, FloatArray]:
+        """Return all products in two: of windows and of both states, derivatives side by side.
+
+        A window gives what it adds to the states and to the samples kept, shape (window, 2 * n + derivatives
+        * kept); both states the rest of these, shape (2 * n, derivatives * kept); n states, filled up with
+        zeros to a multiple of `lanes`.
+        """
+        wide, states = self.window, self.powers.shape[1]
+        n = -(-states // lanes) * lanes
+        spread = self.spread.transpose(0, 2, 1).reshape(len(self.spread), -1)
+        near = np.zeros((wide, 2 * n + spread.shape[1]))
+        near[: self.block, :states] = self.gather
+        near[wide - self.block :, n : n + states] = self.gather_back
+        near[:, 2 * n :] = spread[:wide]
+        far = np.zeros((2 * n, spread.shape[1]))
+        far[:states], far[n : n + states] = spread[wide : wide + states], spread[wide + states :]
+        return near, far
+
 
 def block_tables(
     kernel: FloatArray,

@@ -18,7 +18,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filters.allpass_states import allpass_states, responses
 from modelgen.runtime.filters.block_numba import LoopBlocks, compiled_run, loop_blocks
-from modelgen.runtime.filters.block_numpy import BlockProduct
+from modelgen.runtime.filters.block_numpy import BlockProduct, block_product
 from modelgen.runtime.filters.block_tables import block_tables
 from modelgen.runtime.filters.derivatives import EIGHTH_ORDER
 from modelgen.runtime.filters.thresholds import REACH_TOLERANCE, STATE_TOLERANCE
@@ -150,5 +150,5 @@ def fused_operator(
     size = -(-size // factor) * factor
     tables = block_tables(table, tails, (A, b), orders, reach, factor, size, middle)
     tables = replace(tables, spread=tables.spread * fs ** np.array(orders, dtype=float))
-    blocks = BlockProduct(tables) if loops is None else loop_blocks(tables, loops)
+    blocks = block_product(tables) if loops is None else loop_blocks(tables, loops)
     return FusedOperator(orders, reach, error, blocks)
