@@ -14,7 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import BoolArray, FloatArray
-from modelgen.runtime.filters.power_spectrum import band_limit_hz, hann, lines_of, quick_length, square
+from modelgen.runtime.filters.power_spectrum import (
+    band_limit_hz,
+    hann,
+    integer_power,
+    lines_of,
+    quick_length,
+    square,
+)
 from modelgen.runtime.filters.thresholds import (
     BAND_SHARE,
     FEWEST_LINES,
@@ -67,7 +74,7 @@ class ReadingSpectrum:
 
     def differentiated(self, density: FloatArray | float, derivative: int) -> FloatArray:
         """Return the density of a derivative, shape (n,), from that of the reading or from a constant one."""
-        return np.asarray(density * (2.0 * np.pi * self.frequency_hz) ** (2 * derivative))
+        return np.asarray(density * integer_power((2.0 * np.pi * self.frequency_hz) ** 2, derivative))
 
     def visible_to_hz(self, derivative: int) -> float | None:
         """Return the frequency up to which a derivative stands out of its noise; None where nowhere."""
@@ -132,4 +139,4 @@ def low_pass(frequency_hz: FloatArray, cutoff_hz: float, order: int, fs: float |
     if fs is not None:  # the bilinear transform bends the axis of frequencies
         below = np.minimum(frequency_hz / fs, 0.5 - 1e-9)
         ratio = np.tan(np.pi * below) / np.tan(np.pi * cutoff_hz / fs)
-    return np.asarray(1.0 / (1.0 + np.minimum(ratio, 1e6) ** (2 * order)))
+    return np.asarray(1.0 / (1.0 + integer_power(np.minimum(ratio, 1e6) ** 2, order)))

@@ -99,6 +99,16 @@ def square(lines: npt.NDArray[np.complex128]) -> FloatArray:
     return np.asarray(lines.real**2 + lines.imag**2)
 
 
+def integer_power(samples: FloatArray, exponent: int) -> FloatArray:
+    """Return an integer power of samples, shape (n,), by few products: `**` takes a logarithm of each."""
+    if exponent == 1:
+        return samples
+    if exponent <= 0:
+        return np.ones_like(samples)
+    half = integer_power(samples, exponent // 2)
+    return half * half * samples if exponent % 2 else half * half
+
+
 @lru_cache(maxsize=256)
 def quick_length(n: int) -> int:
     """Return the least length from n on whose Fourier transform is fast: a product of small primes.

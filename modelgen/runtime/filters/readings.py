@@ -101,10 +101,9 @@ def repeats(samples: FloatArray) -> tuple[float, float] | None:
         the first sample after it has come.
     """
     steps = np.abs(np.diff(samples))
-    changed = np.flatnonzero(steps) + 1
-    if not FEWEST_READINGS <= len(changed) <= IN_STEP * len(steps):
+    if not FEWEST_READINGS <= np.count_nonzero(steps) <= IN_STEP * len(steps):
         return None
-    changed = changed[:ENOUGH_READINGS]
+    changed = (np.flatnonzero(steps) + 1)[:ENOUGH_READINGS]
     sizes = steps[changed - 1]
     least = float(sizes[sizes > np.finfo(float).eps * np.abs(samples).max()].min(initial=np.inf))
     if not float(np.median(sizes)) > STEPS_OF_READINGS * least:

@@ -3,7 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modelgen.runtime.filters.power_spectrum import band_limit_hz, power_spectrum, share_below
+from modelgen.runtime.filters.power_spectrum import (
+    band_limit_hz,
+    integer_power,
+    power_spectrum,
+    share_below,
+)
 
 FS = 1000.0
 T = np.arange(8000) / FS
@@ -58,3 +63,9 @@ def test_a_constant_velocity_counts_as_slow_where_the_mean_is_kept() -> None:
     removed = power_spectrum(position, FS, 1)
     assert share_below(*kept, 5.0) > 0.2
     assert share_below(*removed, 5.0) < 1e-3
+
+
+@pytest.mark.parametrize("exponent", [0, 1, 2, 3, 4, 7, 20])
+def test_integer_powers_are_those_of_numpy(exponent: int) -> None:
+    samples = np.geomspace(1e-6, 1e6, 101)
+    np.testing.assert_allclose(integer_power(samples, exponent), samples**exponent, rtol=1e-14)
