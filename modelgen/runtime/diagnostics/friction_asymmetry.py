@@ -55,7 +55,7 @@ def asymmetries(
     for feature in model.features:
         if feature.function != "sign" or not isinstance(feature.of, str):
             continue
-        if _is_refused(model, feature, refused):
+        if _is_refused(model, feature.key, refused):
             continue
         extra = _columns(fit, model, records, choice, drop, feature)
         if not any(extra):
@@ -126,24 +126,26 @@ def _influence(
         yield psi
 
 
-def asymmetry_notes(found: Sequence[Asymmetry]) -> tuple[str, ...]:
-    """Return one sentence for every friction that is better called asymmetric."""
+def asymmetry_notes(
+    found: Sequence[Asymmetry], model: Model, refused: Container[str] = ()
+) -> tuple[str, ...]:
+    """Return one sentence for every friction that is better called asymmetric and has a number."""
     return tuple(
         f"friction behind {one.feature} depends on the direction of motion: viscous friction forward and "
         f"backward differ by {2.0 * one.value:.3g} (standard deviation {2.0 * one.std:.2g}); a body with "
         'friction = "asymmetric" fits better'
         for one in found
-        if one.preferred
+        if one.preferred and not _is_refused(model, one.feature, refused)
     )
 
 
-def _is_refused(model: Model, feature: Feature, refused: Container[str]) -> bool:
+def _is_refused(model: Model, feature: str, refused: Container[str]) -> bool:
     """Return whether a column that holds the feature is refused."""
     return any(
         model.base_parameters[column] in refused
         for row in model.regressor_columns
         for column, terms in row.items()
-        if any(key == feature.key for _, key in terms)
+        if any(key == feature for _, key in terms)
     )
 
 

@@ -8,7 +8,7 @@ from functools import partial
 from types import ModuleType
 
 from modelgen.progress import heard, step
-from modelgen.runtime.diagnostics.friction_asymmetry import asymmetries, asymmetry_notes
+from modelgen.runtime.diagnostics.friction_asymmetry import asymmetry_notes
 from modelgen.runtime.identification.assemble_estimate import Solved, judge
 from modelgen.runtime.identification.given_positions import about_the_estimate
 from modelgen.runtime.identification.methods import Method
@@ -85,19 +85,17 @@ def _identified(
     chosen, again, fit, drift = task.method, partial(solution.at, task), solution.fit, solution.drift
     if rest is not None:
         drift = drift + rest.drift(fit, task.model)
+    others = compared(task, solution, again)
     if task.checks.drift_check and chosen.matched:
         step("changing cut-off and weights")
         moved, notes = settings_drift(task, solution, again)
         drift = drift + moved
         fit = replace(fit, notes=fit.notes + notes)
-    extras = compared(task, solution, again)
+    extras = others()
     drift = drift + more_than_noise(fit, extras)
     refused = late_refusals(fit, solution.refused, drift, task.checks.keep, extras.biases, task.model)
     step("judging the fit")
-    if task.checks.tests and chosen.matched:
-        job = task.job
-        asymmetric = asymmetries(solution.plain, job.model, job.records, job.choice, job.drop, refused)
-        fit = replace(fit, notes=fit.notes + asymmetry_notes(asymmetric))
+    fit = replace(fit, notes=fit.notes + asymmetry_notes(extras.asymmetric, task.model, refused))
     keep, no_number = tuple(task.checks.keep), {**refused, **solution.at_bounds}
     fixed = dict.fromkeys(solution.at_bounds, 0.0)
     solved = Solved(solution.job, chosen, solution.observation, fit, no_number, drift, fixed, keep)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from modelgen.runtime.diagnostics.changing_inertia import (
     changing_inertia_advice,
 )
 from modelgen.runtime.diagnostics.filter_scan import FilterScan, scan_filters, scanned_settings
+from modelgen.runtime.diagnostics.friction_asymmetry import Asymmetry, asymmetries
 from modelgen.runtime.diagnostics.hold_out import HeldOut, hold_out_advice
 from modelgen.runtime.diagnostics.motion_checks import (
     band_above_filter,
@@ -66,7 +68,8 @@ class Extras:
     """What was found in addition to the fit, see `Checks`; `bias` is that by noise, of least squares only.
 
     `bias_left` is what of it may still be in the estimate; `residuals` gives the tests of the rows'
-    residuals, which another thread works on meanwhile.
+    residuals, which another thread works on meanwhile. `asymmetric` is what directions of motion do to
+    friction, of columns that get a number before drift is known.
     """
 
     periods: PeriodSpread | None = None
@@ -76,6 +79,7 @@ class Extras:
     bias: FloatArray | None = None
     bias_left: FloatArray | None = None
     changing: ChangingInertia | None = None
+    asymmetric: tuple[Asymmetry, ...] = ()
     residuals: Callable[[], tuple[ResidualTest, ...]] = tuple
 
     @property
@@ -84,12 +88,18 @@ class Extras:
         return None if self.bias is None or self.bias_left is None else (self.bias, self.bias_left)
 
 
-def compared(
-    task: Task,
-    solution: Solution,
-    again: Callable[[FilterChoice], Fit],
-) -> Extras:
-    """Return the comparisons that the records allow, and those that were asked for."""
+def compared(task: Task, solution: Solution, again: Callable[[FilterChoice], Fit]) -> Callable[[], Extras]:
+    """Return what gives the comparisons that the records allow, and those that were asked for.
+
+    Another thread works on them from now on, unless records are in files, beside which memory is short, or
+    further fits were asked for, of which each tells when it begins.
+    """
+    work = partial(_compared, task, solution, again)
+    files = any(record.source is not record for record in task.records)
+    return work if files or task.unseen or task.checks.scan_cutoffs is not None else meanwhile(work)
+
+
+def _compared(task: Task, solution: Solution, again: Callable[[FilterChoice], Fit]) -> Extras:
     fit, choice, records, checks = solution.fit, task.choice, task.records, task.checks
     scan, residuals = None, _residuals(task, solution)
     if checks.scan_cutoffs is not None:
@@ -104,7 +114,8 @@ def compared(
     if solution.bias is not None:
         bias, bias_left = solution.bias, LEFT_BIAS * solution.bias
     held, changing = on_unseen(task, solution), _changing(task, solution)
-    return Extras(periods, held, scan, solution.cost, bias, bias_left, changing, residuals)
+    asymmetric = _asymmetric(task, solution)
+    return Extras(periods, held, scan, solution.cost, bias, bias_left, changing, asymmetric, residuals)
 
 
 def _residuals(task: Task, solution: Solution) -> Callable[[], tuple[ResidualTest, ...]]:
@@ -115,6 +126,14 @@ def _residuals(task: Task, solution: Solution) -> Callable[[], tuple[ResidualTes
     files = any(record.source is not record for record in task.records)
     given = task.model, task.records, task.choice, solution.as_measured
     return meanwhile(lambda: residual_tests(*given, task.period_s()), here=files)
+
+
+def _asymmetric(task: Task, solution: Solution) -> tuple[Asymmetry, ...]:
+    """Return what directions of motion do to friction."""
+    if not task.checks.tests or not task.method.matched:
+        return ()
+    job, refused = task.job, solution.refused
+    return asymmetries(solution.plain, job.model, job.records, job.choice, job.drop, refused)
 
 
 def _changing(task: Task, solution: Solution) -> ChangingInertia | None:

@@ -38,9 +38,16 @@ def test_emps_prefers_asymmetric_friction(emps: Record) -> None:
 
 def test_the_sentence_is_for_what_is_preferred_only() -> None:
     sure, unsure = Asymmetry("sign(d1_q_m)", -37.0, 2.0), Asymmetry("sign(d1_q_c)", 1.0, 0.5)
-    (note,) = asymmetry_notes((sure, unsure))
+    (note,) = asymmetry_notes((sure, unsure), RIGID)
     assert "differ by -74" in note
-    assert asymmetry_notes((unsure,)) == ()
+    assert asymmetry_notes((unsure,), RIGID) == ()
+
+
+def test_nothing_is_said_of_friction_without_a_number() -> None:
+    (feature,) = (one.key for one in RIGID.features if one.function == "sign")
+    sure = Asymmetry(feature, -37.0, 2.0)
+    assert len(asymmetry_notes((sure,), RIGID)) == 1
+    assert asymmetry_notes((sure,), RIGID, ("Fc",)) == ()
 
 
 @pytest.mark.parametrize(("value", "preferred"), [(4.1, True), (-4.1, True), (3.9, False)])
