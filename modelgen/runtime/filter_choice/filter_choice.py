@@ -80,6 +80,10 @@ class FilterChoice:
     slow_speeds: tuple[tuple[str, float], ...] = ()
     filtered_forces: bool = False
 
+    def steps_s(self, records: Sequence[Record]) -> list[float]:
+        """Return the time in s between the instants that are used of each record."""
+        return [factor / record.fs for factor, record in zip(self.decimation, records, strict=True)]
+
 
 def choose_filter(
     model: Model,

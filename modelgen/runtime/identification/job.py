@@ -129,7 +129,7 @@ class Job:
         )
         if numbers > room or exceeding_noise(self.model, self.records, self.choice, fit, NOISE_ALONE):
             return fit
-        return efficient(fit)
+        return efficient(fit, self.choice.steps_s(self.records))
 
     def with_gains(self, fit: Fit, records: tuple[Record, ...]) -> Fit:
         """Return a fit by least squares, with instruments for what drives report whose gains are columns."""

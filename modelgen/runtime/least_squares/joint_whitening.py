@@ -1,4 +1,4 @@
-"""Rows of a record made white together: each predicted from its own past and from rows that share its noise.
+"""Rows of records made white together: each predicted from its own past and from rows that share its noise.
 
 Noise of one encoder is in the rows of all bodies that its links touch, in each behind other derivatives. Rows
 that are weighed one by one count it several times; what the others of the same instant and before say of it
@@ -8,36 +8,27 @@ is taken off. Where those are masked, a row's own past serves (`whitening`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from modelgen.array_types import BoolArray, FloatArray, IntArray
+from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.least_squares.row_prediction import (
+    RowPrediction,
+    RowResiduals,
+    on_grid,
+    predictions,
+)
 from modelgen.runtime.least_squares.thresholds import (
-    JOINT_ORDER,
     LAGS_LOOKED_AT,
-    LEAST_POWER,
     LEAST_RELATED,
     MOST_RELATED,
-    SAMPLES_A_COEFFICIENT,
-    SMALLEST_DEVIATION,
 )
-from modelgen.runtime.least_squares.whitening import Whitener, whitener
-from modelgen.runtime.numerics.qr_triangle import tall_triangle, triangle_of
+from modelgen.runtime.least_squares.whitening import Whitener, whiteners
 from modelgen.runtime.rows.row_block import runs_of
 
 # Samples that are predicted at a time: they stay in the processor's cache.
 PART = 1 << 12
-
-
-@dataclass(frozen=True, eq=False)
-class RowPrediction:
-    """How a row follows from `terms`, pairs (row, lag), at instants of the grid; `spread` is its error's."""
-
-    terms: tuple[tuple[int, int], ...]
-    shares: FloatArray
-    spread: float
-    instants: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +41,10 @@ class JointWhitener:
     floors: tuple[float, ...]
 
     @property
-    def lost(self) -> int:
-        """Coefficients that were estimated."""
-        own = [white.order for white in self.alone]
-        both = [0 if one is None else len(one.terms) for one in self.together]
-        return sum(max(pair) for pair in zip(own, both, strict=True))
+    def lost(self) -> float:
+        """Coefficients that were estimated; of those for several records its part."""
+        pairs = zip(self.alone, self.together, strict=True)
+        return sum(white.order / white.records if one is None else one.lost for white, one in pairs)
 
     def __call__(self, samples: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
         """Return samples at the rows' places with the residuals' colour taken off."""
@@ -122,53 +112,61 @@ class JointWhitener:
         return slice(start, start + count)
 
 
-def joint_whitener(
-    residuals: Sequence[FloatArray],
-    places: Sequence[IntArray],
-    grid: int,
-    least: Sequence[float],
-    rises: Sequence[int],
-) -> JointWhitener:
-    """Return the whitener of the residuals of a record's rows, shape (n,) each, at places of its grid.
+def joint_whiteners(records: Sequence[RowResiduals], rises: Sequence[int]) -> tuple[JointWhitener, ...]:
+    """Return the whitener of each record of some that share the noise of their sensors.
 
-    `least` is the rms below which a row's residual says nothing: white noise of that size counts as added.
     `rises` says how often each row is differentiated.
     """
-    alone = tuple(whitener(e, place) for e, place in zip(residuals, places, strict=True))
-    reach = np.stack([_past(place, grid) for place in places])
-    series = np.zeros((len(places), grid))
-    for line, e, place in zip(series, residuals, places, strict=True):
-        line[place] = e
+    rows = range(len(rises))
+    alone = [
+        whiteners([one.residuals[r] for one in records], [one.places[r] for one in records]) for r in rows
+    ]
+    own = [tuple(white[k] for white in alone) for k in range(len(records))]
     related = _related(
-        [white(e, p) for white, e, p in zip(alone, residuals, places, strict=True)], places, grid
+        [
+            on_grid(
+                [w(e, p) for w, e, p in zip(own[k], one.residuals, one.places, strict=True)],
+                one.places,
+                one.grid,
+            )
+            for k, one in enumerate(records)
+        ]
     )
-    own = [max(one.variances[-1], float(np.finfo(float).tiny)) for one in alone]
-    together = []
-    for row, variance in enumerate(own):
-        one = _prediction(row, related[row], rises, series, reach, least[row])
-        # rows that cancel to less than this are not known to do so
-        smallest = SMALLEST_DEVIATION * float(np.sqrt(variance))
-        together.append(one and replace(one, spread=max(one.spread, smallest)))
-    floors = tuple(float(np.sqrt(one / (one + size**2))) for one, size in zip(own, least, strict=True))
-    return JointWhitener(tuple(places), alone, tuple(together), floors)
+    together = [
+        predictions(row, related[row], rises, records, [_power(one) for one in alone[row]]) for row in rows
+    ]
+    return tuple(
+        JointWhitener(
+            one.places,
+            own[k],
+            tuple(found[k] for found in together),
+            tuple(_floor(w, size) for w, size in zip(own[k], one.least, strict=True)),
+        )
+        for k, one in enumerate(records)
+    )
 
 
-def _past(place: IntArray, grid: int) -> IntArray:
-    """Return how many samples without a gap end at each instant, shape (grid,)."""
-    instants = np.arange(grid)
-    missing = np.ones(grid, dtype=bool)
-    missing[place] = False
-    return np.asarray(instants - np.maximum.accumulate(np.where(missing, instants, -1)))
+def _floor(white: Whitener, least: float) -> float:
+    """Return by how much white rows shrink when noise of the least size is added."""
+    power = _power(white)
+    return float(np.sqrt(power / (power + least**2)))
 
 
-def _related(white: Sequence[FloatArray], places: Sequence[IntArray], grid: int) -> list[list[int]]:
-    """Return for each row the others with which its residual goes together, own colours taken off."""
-    series = np.zeros((len(places), grid), dtype=float)
-    for line, e, place in zip(series, white, places, strict=True):
-        line[place] = e / max(float(np.linalg.norm(e)), float(np.finfo(float).tiny))
-    most = np.zeros((len(places), len(places)))
+def _power(white: Whitener) -> float:
+    return max(white.variances[-1], float(np.finfo(float).tiny))
+
+
+def _related(white: Sequence[FloatArray]) -> list[list[int]]:
+    """Return for each row the others with which its residual goes together, own colours taken off.
+
+    `white` are the residuals of each record on its grid, shape (rows, grid).
+    """
+    norms = np.sqrt(np.sum([np.sum(series**2, axis=1) for series in white], axis=0))
+    norms = np.maximum(norms, np.finfo(float).tiny)[:, None]
+    most = np.zeros((len(norms), len(norms)))
     for lag in range(LAGS_LOOKED_AT + 1):
-        found = np.abs(series[:, lag:] @ series[:, : grid - lag].T)
+        products = [series[:, lag:] @ series[:, : series.shape[1] - lag].T for series in white]
+        found = np.abs(np.sum(products, axis=0)) / norms / norms.T
         most = np.maximum(most, np.maximum(found, found.T))
     np.fill_diagonal(most, 0.0)
     chosen = []
@@ -176,60 +174,3 @@ def _related(white: Sequence[FloatArray], places: Sequence[IntArray], grid: int)
         best = np.argsort(-line, kind="stable")[:MOST_RELATED]
         chosen.append(sorted(int(other) for other in best if line[other] > LEAST_RELATED))
     return chosen
-
-
-def _terms(row: int, related: Sequence[int], rises: Sequence[int], order: int) -> list[tuple[int, int]]:
-    """Return what a row is predicted from.
-
-    Its own past, that of rows differentiated as often, of those before it the present as well, and rows
-    differentiated less often before and after. The other way round, twice differentiated rows would foretell
-    what their sum does next, and no finite past would know of its mean.
-    """
-    terms = [(row, lag) for lag in range(1, order + 1)]
-    for other in related:
-        if rises[other] == rises[row]:
-            terms += [(other, lag) for lag in range(0 if other < row else 1, order + 1)]
-        elif rises[other] < rises[row]:
-            terms += [(other, lag) for lag in range(-order, order + 1)]
-    return terms
-
-
-def _prediction(
-    row: int, related: Sequence[int], rises: Sequence[int], series: FloatArray, reach: IntArray, least: float
-) -> RowPrediction | None:
-    """Return how a row follows from itself and related rows; None where too few samples say that."""
-    share = len(_terms(row, related, rises, JOINT_ORDER)) / JOINT_ORDER
-    order = min(JOINT_ORDER, int(np.sum(reach[row] > 0) / (SAMPLES_A_COEFFICIENT * share)))
-    terms = _terms(row, related, rises, order)
-    if order < 1 or all(other == row for other, _ in terms):
-        return None
-    instants = np.flatnonzero(_complete([*terms, (row, 0)], reach))
-    if len(instants) < SAMPLES_A_COEFFICIENT * len(terms):
-        return None
-    y = series[row, instants]
-    X = np.stack([series[other, instants - lag] for other, lag in terms])
-    triangle = tall_triangle(X.T, y)[:, 1:]
-    c, n = len(terms), len(instants)
-    floor = least**2 + LEAST_POWER * float(y @ y) / n
-    ridge = np.sqrt(n * floor) * np.eye(c, c + 1)
-    R = triangle_of(np.concatenate([triangle, ridge]))
-    shares = np.asarray(np.linalg.lstsq(R[:c, :c], R[:c, c], rcond=None)[0], dtype=float)
-    return RowPrediction(tuple(terms), shares, float(np.sqrt(R[c, c] ** 2 / n + floor)), instants)
-
-
-def _complete(terms: Sequence[tuple[int, int]], reach: IntArray) -> BoolArray:
-    """Return at which instants all terms of a prediction are there, shape (grid,)."""
-    grid = reach.shape[1]
-    there = np.ones(grid, dtype=bool)
-    for other in dict.fromkeys(row for row, _ in terms):
-        lags = [lag for row, lag in terms if row == other]
-        first, last = min(lags), max(lags)
-        # so many samples without a gap end at the latest of them
-        enough = reach[other] > last - first
-        shifted = np.zeros(grid, dtype=bool)
-        if first >= 0:
-            shifted[first:] = enough[: grid - first]
-        else:
-            shifted[:first] = enough[-first:]
-        there &= shifted
-    return there

@@ -76,6 +76,8 @@ SMALLEST_DEVIATION = 1e-2
 JOINT_ORDER, MOST_RELATED, LEAST_RELATED, LAGS_LOOKED_AT = 8, 3, 0.1, 2
 # Filters and derivatives are exact to this share of a row's largest term; less is no noise to be told apart.
 LEAST_NOISE = 1e-8
+# Grids whose steps differ by less than this share are alike: noise has the same colour on both.
+SAME_STEP = 0.01
 
 # A low-pass of first order is followed for so many time constants, and a few samples more;
 LAGS, SHORTEST_REACH = 14.0, 48

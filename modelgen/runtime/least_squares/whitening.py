@@ -3,12 +3,15 @@
 Noise of a position, differentiated four times, lies at the upper end of the band: rows weighted by one number
 each then waste what the lower end tells. A causal filter that makes the residual white weighs every frequency
 by its own noise; as it goes over both sides of the rows, nothing is biased by it.
+
+Records of one row share the noise of their sensors, and short ones say little of it each: one autoregression
+is taken from all of them, and a record's own only where that is expected to foretell more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,10 +22,14 @@ from modelgen.runtime.rows.row_block import runs_of
 
 @dataclass(frozen=True, eq=False)
 class Whitener:
-    """Predictors of every order up to the last one of a residual, and the variances of their errors."""
+    """Predictors of every order up to the last one of a residual, and the variances of their errors.
+
+    `records` is the number of records that they are taken from together.
+    """
 
     predictors: tuple[FloatArray, ...]
     variances: tuple[float, ...]
+    records: int = 1
 
     @property
     def order(self) -> int:
@@ -50,20 +57,62 @@ class Whitener:
         return white
 
 
-def whitener(residual: FloatArray, place: IntArray, most: int = WHITENING_ORDER) -> Whitener:
-    """Return the whitener of a residual, shape (n,), at places of a grid, of that order at most.
+def whiteners(
+    residuals: Sequence[FloatArray], places: Sequence[IntArray], most: int = WHITENING_ORDER
+) -> tuple[Whitener, ...]:
+    """Return the whitener of each record's residual of one row, shape (n,) each, at places of its grid.
+
+    That of all records, at each one's own size, unless the record's own is expected to foretell more.
+    """
+    own = tuple(whitener([e], [place], most) for e, place in zip(residuals, places, strict=True))
+    if len(own) == 1:
+        return own
+    # each counts by its instants, loud or not
+    common = whitener([e / size for e, size in zip(residuals, _sizes(residuals), strict=True)], places, most)
+    return tuple(_better(*each, common) for each in zip(own, residuals, places, strict=True))
+
+
+def _sizes(residuals: Sequence[FloatArray]) -> list[float]:
+    """Return the rms of each residual, shape (n,); 1 where it is silent."""
+    return [float(np.sqrt(e @ e / max(len(e), 1))) or 1.0 for e in residuals]
+
+
+def _better(own: Whitener, residual: FloatArray, place: IntArray, common: Whitener) -> Whitener:
+    """Return the whitener of all records at the size of one, or the record's own."""
+    n, white = len(residual), common(residual, place)
+    share = max(float(white @ white) / n, own.variances[-1] / common.variances[-1])
+    ours = akaike(own.variances[-1], n, own.order)
+    if ours < akaike(share * common.variances[-1], n, common.order / common.records):
+        return own
+    return replace(common, variances=tuple(share * one for one in common.variances))
+
+
+def akaike(error: float, n: int, coefficients: float) -> float:
+    """Return n times the logarithm of what predictions of n fresh instants would leave (Akaike 1974).
+
+    `error` is the mean square of the errors of prediction of n instants, which the coefficients, or that part
+    of them, were estimated from.
+    """
+    return n * float(np.log(max(error, np.finfo(float).tiny))) + 2.0 * coefficients
+
+
+def whitener(
+    residuals: Sequence[FloatArray], places: Sequence[IntArray], most: int = WHITENING_ORDER
+) -> Whitener:
+    """Return the common whitener of residuals, shape (n,) each, at places of grids, of that order at most.
 
     Burg's method over all stretches together (de Waele and Broersen 2000): sums of products would lose the
     more at every lag, the shorter the stretches are, and leave colour where reversals cut a record to pieces.
     """
-    runs = runs_of(place)
-    longest = max(len(run) for run in runs)
-    order = max(0, min(most, len(residual) // SAMPLES_A_COEFFICIENT, longest - 1))
-    power = max((1.0 + LEAST_POWER) * float(residual @ residual), float(np.finfo(float).tiny))
+    stretches = [e[run] for e, place in zip(residuals, places, strict=True) for run in runs_of(place)]
+    longest, count = max(len(one) for one in stretches), sum(len(e) for e in residuals)
+    order = max(0, min(most, count // SAMPLES_A_COEFFICIENT, longest - 1))
+    power = sum(float(e @ e) for e in residuals)
+    power = max((1.0 + LEAST_POWER) * power, float(np.finfo(float).tiny))
     predictor, variance = np.zeros(0), power
     predictors, variances = [predictor], [variance]
     # errors of prediction forward and of the sample before backward, a pair of series for every stretch
-    errors = [(residual[run][1:], residual[run][:-1]) for run in runs]
+    errors = [(one[1:], one[:-1]) for one in stretches]
     for _ in range(order):
         reflection = _reflection(errors, LEAST_POWER * power)
         errors = [((f - reflection * b)[1:], (b - reflection * f)[:-1]) for f, b in errors]
@@ -71,7 +120,7 @@ def whitener(residual: FloatArray, place: IntArray, most: int = WHITENING_ORDER)
         variance *= 1.0 - reflection**2
         predictors.append(predictor)
         variances.append(variance)
-    return Whitener(tuple(predictors), tuple(v / len(residual) for v in variances))
+    return Whitener(tuple(predictors), tuple(v / count for v in variances), len(residuals))
 
 
 def _reflection(errors: Sequence[tuple[FloatArray, FloatArray]], least: float) -> float:

@@ -7,7 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from modelgen.array_types import FloatArray, IntArray
-from modelgen.runtime.least_squares.joint_whitening import JointWhitener, joint_whitener
+from modelgen.runtime.least_squares.joint_whitening import JointWhitener, joint_whiteners
+from modelgen.runtime.least_squares.row_prediction import RowResiduals
 from modelgen.runtime.least_squares.whitening import whitener
 
 N = 6000
@@ -54,6 +55,13 @@ def whitened(seed: int, rows: int) -> tuple[JointWhitener, list[FloatArray], lis
     return joint_whitener(residuals, places, N, [0.0] * rows, [0] * rows), residuals, places
 
 
+def joint_whitener(
+    residuals: list[FloatArray], places: list[IntArray], grid: int, least: list[float], rises: list[int]
+) -> JointWhitener:
+    (one,) = joint_whiteners([RowResiduals(tuple(residuals), tuple(places), grid, tuple(least))], rises)
+    return one
+
+
 def largest_correlation(parts: list[FloatArray], places: list[IntArray]) -> float:
     """The largest correlation between rows, or of one with its own past, over five lags."""
     series = np.zeros((len(parts), N))
@@ -72,7 +80,7 @@ def largest_correlation(parts: list[FloatArray], places: list[IntArray]) -> floa
 def test_what_is_left_is_white_in_time_and_across_rows(seed: int, rows: int) -> None:
     places, residuals = [np.arange(N)] * rows, bodies(seed, rows)
     white_of = joint_whitener(residuals, places, N, [0.0] * rows, [0] * rows)
-    alone = [whitener(e, place)(e, place) for e, place in zip(residuals, places, strict=True)]
+    alone = [whitener([e], [place])(e, place) for e, place in zip(residuals, places, strict=True)]
     before = largest_correlation(alone, places)
     assert before > 0.3
     # where rows nearly cancel at some frequency, no finite past is enough
@@ -97,7 +105,7 @@ def test_rows_that_share_nothing_are_made_white_alone() -> None:
     residuals, place = [low_passed(rng) for _ in range(3)], np.arange(N)
     white_of = joint_whitener(residuals, [place] * 3, N, [0.0] * 3, [0] * 3)
     for white, e in zip(white_of(residuals), residuals, strict=True):
-        np.testing.assert_allclose(white, whitener(e, place)(e, place), rtol=1e-12)
+        np.testing.assert_allclose(white, whitener([e], [place])(e, place), rtol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -110,7 +118,7 @@ def test_differentiated_rows_do_not_cost_a_sum_what_it_knows_of_a_mean(seed: int
     white_of = joint_whitener(residuals, [place] * 3, N, [0.0] * 3, [2, 2, 0])
     constant = [np.zeros(N), np.zeros(N), np.ones(N)]
     told = sum(float(white @ white) for white in white_of(constant))
-    alone = whitener(residuals[2], place)(np.ones(N), place)
+    alone = whitener([residuals[2]], [place])(np.ones(N), place)
     assert told > 0.9 * float(alone @ alone)
 
 
@@ -119,7 +127,7 @@ def test_rows_that_cancel_exactly_do_not_outweigh_all_others() -> None:
     residuals = [e, -e]
     white_of = joint_whitener(residuals, [place] * 2, N, [0.0] * 2, [0] * 2)
     step = white_of([np.ones(N), np.ones(N)])
-    alone = whitener(e, place)(np.ones(N), place)
+    alone = whitener([e], [place])(np.ones(N), place)
     assert np.max(np.abs(step[1])) < 1000.0 * np.max(np.abs(alone))
 
 
@@ -129,3 +137,44 @@ def test_few_samples_and_silence_leave_finite_rows() -> None:
     for residuals in (short, [np.zeros(12), np.zeros(12)]):
         white_of = joint_whitener(residuals, [place] * 2, 12, [0.0] * 2, [0, 0])
         assert all(np.all(np.isfinite(white)) for white in white_of([np.ones(12), np.ones(12)]))
+
+
+def records_of(seed: int, lengths: list[int], louder: list[float], rows: int = 2) -> list[RowResiduals]:
+    """Stretches of a chain's residuals as records, each so many times as loud."""
+    whole = bodies(seed, rows)
+    ends = np.cumsum([0, *lengths])
+    return [
+        RowResiduals(
+            tuple(size * e[first:last] for e in whole),
+            (np.arange(last - first),) * rows,
+            last - first,
+            (0.0,) * rows,
+        )
+        for first, last, size in zip(ends[:-1].tolist(), ends[1:].tolist(), louder, strict=True)
+    ]
+
+
+def test_records_of_the_same_noise_are_predicted_together_each_at_its_size() -> None:
+    # at a tenth as loud the coefficients of all records still serve, its spread is its own
+    records = records_of(0, [1500, 1500, 1500], [1.0, 1.0, 0.1])
+    found = joint_whiteners(records, [0, 0])
+    for row in range(2):
+        together = [one.together[row] for one in found]
+        assert all(one is not None and one.lost == len(one.terms) / 3 for one in together)
+        assert len({tuple(one.shares.tolist()) for one in together if one is not None}) == 1
+    for one, parts in zip(found, records, strict=True):
+        assert all(0.9 < float(np.std(white)) < 1.1 for white in one(parts.residuals))
+    assert sum(one.lost for one in found) == pytest.approx(joint_whiteners(records[:1], [0, 0])[0].lost)
+
+
+def test_a_record_whose_noise_has_another_colour_keeps_its_own() -> None:
+    first, other = records_of(1, [3000, 3000], [1.0, 1.0])
+    rng = np.random.default_rng(5)
+    white = tuple(rng.standard_normal(3000) for _ in range(2))
+    other = RowResiduals(white, other.places, other.grid, other.least)
+    common = joint_whiteners([first, other], [0, 0])
+    alone = [joint_whiteners([one], [0, 0])[0] for one in (first, other)]
+    for one, own, parts in zip(common, alone, (first, other), strict=True):
+        for ours, theirs in zip(one(parts.residuals), own(parts.residuals), strict=True):
+            # in tenths of a percent: what a row is predicted from is found in both records
+            assert float(ours @ ours) == pytest.approx(float(theirs @ theirs), rel=0.05)

@@ -13,7 +13,7 @@ RNG = np.random.default_rng(3)
 
 def test_the_predictor_of_an_autoregression_is_found() -> None:
     series = lfilter([1.0], [1.0, -1.2, 0.5], RNG.standard_normal(40_000))
-    found = whitener(series, np.arange(40_000))
+    found = whitener([series], [np.arange(40_000)])
     assert len(found.predictors) == WHITENING_ORDER + 1
     np.testing.assert_allclose(found.predictors[2], [1.2, -0.5], atol=0.02)
     white = found(series, np.arange(40_000))
@@ -34,7 +34,7 @@ def test_whitening_is_the_inverse_factor_of_the_covariance_from_the_first_sample
 def test_nothing_is_predicted_across_a_gap() -> None:
     series = lfilter([1.0], [1.0, -0.9], RNG.standard_normal(3000))
     place = np.r_[np.arange(1000), np.arange(1500, 1510), np.arange(1600, 3000)]
-    found = whitener(series[place], place)
+    found = whitener([series[place]], [place])
     white = found(series[place], place)
     for start, stop in ((0, 1000), (1000, 1010), (1010, len(place))):
         alone = found(series[place][start:stop], np.arange(stop - start))
@@ -46,7 +46,7 @@ def test_short_stretches_are_made_as_white_as_long_ones() -> None:
     noise = np.diff(RNG.standard_normal(40_000), n=2)
     place = np.flatnonzero(np.arange(len(noise)) % 40 < 25)
     white = np.zeros(len(noise))
-    white[place] = whitener(noise[place], place)(noise[place], place)
+    white[place] = whitener([noise[place]], [place])(noise[place], place)
     power = np.mean(white[place] ** 2)
     neighbours = [np.mean((white[lag:] * white[:-lag])[place[place % 40 < 25 - lag]]) for lag in range(1, 6)]
     assert power == pytest.approx(1.0, rel=0.03)
@@ -54,7 +54,7 @@ def test_short_stretches_are_made_as_white_as_long_ones() -> None:
 
 
 def test_a_short_or_silent_residual_is_only_scaled() -> None:
-    short = whitener(np.array([2.0, -2.0, 2.0]), np.arange(3))
+    short = whitener([np.array([2.0, -2.0, 2.0])], [np.arange(3)])
     np.testing.assert_allclose(short(np.array([2.0, 4.0, 6.0]), np.arange(3)), [1.0, 2.0, 3.0])
-    silent = whitener(np.zeros(500), np.arange(500))
+    silent = whitener([np.zeros(500)], [np.arange(500)])
     assert np.all(np.isfinite(silent(np.ones(500), np.arange(500))))

@@ -9,12 +9,12 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
+from modelgen.runtime.identification.explanation.unrelated_regressions import across_rows
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import DISAGREEMENT, LEFT_SHARE, OVER_NOISE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
-from modelgen.runtime.least_squares.unrelated_regressions import across_rows
 
 
 def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:

@@ -22,12 +22,12 @@ from modelgen.runtime.iv.physical.friction_rows import (
     with_friction,
 )
 from modelgen.runtime.least_squares.delays import advanced, delay_rates
+from modelgen.runtime.least_squares.efficient_weights import block_whiteners
 from modelgen.runtime.least_squares.fit import CarriedOver, Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
 from modelgen.runtime.least_squares.huber import huber, huber_notes
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.thresholds import WHITENING_ORDER
-from modelgen.runtime.least_squares.whitening import whitener
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import bounded_physical
@@ -109,14 +109,14 @@ def step_from(
     there = replace(setting, records=moved)
     fit, Z = _with_instruments(fit, there, values)
     most = WHITENING_ORDER if white else 0
-    whiteners = [whitener(e, block.place, most) for e, block in zip(fit.residuals, fit.blocks, strict=True)]
-    fit = replace(fit, lost=sum(white_of.order for white_of in whiteners))
+    white_rows = block_whiteners(fit, setting.choice.steps_s(moved), most)
+    fit = replace(fit, lost=round(sum(white_of.order / white_of.records for white_of in white_rows)))
     rates = [delay_rates(fit, model, moved, setting.choice, setting.drop, channel) for channel in now.delays]
     late = [np.column_stack(columns) for columns in zip(*rates, strict=True)] or [
         np.zeros((len(block.place), 0)) for block in fit.blocks
     ]
     whitened, stacked = [], []
-    parts = zip(fit.blocks, fit.residuals, Z, late, whiteners, strict=True)
+    parts = zip(fit.blocks, fit.residuals, Z, late, white_rows, strict=True)
     for block, residual, z, rate, white_of in parts:
         W = white_of(np.column_stack([block.W @ slope, -rate]), block.place)
         Y = white_of(residual, block.place) + W[:, : len(now.p)] @ now.p

@@ -9,8 +9,8 @@ import pytest
 
 from generated import emps300_qm_qc
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.explanation.unrelated_regressions import across_rows
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.unrelated_regressions import across_rows
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.rows.observation import observe
