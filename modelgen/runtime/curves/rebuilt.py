@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.curves.thresholds import MOST_LAGS, Z_99
+from modelgen.runtime.identification.given_positions import rows_without
 from modelgen.runtime.least_squares.delays import advanced
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.model.power.power_model import power_model
 from modelgen.runtime.records.record import Record
@@ -61,6 +63,7 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
         model = power_model(model)
     records = with_derived(model, records)
     x = _solution(model, estimate)
+    model = _about(model, estimate, x)
     weights = {(entry.record, entry.row): entry.weight for entry in estimate.fit.rows}
     fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.parameters.nuisance))
     observation = _observed(model, records, estimate).dense()
@@ -124,6 +127,20 @@ def _solution(model: Model, estimate: Estimate) -> FloatArray:
         if not np.isfinite(x[index]):
             x[index] = estimate.parameters.nuisance.get(name, 0.0)
     return x
+
+
+def _about(model: Model, estimate: Estimate, x: FloatArray) -> Model:
+    """Return the model with rows that hold positions which springs give linear about x, shape (columns,).
+
+    Without these rows where the estimate is of the others alone.
+    """
+    kernel = model.kernel
+    if not isinstance(kernel, DeflectedKernel):
+        return model
+    used = {entry.row for entry in estimate.fit.rows}
+    if used.isdisjoint(model.rows[row].name for row in kernel.rows):
+        return rows_without(model, kernel)
+    return replace(model, kernel=kernel.at(x, sampled=True))
 
 
 def _rebuilt(model: Model, record: Record, estimate: Estimate, block: RowBlock, x: FloatArray) -> Rebuilt:

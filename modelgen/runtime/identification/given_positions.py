@@ -93,7 +93,7 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
             model = replace(task.model, kernel=kernel.at(found.point, sampled=True))
             return replace(task, model=model, job=replace(task.job, model=model)), found
     if len(kernel.rows) < len(task.model.rows):
-        model = _rows_without(task.model, kernel)
+        model = rows_without(task.model, kernel)
         return replace(task, model=model, job=replace(task.job, model=model, rows_for_tag=None)), None
     names = ", ".join(record.name for record in task.records)
     raise IdentifiabilityError.at(
@@ -104,7 +104,7 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
     )
 
 
-def _rows_without(model: Model, kernel: DeflectedKernel) -> Model:
+def rows_without(model: Model, kernel: DeflectedKernel) -> Model:
     """Return the model with the rows only that hold no given position."""
     left = [row for row in range(len(model.rows)) if row not in kernel.rows]
     inner = kernel.inner
