@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -16,17 +15,14 @@ from modelgen.runtime.iv.divergence import simulation_failed
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.pushed_chain import Pushed
-from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE, WORTH_A_THREAD
+from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.block_column import BlockColumn
-from modelgen.runtime.numerics.threads import each
 from modelgen.runtime.records.channels import EditedChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
 from modelgen.runtime.rows.row_terms import channels_of_keys, channels_of_rows, mismatch_terms
-
-Found = TypeVar("Found")
 
 
 def simulated_records(
@@ -56,7 +52,7 @@ def simulated_with(values: Mapping[str, float], fit: Fit, setting: Setting) -> t
         return simulated_beside(model, parameters, record, setting.choice, setting.loop, index)
 
     try:
-        found = tuple(_over_records(of, range(len(setting.records)), setting.records))
+        found = tuple(of(index) for index in range(len(setting.records)))
     except DataError as error:
         raise simulation_failed(error, fit, model) from error
     slow = _LowSpeeds(found)
@@ -119,8 +115,8 @@ def effect_rows(
 
     counts = [block.count for block in fit.blocks]
     rows: list[dict[int, FloatArray]] = [{} for _ in effects]
-    for found in _over_records(of, fit.by_record, setting.records):
-        for own, made in zip(rows, found, strict=True):
+    for record in fit.by_record:
+        for own, made in zip(rows, of(record), strict=True):
             own |= made
     return tuple(BlockColumn(own, counts) for own in rows)
 
@@ -141,16 +137,6 @@ def _moved_rows(
         changed = replace(calm, source=EditedChannels(record, record.name, record.n, more))
         found += (changed.mixed(formed) - calm.mixed(formed)) / size
     return found
-
-
-def _over_records(
-    work: Callable[[int], Found], indices: Iterable[int], records: Sequence[Record]
-) -> Iterator[Found]:
-    """Yield what a function makes of some records, by their places; long ones by a thread each."""
-    every = list(indices)
-    if min((records[index].n for index in every), default=0) < WORTH_A_THREAD:
-        return map(work, every)
-    return each(work, every, len(every))
 
 
 def _seen_in(model: Model, changes: Changes) -> tuple[tuple[int, ...], Changes]:

@@ -167,10 +167,6 @@ CLEAR_ACCELERATION = 0.01
 # change by less than this share of their standard deviations.
 SHAPE_ROUNDS, SHAPE_NUMBERS, SHAPE_SETTLED = 6, 2, 0.3
 
-# From so many samples on, a record is simulated, and changed by effects, by a thread of its own: to start
-# threads and to wait for each other costs half a millisecond.
-WORTH_A_THREAD = 1 << 14
-
 # Share of a parameter by which it is moved to see what a row takes of its friction: the fourth root of
 # rounding, as the change is a second-order difference of numbers of full precision.
 DIFFERENCED = 1e-4

@@ -17,6 +17,7 @@ from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.numerics.threads import each
 from modelgen.runtime.records.channels import Channels, read_continued
+from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk, chunk_points, chunks, made_once
 from modelgen.runtime.rows.filter_sections import matched_filtering
 from modelgen.runtime.rows.masks import RowMask, row_masks
@@ -70,8 +71,20 @@ class RecordRows:
         """Yield the chunks of the samples kept; each reads when asked, and is to be let go after that."""
         return chunks(self.source, self.plan, self.grid, self.halo, self.samples)
 
+    @property
+    def shared_out(self) -> bool:
+        """Whether several threads take a chunk each.
+
+        Linear rows of what is in memory are made by so short steps that threads would wait for the
+        interpreter between them: as long as one of them takes, and half as much of the processor again.
+        """
+        in_memory = isinstance(self.source, Record) and self.source.source is self.source
+        return self.plan.fast or self.plan.kernel is not None or not in_memory
+
     def over_chunks(self, work: Callable[[Chunk], Found]) -> Iterator[Found]:
-        """Yield what a function makes of each chunk, in their order; several threads take a chunk each."""
+        """Yield what a function makes of each chunk, in their order; see `shared_out`."""
+        if not self.shared_out:
+            return map(work, self.chunks())
         points = chunk_points(self.plan, self.halo, self.samples)
         return each(work, self.chunks(), -(-len(self.grid) // points))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -170,3 +171,13 @@ def test_an_accelerometer_is_differentiated_from_its_own_reading() -> None:
     found = column(rows, "J_c", load)
     expected = differentiate(zero_phase(record.signals["a_c"], 6, 300.0, 5000.0), 2e-4, 2)[list(rows.grid)]
     np.testing.assert_allclose(found[200:-200], expected[200:-200], atol=1e-9 * np.abs(expected).max())
+
+
+def test_threads_share_chunks_where_loops_are_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("modelgen.runtime.numerics.threads.usable_threads", lambda: 2)
+    rows = rows_of(RIGID, swing(), samples=700)
+    compiled = replace(rows, plan=replace(rows.plan, fast=True))
+    for one, others in ((rows, False), (compiled, True)):
+        workers = list(one.over_chunks(lambda _: threading.get_ident()))
+        assert len(workers) > 3
+        assert (threading.get_ident() not in workers) == others
