@@ -43,6 +43,8 @@ from modelgen.spec.load import catalog_path
 from modelgen.symbolic.arms.arm_sensor_sets import USUAL_SETS, with_usual_sets
 
 FS, DURATION_S, HIGHEST_HZ = 1000.0, 6.0, 6.0
+# Estimates of a number from which its deviation is told.
+FEWEST = 5
 MACHINES, VARIED = 3, ("Ia", "Fv", "Fs", "K", "D")
 
 
@@ -143,10 +145,16 @@ def moving(rng: np.random.Generator, joints: int) -> JointReference:
 
 def report(label: str, names: tuple[str, ...], base: np.ndarray, rows: np.ndarray, told: str) -> None:
     """Print what errors and deviations, shape (records, 2, 1 or 2 mirrored, parameters), say of a set."""
+    if not len(rows):
+        print(f"{label}: no record gives an estimate; {told}", flush=True)
+        return
     means = rows[:, 0].mean(axis=1)
     error, std = (rows[:, k].reshape(-1, len(names)) for k in (0, 1))
     counted = np.isfinite(error).sum(axis=0)
-    use = np.flatnonzero(counted >= max(5, len(error) // 2))
+    use = np.flatnonzero(counted >= max(FEWEST, len(error) // 2))
+    if not use.size:
+        print(f"{label}: no number is found often enough to say how precise it is; {told}", flush=True)
+        return
     inside = np.nanmean(np.where(np.isfinite(error), np.abs(error) < 1.96 * std, np.nan)[:, use], axis=0)
     spread = np.nanstd(error[:, use], axis=0)
     ratio = np.sqrt(np.nanmean(std[:, use] ** 2, axis=0)) / spread
@@ -180,6 +188,9 @@ if __name__ == "__main__":
     parser.add_argument("--mirrored", action="store_true")
     parser.add_argument("--closed-loop", action="store_true")
     asked = parser.parse_args()
+    if not asked.closed_loop and asked.records * (1 + asked.mirrored) < FEWEST:
+        least = -(-FEWEST // (1 + asked.mirrored))
+        parser.error(f"--records {asked.records} is too few to tell deviations from: give {least} or more")
     if asked.closed_loop:
         in_closed_loop(asked.records, asked.sets)
     else:

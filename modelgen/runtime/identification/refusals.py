@@ -25,6 +25,7 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.dependence import dependences
 from modelgen.runtime.parameters.grouped_reasons import grouped_reasons, reasons_of_parameters
+from modelgen.runtime.parameters.parameter import may_be_zero
 from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX, LARGEST_INDEX
 from modelgen.runtime.parameters.unanswered_columns import (
     columns_that_vanish,
@@ -124,13 +125,16 @@ def dependent_columns(
     """Return the columns without a number because they move with others, exactly or nearly.
 
     Near dependence counts where it leaves a parameter with a standard deviation above its value, `drift`
-    (shape (c, c)) included; columns that are refused `otherwise` are no news then.
+    (shape (c, c)) included; columns that are refused `otherwise` are no news then. What may well be zero
+    keeps its number: of offsets that are zero only those that chance has put far from it would be left.
     `model` says which parameters composites are made of.
     """
     lost = _undetermined(fit)
     if not lost and fit.solution.condition_number < LARGEST_INDEX:
         return {}
     covariance = hac_covariance(fit) + drift
+    roles = model.roles if model else {}
+    zeros = {name for name, role in roles.items() if may_be_zero(name, role.role)}
     found: dict[str, str] = {}
     for group in dependences(fit, covariance, HIGHEST_INDEX) if lost else ():
         why = group.inseparable("W is short of rank", model)
@@ -141,6 +145,7 @@ def dependent_columns(
             index = fit.columns.index(name)
             spread = 100.0 * float(np.sqrt(max(covariance[index, index], 0.0)))
             uncertain = spread > WITHOUT_NUMBER_PERCENT * abs(float(fit.solution.x[index]))
+            uncertain = uncertain and name not in zeros
             if uncertain and name not in otherwise and name not in lost:
                 found[name] = why
     return found

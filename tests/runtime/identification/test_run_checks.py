@@ -131,6 +131,19 @@ def test_what_only_the_drift_leaves_without_a_value_is_refused_late() -> None:
     assert late_refusals(fit, others, drift, ()) == others
 
 
+def test_what_may_be_zero_keeps_its_number_however_wide_its_interval() -> None:
+    rows = observation()
+    W = rows.blocks[0].W.copy()
+    W[:, 4] = 0.3 * W[:, 3] + 0.01 * W[:, 4]
+    fit = fit_matched(replace(rows, blocks=(replace(rows.blocks[0], W=W, Y=W @ TRUTH),)))
+    unseen = np.array([0.0, 0.0, 0.0, -0.3, 1.0, 0.0])
+    drift = 100.0 * np.outer(unseen, unseen)
+    assert set(late_refusals(fit, {}, drift, (), model=TWO_MASS)) == {"J_c", "F_vmc"}
+    offset = replace(TWO_MASS.roles["J_c"], role="offset")
+    model = replace(TWO_MASS, roles={**TWO_MASS.roles, "J_c": offset})
+    assert set(late_refusals(fit, {}, drift, (), model=model)) == {"F_vmc"}
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_friction_in_vibration_is_told_where_the_model_leaves_noise_only(seed: int) -> None:
     estimate = identify(RIGID, rigid_record(VIBRATION, seed=seed), **values_of(**SETTINGS))
