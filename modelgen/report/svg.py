@@ -31,7 +31,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis from `low` to `high`; a logarithmic one in decades."""
+    """An axis from `low` to `high`, in the unit of what it shows; a logarithmic one in decades."""
 
     label: str
     low: float
@@ -63,7 +63,7 @@ class Axis:
 
 
 def axis_for(label: str, values: Sequence[FloatArray], logarithmic: bool = False) -> Axis:
-    """Return an axis for all finite values of arrays of any shape; a logarithmic one for positive values."""
+    """Return an axis, in their unit, for all finite (logarithmic: positive) values of arrays of any shape."""
     pooled = np.concatenate([np.ravel(v) for v in values]) if values else np.empty(0)
     pooled = pooled[np.isfinite(pooled) & ((pooled > 0.0) | (not logarithmic))]
     low, high = (float(pooled.min()), float(pooled.max())) if pooled.size else (0.1, 1.0)
@@ -96,7 +96,10 @@ def line_plot(
 
 
 def stem_plot(x_axis: Axis, y_axis: Axis, x: FloatArray, y: FloatArray, band: float, title: str) -> Markup:
-    """Return a vertical line from zero for each value, x and y of shape (n,), and a band of +-`band`."""
+    """Return a vertical line from zero for each value, and a band of +-`band`.
+
+    x and y have shape (n,), in the units of their axes, the band that of y.
+    """
     zero = float(_y(y_axis, np.array([0.0]), HEIGHT)[0])
     top, bottom = (float(_y(y_axis, np.array([v]), HEIGHT)[0]) for v in (band, -band))
     stems = "".join(
@@ -111,7 +114,7 @@ def stem_plot(x_axis: Axis, y_axis: Axis, x: FloatArray, y: FloatArray, band: fl
 
 
 def bar_plot(y_axis: Axis, values: FloatArray, names: Sequence[str], title: str) -> Markup:
-    """Return one bar for each value, shape (n,), on a logarithmic axis."""
+    """Return one bar for each value, shape (n,), on a logarithmic axis of their unit."""
     x_axis = Axis("", 0.0, float(len(values)))
     parts = [_frame(x_axis, y_axis, HEIGHT, x_ticks=False)]
     base = HEIGHT - BOTTOM
@@ -124,7 +127,7 @@ def bar_plot(y_axis: Axis, values: FloatArray, names: Sequence[str], title: str)
 
 
 def heat_map(names: Sequence[str], matrix: FloatArray, title: str) -> Markup:
-    """Return a matrix of values from -1 to 1, shape (n, n), as coloured squares with their numbers."""
+    """Return a dimensionless matrix, -1 to 1, shape (n, n), as coloured squares with their numbers."""
     count = len(names)
     cell = max(26, min(58, 520 // max(count, 1)))
     left, top = 110, 30

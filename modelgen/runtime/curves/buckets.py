@@ -9,7 +9,7 @@ from modelgen.runtime.records.channels import READ_SAMPLES, Channels, in_stretch
 
 
 def buckets(values: FloatArray, step: int) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and highest of every `step` values, shape (n,); NaN where there is nothing else."""
+    """Return the lowest and highest of every `step` values, in their unit, shape (n,); NaN where all are."""
     count = -(-values.size // step)
     padded = np.full(count * step, np.nan)
     padded[: values.size] = values

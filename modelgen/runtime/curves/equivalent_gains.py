@@ -148,7 +148,7 @@ def _change(after: FloatArray, before: FloatArray) -> float:
 
 
 class RecordMotion:
-    """Velocities of bodies and deflections of springs during a record, measured or worked out."""
+    """Velocities of bodies and deflections of springs during a record, in SI, measured or worked out."""
 
     def __init__(self, plant: Plant, record: Record, cutoff_hz: float) -> None:
         self._plant, self._n = plant, record.n

@@ -31,7 +31,7 @@ from modelgen.runtime.numerics.bandwidth import PART, Series
 class FitCoordinates:
     """What a fit is compared in: parameters p near which its columns are X + slope (p' - p).
 
-    `values` are p, shape (n,); `slope` has the shape (columns, n).
+    `values` are p in SI, shape (n,); `slope` has the shape (columns, n).
     """
 
     names: tuple[str, ...]
@@ -149,7 +149,7 @@ def disagreement(
 
 
 def significant_drift(found: Sequence[Disagreement], size: int) -> FloatArray:
-    """Return the mean square of the moves that noise does not explain, shape (size, size).
+    """Return the mean square of the moves that noise does not explain, in SI, shape (size, size).
 
     The mean over cut-offs of signals and that over cut-offs of directions add up.
     """

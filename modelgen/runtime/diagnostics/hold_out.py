@@ -57,7 +57,7 @@ class HeldOut:
     moves: tuple[Move, ...]
 
     def drift(self, columns: Sequence[str]) -> FloatArray:
-        """Return the variance between the two parts that noise does not explain, shape (c, c)."""
+        """Return the variance between the two parts that noise does not explain, in SI, shape (c, c)."""
         by_name = {one.name: one.move if one.significant else 0.0 for one in self.moves}
         move = np.array([by_name.get(name, 0.0) for name in columns])
         # of two values the variance is half the square of their difference

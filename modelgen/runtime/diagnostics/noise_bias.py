@@ -37,7 +37,7 @@ from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
 
 def noise_bias(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit) -> FloatArray:
-    """Return by how much noise of the sensors shifts a least-squares fit, shape (c,).
+    """Return by how much noise of the sensors shifts a least-squares fit, in SI, shape (c,).
 
     Infinite where a parameter rests on combinations of columns that are nearly all noise.
     """
@@ -51,7 +51,7 @@ class NoiseEffect:
     Attributes
     ----------
     bias : array, shape (c,)
-        By how much it shifts each parameter, infinite where noise is nearly all that a parameter rests on.
+        By how much it shifts each parameter, in SI; infinite where nearly all that one rests on is noise.
     spread : array, shape (c, c)
         Applied from both sides to the covariance of the fit: that of an estimator which noise does not bias,
         as instruments are, from the same rows. Where a share of what columns hold is noise, the scores have
@@ -162,8 +162,9 @@ def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> NoiseEff
 def lost_in_noise(fit: Fit, bias: FloatArray, left: FloatArray) -> dict[str, str]:
     """Return the columns whose parameter noise biases by more than its whole value, with the reason.
 
-    `bias` is that of each column of the fit, `left` what of it is still in the estimate, shape (c,) each. Of
-    what may be zero the value is no measure: where the interval hardly feels what is left, nothing is lost.
+    `bias` is that of each column of the fit, `left` what of it is still in the estimate, shape (c,) each,
+    in SI. Of what may be zero the value is no measure: where the interval hardly feels what is left, nothing
+    is lost.
     """
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
     return {
@@ -176,7 +177,7 @@ def lost_in_noise(fit: Fit, bias: FloatArray, left: FloatArray) -> dict[str, str
 
 
 def significant_bias(fit: Fit, bias: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return the bias where it is significant, else 0; shape (c,).
+    """Return the bias where it is significant, else 0; in SI, shape (c,).
 
     `noise` is the covariance that the residuals explain, shape (c, c). An infinite bias leaves no interval.
     """
@@ -195,7 +196,7 @@ def bias_advice(
 ) -> tuple[Advice, ...]:
     """Return the warning that names what noise biases, and by how much, where that is significant.
 
-    Parameters as in `significant_bias`: shapes (c,) and (c, c), in the order of the columns of the fit.
+    Parameters as in `significant_bias`, in SI: shapes (c,) and (c, c), in the order of the fit's columns.
     """
     told = significant_bias(fit, bias, noise)
     moves = [(entry, float(told[fit.columns.index(entry.name)])) for entry in parameters]

@@ -108,7 +108,7 @@ def _periods_since(start_s: float, step_s: float, period_s: float, points: IntAr
 
 
 def spread_beyond_noise(found: PeriodSpread, noise: FloatArray) -> FloatArray:
-    """Return what the spread over periods adds to the noise's covariance, shape (c, c): mostly nothing.
+    """Return what the spread over periods adds to the noise's covariance, in SI, (c, c): mostly nothing.
 
     Noise that changes from period to period (drift, temperature) hides from residuals within a period.
     """
@@ -121,7 +121,7 @@ def spread_beyond_noise(found: PeriodSpread, noise: FloatArray) -> FloatArray:
 def period_advice(found: PeriodSpread, noise: FloatArray, columns: Sequence[str]) -> tuple[Advice, ...]:
     """Return the advice that names what varies from period to period by more than the noise within them.
 
-    `noise` is the covariance that the residuals explain, shape (c, c), in the order of `columns`.
+    `noise` is the covariance that the residuals explain, in SI, shape (c, c), in the order of `columns`.
     """
     more = np.diag(spread_beyond_noise(found, noise))
     named = [name for name, variance in zip(columns, more, strict=True) if variance > 0.0]

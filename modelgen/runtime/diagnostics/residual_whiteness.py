@@ -62,9 +62,9 @@ def coloured(
     block : RowBlock
         The block of the residual.
     residual : array, shape (n,)
-        Of a stretch without a gap.
+        Of a stretch without a gap, in the row's unit.
     x : array, shape (columns,)
-        All base parameters in the model's order, zero for those not in the fit.
+        All base parameters in SI, in the model's order, zero for those not in the fit.
     """
     e = residual - residual.mean()
     n = len(e)

@@ -93,7 +93,7 @@ class Attempts(Generic[Solution]):
 def cutoff_drift(
     fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], SolvedColumns]
 ) -> FloatArray:
-    """Return the mean square of X's drift with the cut-off, shape (c, c); parameters as `other_cutoffs`."""
+    """Return the mean square of X's drift (SI) with the cut-off, (c, c); parameters as `other_cutoffs`."""
     others = other_cutoffs(choice, lowest_fs, lambda setting: _found(again(setting)))
     return _mean_square(fit, [other for _, other in others])
 
@@ -131,7 +131,7 @@ def other_cutoffs(
 def direction_drift(
     fit: Fit, choice: FilterChoice, lowest_fs: float, again: Callable[[FilterChoice], SolvedColumns]
 ) -> FloatArray:
-    """Return the square of X's drift with the cut-off of directions, shape (c, c); parameters as above."""
+    """Return the square of X's drift (SI) with the cut-off of directions, (c, c); parameters as above."""
     others = other_direction(choice, lowest_fs, lambda setting: _found(again(setting)))
     return _mean_square(fit, [other for _, other in others])
 
@@ -151,7 +151,7 @@ def other_direction(
 
 
 def load_row_drift(fit: Fit, observation: Observation) -> FloatArray:
-    """Return the mean square of X's drift with the weight of the rows without a force, shape (c, c)."""
+    """Return the mean square of X's drift (SI) with the weight of the rows without a force, shape (c, c)."""
     if all(block.has_force for block in fit.blocks):
         return _mean_square(fit, ())
     rows, names = observation.blocks, observation.columns

@@ -52,7 +52,7 @@ class Runs:
 
 
 def equal_runs(samples: FloatArray) -> Runs:
-    """Return the runs of equal readings of a channel that is not constant, shape (n,)."""
+    """Return the runs of equal readings of a channel that is not constant, in any unit, shape (n,)."""
     changes = samples[1:] != samples[:-1]
     if changes.all():
         none = np.zeros(0, dtype=int)

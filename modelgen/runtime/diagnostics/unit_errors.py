@@ -130,8 +130,8 @@ def _times(ratio: float) -> str:
 def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> FloatArray | None:
     """Return how many times as much as `one` says `other` moves, in the lowest bands where they are coherent.
 
-    Of shape (bands,), below zero where they move against each other. None where too few bands are coherent,
-    or where the ratio changes with the frequency, or its sign: beyond an antiresonance.
+    Both in SI. Of shape (bands,), below zero where they move against each other. None where too few bands are
+    coherent, or where the ratio changes with the frequency, or its sign: beyond an antiresonance.
     """
     # of a long record, the stretch that moves most
     parts = record.facts.stretches(one.key)

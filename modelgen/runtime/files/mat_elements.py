@@ -177,7 +177,7 @@ class VariableValues:
 
 
 def complex_of(real: npt.NDArray[Any], imaginary: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return complex numbers of real and imaginary parts of one shape; a sum with 1j makes NaN of inf."""
+    """Return complex numbers of parts of one shape, in their unit; a sum with 1j would make NaN of inf."""
     values = np.empty(real.shape, np.result_type(real, np.complex64))
     values.real, values.imag = real, imaginary
     return values

@@ -34,7 +34,10 @@ def allpass_states(sos: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def responses(A: FloatArray, b: FloatArray, n: int) -> FloatArray:
-    """Return phi_k = A^k b for k = 0 ... n - 1, shape (n, states); by doubling, so that errors stay small."""
+    """Return phi_k = A^k b for k = 0 ... n - 1, in samples, shape (n, states).
+
+    By doubling, so that errors stay small.
+    """
     table = np.empty((n, len(b)))
     table[0] = b
     known, power = 1, A

@@ -84,7 +84,7 @@ def block_product(tables: BlockTables) -> BlockProduct:
 
 
 def product(lines: FloatArray, table: FloatArray, out: FloatArray | None = None) -> FloatArray:
-    """Return lines @ table, shapes (n, k) and (k, m), by small products of a few lines each.
+    """Return lines @ table, in any units, shapes (n, k) and (k, m), by small products of a few lines each.
 
     See `block_kernels.SMALL_PRODUCT`.
     """
@@ -124,7 +124,7 @@ def scan(states: FloatArray, powers: FloatArray) -> None:
     Parameters
     ----------
     states : array, shape (blocks, n), or several side by side, shape (several, blocks, n)
-        Changed in place.
+        Changed in place; in the signal's unit.
     powers : array, shape (levels, n, n)
         Transposed transition over 1, 2, 4, ... blocks.
     """

@@ -143,7 +143,10 @@ def block_tables(
 
 
 def powers_of(A: FloatArray, block: int) -> FloatArray:
-    """Return the transposes of A^block, A^(2 block), ... down to rounding, shape (levels, states, states)."""
+    """Return the transposes of A^block, A^(2 block), ... down to rounding, `block` in samples.
+
+    A, over one sample, has shape (states, states), the result (levels, states, states).
+    """
     power = np.linalg.matrix_power(A, block).T
     found = [power]
     while np.linalg.norm(power := power @ power) > POWER_TOLERANCE:

@@ -86,7 +86,7 @@ class ReadingSpectrum:
 
 
 def tones(density: FloatArray, lines: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    """Return which lines of a density, shape (n,), are tones: far above all other lines near them.
+    """Return which lines of a density, in any unit, shape (n,), are tones: far above all others near them.
 
     `lines` and the result are indices, shape (m,). Friction has a broad spectrum and a periodic motion has
     many lines: neither counts as a tone.

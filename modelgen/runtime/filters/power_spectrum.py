@@ -95,7 +95,7 @@ def hann(n: int) -> FloatArray:
 
 
 def square(lines: npt.NDArray[np.complex128]) -> FloatArray:
-    """Return the squared magnitudes of lines of a Fourier transform, shape (n,)."""
+    """Return the squared magnitudes of lines of a Fourier transform, in their unit squared, shape (n,)."""
     return np.asarray(lines.real**2 + lines.imag**2)
 
 

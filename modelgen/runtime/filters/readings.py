@@ -146,7 +146,7 @@ def _between_samples(changed: npt.NDArray[np.intp]) -> tuple[float, float] | Non
 
 
 def between_readings(samples: FloatArray, every: float, first: float) -> FloatArray:
-    """Return a channel, shape (n,), interpolated (cubic) between its new readings, see `repeats`."""
+    """Return a channel, in its unit, (n,), interpolated (cubic) between its new readings, see `repeats`."""
     from scipy.interpolate import CubicSpline
 
     places = np.arange(first, len(samples) - 1, every)

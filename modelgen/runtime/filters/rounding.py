@@ -26,9 +26,9 @@ def excerpt(samples: FloatArray) -> FloatArray:
 
 
 def rounding(samples: FloatArray) -> float:
-    """Return the step to which readings, shape (n,), are rounded, the coarser where it differs; 0 for none.
+    """Return the step, in their unit, that readings, shape (n,), are rounded to; 0 for none.
 
-    It differs in a file with so many significant digits: it is coarser far from zero.
+    The coarser one where it differs: with so many significant digits it is coarser far from zero.
     """
     shown = excerpt(samples)
     least = ROUNDING * float(np.ptp(samples))  # values that were scaled or shifted differ by that as well

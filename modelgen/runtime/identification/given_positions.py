@@ -43,7 +43,7 @@ from modelgen.runtime.records.record import Record
 class Rest:
     """Where steps came to rest: a point, and by which ratio they shrank along a direction.
 
-    The ratio is 0 where they did not shrink slowly; `point` and `along` have the shape (base parameters,).
+    The ratio is 0 where they did not shrink slowly; `point` and `along`, in SI, are (base parameters,).
     """
 
     point: FloatArray
@@ -51,7 +51,7 @@ class Rest:
     ratio: float
 
     def drift(self, fit: Fit, model: Model) -> FloatArray:
-        """Return what noise moves the estimate by through the point, as a mean square, shape (c, c).
+        """Return what noise moves the estimate by through the point, as a mean square in SI, (c, c).
 
         A fit holds the point as it is. As that moves with the estimate by `ratio` along the direction, what
         noise moves a step by is 1 / (1 - ratio) times as much when steps have come to rest.

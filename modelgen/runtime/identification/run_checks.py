@@ -67,8 +67,8 @@ from modelgen.runtime.results.estimate import Estimate
 class Extras:
     """What was found in addition to the fit, see `Checks`; `bias` is that by noise, of least squares only.
 
-    `bias_left` is what of it may still be in the estimate; `residuals` gives the tests of the rows'
-    residuals, which another thread works on meanwhile. `asymmetric` is what directions of motion do to
+    `bias_left` is what of it may still be in the estimate, both in SI; `residuals` gives the tests of the
+    rows' residuals, which another thread works on meanwhile. `asymmetric` is what directions of motion do to
     friction, of columns that get a number before drift is known.
     """
 
@@ -153,7 +153,7 @@ def _bias(task: Task, fit: Fit) -> FloatArray | None:
 
 
 def more_than_noise(fit: Fit, extras: Extras) -> FloatArray:
-    """Return what `extras` say that the estimate is off by, as a mean square, shape (c, c)."""
+    """Return what `extras` say that the estimate is off by, as a mean square in SI, shape (c, c)."""
     total = np.zeros((len(fit.columns), len(fit.columns)))
     if extras.periods is not None:
         total += spread_beyond_noise(extras.periods, hac_covariance(fit))
@@ -175,7 +175,7 @@ def checked(
     refused: Mapping[str, str],
     extras: Extras,
 ) -> Checks:
-    """Return what is checked of an estimate, and why that is not all; `drift` has shape (c, c)."""
+    """Return what is checked of an estimate, and why that is not all; `drift`, in SI, has shape (c, c)."""
     kept = tuple(task.checks.keep)
     if not task.checks.tests:
         told = (*solution.advice, untested("is not checked, as asked for"))
@@ -201,7 +201,7 @@ def examine(
     refused: Mapping[str, str],
     extras: Extras,
 ) -> Checks:
-    """Return all checks of an estimate and of the fit behind it; `drift` has the shape (c, c)."""
+    """Return all checks of an estimate and of the fit behind it; `drift`, in SI, has shape (c, c)."""
     model, records, choice = task.model, task.records, task.choice
     method, fit, percent = task.method, solution.as_measured, estimate.fit.pruning.percent
     identified, hidden = estimate.parameters.identified, _hidden(model, estimate)

@@ -218,7 +218,7 @@ def settings_drift(
     Returns
     -------
     array, shape (c, c)
-        For `solution.fit`.
+        In SI, for `solution.fit`.
     tuple of str
     """
     method, choice, fit = task.method, task.choice, solution.fit

@@ -96,7 +96,7 @@ class HeldMotion:
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def stretch(self, number: int) -> Mapping[str, FloatArray]:
-        """Return the signals of a stretch, shape (n,) each; the last are kept. Several threads may ask."""
+        """Return the signals of a stretch, in SI, (n,) each; the last are kept. Several threads may ask."""
         with self._lock:
             for before in range(len(self._starts) - 1, number):
                 self._keep(before)

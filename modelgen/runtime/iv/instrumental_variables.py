@@ -151,7 +151,7 @@ def simulated(fit: Fit, setting: Setting, values: Mapping[str, float]) -> Mappin
 
 
 def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple[FloatArray, ...]:
-    """Return for every block of the fit its columns built from the simulation, shape (n, k) each.
+    """Return for every block of the fit its columns built from the simulation, in SI, (n, k) each.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
 
 
 def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
-    """Return the fit with instruments Z, shape (n, columns) a block, and weights from the residuals."""
+    """Return the fit with instruments Z, in SI, (n, columns) a block, and weights from the residuals."""
     return two_stage(weighed(fit), Z)
 
 
@@ -216,7 +216,7 @@ def weighed(fit: Fit) -> Fit:
 def simulation_parameters(
     model: Model, fit: Fit, covariance_of: Callable[[Fit], FloatArray] = hac_covariance
 ) -> dict[str, float]:
-    """Return physical parameters for the simulation, nuisances of the fit included; 0 for what it lacks.
+    """Return physical parameters (SI) for the simulation, nuisances of the fit included; 0 for what it lacks.
 
     Where there are more composites than physical parameters, `covariance_of`, shape (c, c), weighs them.
     """

@@ -51,7 +51,7 @@ def further_masses(
     known : sequence of Effect
         Those that are estimated already.
     others : sequence of sequence of array
-        How Y - W X grows with these and with delays, shape (n,) a block each.
+        How Y - W X grows with these and with delays, in SI, shape (n,) a block each.
     """
     rows = _Rows(fit, setting, simulated, others)
     names = {effect.name for effect in known}

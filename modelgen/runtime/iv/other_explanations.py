@@ -54,7 +54,7 @@ def other_explanations(
     fit : Fit
         With `effects` estimated.
     sizes, stds : sequence of float
-        Of these.
+        Of these, in their units.
     others : sequence of Effect
         Those that were tested.
     looked : Looked
@@ -67,7 +67,7 @@ def other_explanations(
     list of list of (Effect, float)
         Those that explain most first.
     array, shape (c, c)
-        Mean square of the differences of X.
+        Mean square of the differences of X, in SI.
     """
     c = len(fit.columns)
     found: list[list[tuple[Effect, float]]] = [[] for _ in effects]

@@ -36,7 +36,7 @@ def deflection_of(plant: Plant, stiffness: str) -> FloatArray:
 
 
 class Pushed(Mapping[str, FloatArray]):
-    """What a further force changes in each channel, shape (n,), worked out when it is asked for.
+    """What a further force changes in each channel, in SI, shape (n,), worked out when it is asked for.
 
     The chain is linear between reversals, and held in place (`HeldChain`).
     """

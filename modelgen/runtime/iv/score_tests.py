@@ -48,7 +48,7 @@ class Score:
     explained : float
         Share of the residual's power.
     move : array, shape (c,)
-        By how much X changes when the effect is taken into account.
+        By how much X changes, in SI, when the effect is taken into account.
     own : float
         Share of the effect that lies outside of the columns.
     power : float
@@ -82,7 +82,7 @@ def scores(span: Span, effects: Sequence[Effect], grown: Sequence[Sequence[Float
         Of a fit with instruments.
     effects : sequence of Effect
     grown : sequence of sequence of array
-        For each effect how Y - W X grows with its size: one array, shape (rows,), a block of the fit.
+        For each effect how Y - W X grows per unit of its size: one array, shape (rows,), a block of the fit.
     """
     if not effects:
         return ()
@@ -161,7 +161,7 @@ def without_noise(
     effects : sequence of Effect
         Those that matter.
     noise : pair
-        What noise adds to the residual and to the effects, shape (rows,) a block, as `noise_rows` returns it.
+        What noise adds to the residual and to the effects, in SI, (rows,) a block, as from `noise_rows`.
     """
     fit = span.fit
     r = span.apart(stacked(fit, noise[0]))
@@ -186,7 +186,7 @@ def without_noise(
 
 
 def slope_of(model: Model, fit: Fit) -> FloatArray | None:
-    """Return how columns grow with the physical parameters, where these were fitted, shape (c, p)."""
+    """Return how columns grow with the physical parameters, in SI, where these were fitted, shape (c, p)."""
     values = fit.physical(model.parameters)
     if values is None:
         return None
@@ -215,7 +215,10 @@ class Compared:
 
 
 class Span:
-    """What the weighted regressors of a fit span, with columns for what is estimated already."""
+    """What the weighted regressors of a fit span, with columns for what is estimated already.
+
+    Weighted columns and residuals are in SI times the weights.
+    """
 
     def __init__(
         self, fit: Fit, others: Sequence[Sequence[FloatArray]] = (), slope: FloatArray | None = None
@@ -274,7 +277,7 @@ def _unknowns(fit: Fit, R: Regressors) -> FloatArray:
 
 
 def stacked(fit: Fit, parts: Sequence[FloatArray]) -> FloatArray:
-    """Return parts of the blocks of a fit in one, weighted, shape (r,)."""
+    """Return parts of the blocks of a fit, in SI, in one, weighted, shape (r,)."""
     return np.concatenate([w * part for w, part in zip(fit.weights, parts, strict=True)])
 
 

@@ -41,7 +41,7 @@ class Agreement:
 
     @classmethod
     def of(cls, solution: PhysicalSolution, covariance: FloatArray) -> Agreement | None:
-        """Return the test of what a fit leaves, or None; the covariance has shape (numbers, numbers)."""
+        """Return the test of what a fit leaves, or None; the covariance, in SI, is (numbers, numbers)."""
         statistic, spare = solution.left_over(covariance)
         if not spare:
             return None
@@ -110,7 +110,7 @@ class Joined:
 
     @property
     def gradients(self) -> FloatArray:
-        """Slopes of all physical parameters by the numbers of the parts, shape (parameters, numbers)."""
+        """Slopes of all physical parameters by the numbers of the parts, in SI, (parameters, numbers)."""
         return np.array([self.solution.gradients[name] for name in self.chain.parameters])
 
 

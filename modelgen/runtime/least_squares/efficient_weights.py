@@ -64,7 +64,7 @@ class WhiteFit:
     inverse: FloatArray
 
     def moved(self, change: Sequence[FloatArray]) -> FloatArray:
-        """Return what X grows by, shape (columns,), when the rows' Y grows: one array a block, shape (n,)."""
+        """Return what X grows by, shape (columns,), when Y grows: an array a block, (n,), both in SI."""
         only = np.zeros(1, dtype=np.int64)
         white = self.rows.columns([part[:, None] for part in change], [only] * len(change))
         across = sum(one.across(part[:, 0]) for one, (part, _) in zip(self.regressors, white, strict=True))

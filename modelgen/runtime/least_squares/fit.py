@@ -243,7 +243,7 @@ class Fit:
 
 
 def residuals_of(blocks: Sequence[RowBlock], x: FloatArray) -> Sequence[FloatArray]:
-    """Return Y - W x of each block, shape (n,); of rows that are not kept it is made whenever asked for."""
+    """Return Y - W x of each block, in its unit, (n,); of rows that are not kept made when asked for."""
     if all(block.in_memory for block in blocks):
         return tuple(block.residual(x) for block in blocks)
     return _RemadeResiduals(blocks, x)
@@ -268,7 +268,7 @@ def _norm(weights: Sequence[float], norms: Sequence[float]) -> float:
 def regressed_rows(
     blocks: Sequence[RowBlock], weights: Sequence[float], regressors: Regressors
 ) -> FloatArray:
-    """Return rows that are as good as the weighted [regressors Y] of the blocks, shape (few, columns + 1)."""
+    """Return rows as good as the weighted [regressors Y] of blocks, SI times weights, (few, columns + 1)."""
     found = []
     for weight, one, block in zip(weights, regressors, blocks, strict=True):
         lines = weight * lines_of(tall_triangle(one.samples, block.Y)[:, 1:])
@@ -286,7 +286,7 @@ def weighted_parts(
 def triangle_rows(
     blocks: Sequence[RowBlock | RowTriangle], weights: Sequence[float], columns: int
 ) -> FloatArray:
-    """Return rows that are as good as the weighted [W Y] of the blocks, shape (few, columns + 1)."""
+    """Return rows as good as the weighted [W Y] of the blocks, SI times weights, shape (few, columns + 1)."""
     parts = []
     for weight, block in zip(weights, blocks, strict=True):
         rows = weight * lines_of(block.triangle[:, 1:])

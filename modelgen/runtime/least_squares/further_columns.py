@@ -33,7 +33,7 @@ def with_columns(
     Z : Regressors, or sequence of array
         Instruments of its own columns, as `two_stage` takes them.
     extra : sequence of sequence of array
-        The further columns: of each one array a block, shape (n,).
+        The further columns: of each one array a block, in SI, shape (n,).
     further : sequence of sequence of array
         Their instruments; by default they are their own.
     """
@@ -48,7 +48,7 @@ def with_columns(
 
 
 def joined_blocks(fit: Fit, extra: Sequence[Sequence[FloatArray]]) -> tuple[RowBlock, ...]:
-    """Return the blocks of a fit with further columns behind its own, of shape (n,) a block each."""
+    """Return the blocks of a fit with further columns behind its own, in SI, (n,) a block each."""
     W = replace(fit, projected=None).regressors.joined(extra)
     return tuple(
         replace(block.kept(), W=samples, touched=places)

@@ -31,7 +31,7 @@ INSTANTS = 1 << 10
 
 
 def printed_covariance(fit: Fit, residual_dof: str = "r-c") -> tuple[float, FloatArray]:
-    """Return sigma and C = sigma^2 (W^T W)^-1 (Pham 2002, eq. (11)), shape (c, c).
+    """Return sigma of the weighted rows and C = sigma^2 (W^T W)^-1 (Pham 2002, eq. (11)), in SI, (c, c).
 
     `residual_dof` says what |Y - W X|^2 is divided by: "r-c" (eq. (11)) or "r-1", the residual's plain
     variance, with which published figures are reproduced.
@@ -42,7 +42,7 @@ def printed_covariance(fit: Fit, residual_dof: str = "r-c") -> tuple[float, Floa
 
 
 def hac_covariance(fit: Fit, grown: bool = True) -> FloatArray:
-    """Return the heteroskedasticity- and autocorrelation-consistent covariance, shape (c, c).
+    """Return the heteroskedasticity- and autocorrelation-consistent covariance, in SI, (c, c).
 
     As Newey and West (1987), but with Parzen's kernel: differentiated noise has its power at high frequencies
     that their triangle lets through. Its bandwidth is `scores_bandwidth`, and what that wants of small
@@ -70,7 +70,7 @@ def covariance_of_bandwidth(fit: Fit, series: Sequence[FloatArray], least: float
 def long_run_covariance(
     series: Sequence[Series | FloatArray], least: float = 1.0, grown: bool = True, quantile: float = USUAL
 ) -> FloatArray:
-    """Return the covariance of the sum over all instants and records, shape (c, c).
+    """Return the covariance of the sum over all instants and records, in its unit squared, shape (c, c).
 
     Parzen's kernel is the triangle's with itself: its weighted sum over lags is the sum of squares of
     the series after two moving sums, which is never negative and costs the same for every bandwidth, whatever
@@ -93,7 +93,7 @@ def long_run_covariance(
 def long_run_covariances(
     series: Sequence[Series | FloatArray], quantiles: Sequence[float], least: float = 1.0, grown: bool = True
 ) -> list[FloatArray]:
-    """Return `long_run_covariance`, shape (c, c), for each of some quantiles, from the same sums."""
+    """Return `long_run_covariance`, in its unit, (c, c), for each of some quantiles, from the same sums."""
     series = [kept(one) for one in series]
     bandwidth = max(least, scores_bandwidth(series, grown))
     sums = [ParzenSums(bandwidth) for _ in series]

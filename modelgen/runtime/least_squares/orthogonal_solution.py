@@ -106,7 +106,7 @@ def polished(
 
 
 def rough_solution(triangle: FloatArray) -> FloatArray:
-    """Return X alone of R = `triangle` of [W Y], shape (c,), with what rounding has moved."""
+    """Return X alone of R = `triangle` of [W Y], in units of Y per W, (c,), with what rounding has moved."""
     return _solved(triangle, RANK_TOLERANCE)[0]
 
 

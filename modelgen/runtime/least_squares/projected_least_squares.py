@@ -24,7 +24,7 @@ def two_stage(fit: Fit, Z: Regressors | tuple[FloatArray, ...]) -> Fit:
     ----------
     fit : Fit
     Z : Regressors, or tuple of array
-        One for each column; arrays are those of the columns that each block has, shape (n, k).
+        One for each column; arrays, in SI, are those of the columns that each block has, (n, k).
     """
     c = len(fit.columns)
     if not isinstance(Z, Regressors):

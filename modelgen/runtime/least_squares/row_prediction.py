@@ -67,7 +67,7 @@ class RowResiduals:
 
 
 def on_grid(parts: Sequence[FloatArray], places: Sequence[IntArray], grid: int) -> FloatArray:
-    """Return parts of rows at their places of a grid, zero elsewhere, shape (rows, grid)."""
+    """Return parts of rows, in their units, at their places of a grid, zero elsewhere, shape (rows, grid)."""
     series = np.zeros((len(places), grid))
     for line, part, place in zip(series, parts, places, strict=True):
         line[place] = part

@@ -16,7 +16,8 @@ class Spanned:
     """An orthonormal basis Q = R B of the columns of weighted regressors R.
 
     Of rows that have all columns it is worked out. Of others, whose Q would have a hundred times the numbers
-    of R, only B is: directions that R hardly has are left out then, as they would be rounding.
+    of R, only B is: directions that R hardly has are left out then, as they would be rounding. Q has no unit,
+    rows and columns are in SI times the weights.
     """
 
     def __init__(self, regressors: Regressors) -> None:

@@ -60,7 +60,7 @@ class Whitener:
 def whiteners(
     residuals: Sequence[FloatArray], places: Sequence[IntArray], most: int = WHITENING_ORDER
 ) -> tuple[Whitener, ...]:
-    """Return the whitener of each record's residual of one row, shape (n,) each, at places of its grid.
+    """Return the whitener of each record's residual of one row, in its unit, (n,) each, at places of a grid.
 
     That of all records, at each one's own size, unless the record's own is expected to foretell more.
     """

@@ -104,9 +104,9 @@ def _matched_weights(
 def weighed_by_residuals(
     rows: Sequence[RowTriangle], rms: Sequence[float], smallest: Sequence[float], rounds: int, columns: int
 ) -> tuple[FloatArray, Sequence[float]]:
-    """Return X, shape (columns,), and the rms residual of each row, which the next round weighs it by.
+    """Return X, in SI, shape (columns,), and the rms residual of each row, which the next round weighs it by.
 
-    `rms` are those to begin with, and none counts as less than `smallest`.
+    `rms`, in the unit of the row, are those to begin with, and none counts as less than `smallest`.
     """
     x = np.zeros(columns)
     for _ in range(rounds):
@@ -130,7 +130,7 @@ def fit_at(observation: Observation, start: Fit) -> Fit:
 
 
 def fit_from(observation: Observation, x: FloatArray) -> Fit:
-    """Return `fit_matched` with another solution, of all columns of the observation, shape (columns,)."""
+    """Return `fit_matched` with another solution, of all columns of the observation, in SI, (columns,)."""
     fit = fit_matched(observation)
     own = np.asarray(x)[[observation.columns.index(name) for name in fit.columns]]
     return replace(fit, solution=replace(fit.solution, x=own), residuals=residuals_of(fit.blocks, own))

@@ -17,7 +17,7 @@ def base_factors(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the matrix, shape (columns, parameters), and the vector that base parameters are made with.
 
-    They are sums: the matrix times the parameters, and the vector, shape (columns,), of what is known.
+    They are sums: the matrix times the parameters, and the vector, shape (columns,), of what is known; in SI.
     """
     nothing = dict.fromkeys(parameters, 0.0)
     offset = base_from_physical(nothing)
@@ -26,7 +26,7 @@ def base_factors(
 
 
 class ArmFunctions:
-    """A module of contract 2 with what modules of chains offer besides; all else is the module's own."""
+    """A module of contract 2 with what modules of chains offer besides (SI); all else is the module's own."""
 
     def __init__(self, module: Any) -> None:
         self._module = module

@@ -52,12 +52,12 @@ class Kernel(Protocol):
         """What the lines are formed from."""
 
     def lines(self, signals: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-        """Return every feature, shape (N,) each, from the inputs, shape (N,) each."""
+        """Return every feature, shape (N,) each, from the inputs, shape (N,) each; all in SI."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmKernel:
-    """Lines that are nonlinear in the signals.
+    """Lines that are nonlinear in the signals, all in SI.
 
     Attributes
     ----------

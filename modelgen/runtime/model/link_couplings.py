@@ -68,7 +68,7 @@ def couplings(model: Model, matrices: ChainMatrices, name: str) -> tuple[Couplin
 
 
 def couples_as(links: tuple[Coupling, ...], share: FloatArray) -> bool:
-    """Return whether the links together make this matrix, shape (bodies, bodies)."""
+    """Return whether the links together make this matrix, (bodies, bodies), per unit of its parameter."""
     levers = [link.lever(len(share)) for link in links]
     made = sum((np.outer(lever, lever) for lever in levers), np.zeros_like(share))
     return bool(np.abs(made - share).max() <= NEGLIGIBLE * np.abs(share).max())

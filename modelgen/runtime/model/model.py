@@ -80,7 +80,7 @@ class Feature:
 class Model:
     """A generated module, checked: y = D x with y = measurement, D = regressor, x the base parameters.
 
-    The attributes are those of the module under their lower-case names; see its docstring for the rows.
+    All is in SI. Attributes are those of the module under their lower-case names; its docstring has the rows.
     `measurement_columns` holds one `Terms` per row, `regressor_columns` per row a mapping of column index to
     `Terms`: what is linear in which signal, so that filters may act on signals instead of columns.
 

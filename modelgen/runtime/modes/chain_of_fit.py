@@ -43,11 +43,11 @@ def chain_of_fit(
     model : Model
     fit : Fit
     total : array, shape (c, c)
-        Covariance of the columns of the fit, drift included.
+        Covariance of the columns of the fit, in SI, drift included.
     covariances : Covariances
         Of the identified base parameters.
     base : array, shape (columns,)
-        Base parameters of the model, NaN where not identified.
+        Base parameters of the model in SI, NaN where not identified.
     found : FoundParameters
         The physical parameters that follow.
     fixed : mapping of str to float

@@ -54,7 +54,7 @@ def pair_values(
     Parameters
     ----------
     slopes : array, shape (2, parameters)
-        Of the pair's sum and product.
+        Of the pair's sum and product, in SI.
     free : bool
         Whether one of the poles is zero, as the chain moves freely.
     chain : UncertainChain

@@ -45,8 +45,9 @@ def undamped_modes(inertia: FloatArray, K: FloatArray) -> UndampedModes:
     Parameters
     ----------
     inertia : array, shape (bodies,) or (bodies, bodies)
-        Above zero; a mass matrix, where it is not diagonal, is positive definite.
+        In SI, above zero; a mass matrix, where it is not diagonal, is positive definite.
     K : array, shape (bodies, bodies)
+        Stiffness, in SI.
     """
     if inertia.ndim > 1:
         lower = np.linalg.inv(np.linalg.cholesky(inertia))

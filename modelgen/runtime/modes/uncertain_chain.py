@@ -94,7 +94,7 @@ def uncertain_chain(
     ----------
     model : Model
     base : array, shape (columns,)
-        All base parameters of the model, NaN where the records say nothing.
+        All base parameters of the model in SI, NaN where the records say nothing.
     covariance : array, shape (found, found)
         Of those with a number.
     start : mapping of str to float
@@ -183,7 +183,7 @@ def open_directions(
 
 
 def square_root(covariance: FloatArray) -> FloatArray:
-    """Return R with R R^T = covariance, shape (n, n), rounding below zero taken as zero."""
+    """Return R with R R^T = covariance, in any units, shape (n, n), rounding below zero taken as zero."""
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.where(spread > 0.0, spread, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))

@@ -58,10 +58,11 @@ def negative_columns(model: Model, fit: Fit) -> dict[str, float]:
 
 
 def bounded_below_or_above(model: Model) -> tuple[FloatArray, FloatArray]:
-    """Return the bounds of the base parameters, shape (columns,) each, that follow from physical signs.
+    """Return bounds of the base parameters, zero or infinite in any unit, that follow from physical signs.
 
-    What is never negative (nor positive) for any inertia, stiffness, damping and friction above zero is
-    bounded by zero; offsets and cubic stiffness are free. Decided on 200 random points over ten decades.
+    Shape (columns,) each. What is never negative (nor positive) for any inertia, stiffness, damping and
+    friction above zero is bounded by zero; offsets and cubic stiffness are free. Decided on 200 random points
+    over ten decades.
     """
     rng = np.random.default_rng(0)
     bounded = bounded_names(model)
@@ -84,7 +85,7 @@ def bounded_fit(fit: Fit, model: Model, covariance: FloatArray) -> tuple[Fit, Bo
         Without bounds; least squares or instrumental variables.
     model : Model
     covariance : array, shape (c, c)
-        Of that fit.
+        Of that fit, in SI.
 
     Raises
     ------
@@ -99,7 +100,7 @@ def bounded_fit(fit: Fit, model: Model, covariance: FloatArray) -> tuple[Fit, Bo
 def bounded_physical(fit: Fit, model: Model, covariance: FloatArray) -> tuple[Fit, BoundCost]:
     """Return the same for a fit whose columns are physical parameters, and further ones without bounds.
 
-    `covariance` is that of the columns, shape (c, c).
+    `covariance` is that of the columns, in SI, shape (c, c).
     """
     bounded = bounded_names(model)
     lower = np.array([0.0 if name in bounded else -np.inf for name in fit.columns])

@@ -41,7 +41,7 @@ class PhysicalSolution:
     def left_over(self, covariance: FloatArray) -> tuple[float, int]:
         """Return the chi square of what is left of the composites, and its degrees of freedom.
 
-        `covariance` is that of the composites, shape (identified, identified).
+        `covariance` is that of the composites, in SI, shape (identified, identified).
         """
         if not self.error.size:
             return 0.0, 0

@@ -88,7 +88,7 @@ def consistent_links(
     Parameters
     ----------
     estimate, covariance : ndarray
-        Base parameters, shape (n,), and their covariance, shape (n, n), positive definite.
+        Base parameters in SI, shape (n,), and their covariance, shape (n, n), positive definite.
     base_from_physical : callable
         That of the arm's module: linear in the parameters.
     parameters : sequence of str

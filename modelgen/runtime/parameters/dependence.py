@@ -112,7 +112,7 @@ def dependences(fit: Fit, covariance: FloatArray, largest_index: float = LARGEST
     ----------
     fit : Fit
     covariance : array, shape (c, c)
-        Of the fit's parameters.
+        Of the fit's parameters, in SI.
     largest_index : float
         Condition index from which a direction counts.
     """

@@ -26,7 +26,7 @@ def other_solutions(
     ----------
     model : Model
     base : array, shape (columns,)
-        Base parameters, NaN where not identified (then nothing is searched).
+        Base parameters in SI, NaN where not identified (then nothing is searched).
     covariances : Covariances
     physical : sequence of Parameter
         The solution reported.

@@ -40,7 +40,7 @@ CONTRADICTED = (
 
 @dataclass(frozen=True, eq=False)
 class Covariances(FrozenValues):
-    """Covariances of the identified base parameters, shape (identified, identified) each.
+    """Covariances of the identified base parameters, in SI, shape (identified, identified) each.
 
     `total` is the sum of `noise` (residuals) and `drift` (settings); `printed` is the paper's, eq. (11).
     """
@@ -91,7 +91,7 @@ def physical_parameters(
     ----------
     model : Model
     base : array, shape (columns,)
-        Base parameters, NaN where not identified.
+        Base parameters in SI, NaN where not identified.
     covariances : Covariances
         Of those identified.
     refused : mapping of str to str

@@ -16,8 +16,8 @@ def best_of_trials(
 ) -> tuple[float, FloatArray]:
     """Return the least cost and its variables: random steps that grow with success and shrink without.
 
-    Variables, and each of the starts, have shape (k,); a step of 1 should be a large one for all of them.
-    Each step changes a few variables only: most improvements concern one thing.
+    Variables, and each of the starts, are dimensionless, shape (k,): a step of 1 should be a large one for
+    all of them. Each step changes a few variables only: most improvements concern one thing.
 
     A (1+1) evolution strategy with the one-fifth rule (Rechenberg 1973); seeded.
     """

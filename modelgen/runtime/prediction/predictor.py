@@ -186,7 +186,7 @@ def predicted_readings(
 class FilteredRecord:
     """A record filtered by a chain, under disturbances of a size that is looked for.
 
-    `rows` are the sensors that read `z`, shape (n, rows), and `force` the size of the measured force.
+    `rows` are the sensors that read `z`, shape (n, rows), and `force` the size of the measured force, in SI.
     """
 
     def __init__(
@@ -197,7 +197,7 @@ class FilteredRecord:
     def best_gain(self, fs: float, horizon: int) -> FloatArray:
         """Return the gain, shape (states, sensors), that predicts the beginning of the record best.
 
-        Each sensor's error counts by the logarithm of its size.
+        Each sensor's error counts by the logarithm of its size; `fs` is in Hz, `horizon` in samples.
         """
         rounding = [LEAST_NOISE * (float(np.std(column)) or 1.0) for column in self._z.T]
         noise = np.maximum([noise_of(column, fs) for column in self._z.T], rounding)

@@ -14,7 +14,7 @@ from modelgen.magnitudes import FAINTEST, LARGEST
 
 
 def checked_channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list[Problem]]:
-    """Return a read-only float64 copy of one channel, shape (n,), or what is wrong with it."""
+    """Return a read-only float64 copy of one channel, in its unit, shape (n,), or what is wrong with it."""
     if not isinstance(key, str) or not key:
         return None, [Problem(where, f"key is {key!r}", "name the channel with a non-empty string")]
     try:
@@ -79,7 +79,7 @@ def magnitude_problem(where: str, samples: npt.NDArray[Any]) -> Problem | None:
 
 
 def length_problems(where: str, channels: Mapping[str, FloatArray]) -> list[Problem]:
-    """Return what is wrong with the lengths of channels, shape (n,) each: they differ, or are too short."""
+    """Return what is wrong with lengths of channels, (n,) samples each: they differ, or are too short."""
     lengths = {key: array.size for key, array in channels.items()}
     if not lengths:
         return []

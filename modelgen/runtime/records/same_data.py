@@ -118,7 +118,7 @@ def is_held_out(source: Channels, channels: Sequence[str], used: Collection[str]
 
 
 def alike(looks: Sequence[FloatArray]) -> list[tuple[int, int]]:
-    """Return the pairs of records that look the same; one array a record, see `look`, shape (k,)."""
+    """Return the pairs of records that look the same; one array a record, without unit, see `look`, (k,)."""
     groups: dict[int, list[int]] = {}
     for index, one in enumerate(looks):
         groups.setdefault(one.size, []).append(index)

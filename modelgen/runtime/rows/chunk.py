@@ -164,7 +164,7 @@ def made_once(
 ) -> npt.NDArray[Any]:
     """Return what is made of a channel; once, of a record in memory that is not long. The key says how.
 
-    The array may have any shape.
+    The array may have any shape and unit.
     """
     if not isinstance(source, Record) or not is_kept(source):
         return make()

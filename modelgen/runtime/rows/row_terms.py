@@ -15,7 +15,7 @@ from modelgen.runtime.rows.thresholds import LEAST_FORCE
 
 @dataclass(frozen=True)
 class RowTerms:
-    """One row y = D x: the base parameters it touches, their terms, and those of y."""
+    """One row y = D x: the base parameters it touches, their terms, and those of y; all in SI."""
 
     row: int
     columns: tuple[int, ...]
@@ -56,7 +56,7 @@ def channels_of_rows(model: Model) -> tuple[frozenset[str], ...]:
 
 
 def mismatch_terms(model: Model, x: FloatArray) -> tuple[dict[str, float], ...]:
-    """Return for each row the weights of signals and features in y - D x, x of shape (base parameters,)."""
+    """Return for each row the weights of signals and features in y - D x, x (SI) is (base parameters,)."""
     found = []
     for terms in row_terms(model):
         weights: dict[str, float] = {}

@@ -44,7 +44,7 @@ class PaddedStretch(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SignalPlan:
-    """What is to be done with each channel; made once for a model and a filtering.
+    """What is to be done with each channel, in SI; made once for a model and a filtering.
 
     Attributes
     ----------

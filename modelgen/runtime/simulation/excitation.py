@@ -243,7 +243,7 @@ def _times(duration_s: float, fs: float, oversample: int) -> FloatArray:
 
 
 def raised_cosine(ramp: FloatArray) -> FloatArray:
-    """Return a raised cosine, of the shape of `ramp`: 0 up to ramp = 0, 1 from ramp = 1 on."""
+    """Return a raised cosine, dimensionless, of the shape of `ramp`: 0 up to ramp = 0, 1 from ramp = 1 on."""
     risen: FloatArray = 0.5 - 0.5 * np.cos(pi * np.clip(ramp, 0.0, 1.0))
     return risen
 

@@ -50,7 +50,7 @@ def move(
     """Return the motion at every `oversample`-th step of the excitation.
 
     The controller drives the plant's own actuator; the forces of further ones are the excitation's.
-    `initial` holds all positions, then all velocities, shape (2 bodies,); a current loop starts at no force.
+    `initial`, in SI, holds positions, then velocities, shape (2 bodies,); a current loop starts at no force.
     """
     initial = np.r_[initial, [0.0] * drive.lags]
     if drive.sampled:

@@ -104,7 +104,7 @@ class Plant:
 
 
 def felt_accelerations(model: Model) -> FloatArray:
-    """Return what every sensor reads per acceleration of each body, shape (sensors, bodies).
+    """Return what every sensor reads per acceleration of each body, in SI, shape (sensors, bodies).
 
     The direct model holds it only multiplied by the equations of motion: C is it times the lower half of
     A, likewise with B and E, whatever the parameters; random ones make the equations independent.
@@ -127,7 +127,7 @@ def felt_accelerations(model: Model) -> FloatArray:
 def sensor_levers(model: Model) -> FloatArray:
     """Return what every sensor reads per coordinate of each body, differentiated as the sensor does.
 
-    Shape (sensors, bodies); of accelerometers they have lost the digits that solving equations costs.
+    In SI, shape (sensors, bodies); of accelerometers they have lost the digits that solving equations costs.
     """
     found = felt_accelerations(model)
     C = model.state_space(dict.fromkeys(_needed(model), 1.0), {one.body: 1 for one in model.friction}).C

@@ -97,8 +97,8 @@ def to_next_event(
 ) -> tuple[int, FloatArray, Mode, list[Event]]:
     """Go on from step k under the inputs w, shape (n + 1, m), through the step of the first event at most.
 
-    Every `stride`-th step is kept in `states` and `modes`. Returns the step reached, its state and mode, and
-    the events of its step.
+    Every `stride`-th step is kept in `states`, shape (kept, states), and `modes`; w is in SI, states in
+    the time unit of steps. Returns the step reached, its state and mode, and the events of its step.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def to_next_event(
 
 
 def between(inputs: FloatArray, start: int, stop: int, steps_a_node: int) -> FloatArray:
-    """Return the piecewise linear inputs, shape (nodes, m), at the steps from start to stop inclusive."""
+    """Return piecewise linear inputs, in their units, (nodes, m), at steps from start to stop inclusive."""
     place = np.arange(start, stop + 1) / steps_a_node
     i = np.minimum(place.astype(int), len(inputs) - 2)
     values: FloatArray = inputs[i] + (place - i)[:, None] * (inputs[i + 1] - inputs[i])

@@ -21,7 +21,7 @@ INTERVALS = 8
 
 
 def power_series(M: FloatArray, z: FloatArray) -> FloatArray:
-    """Return the coefficients of exp(u M) z in u, lowest order first, shape (TERMS, len(z))."""
+    """Return coefficients of exp(u M) z in u, in the unit of z, lowest order first, shape (TERMS, len(z))."""
     series = np.empty((TERMS, z.size))
     series[0] = z
     for order in range(1, TERMS):
@@ -30,7 +30,7 @@ def power_series(M: FloatArray, z: FloatArray) -> FloatArray:
 
 
 def value_at(series: FloatArray, u: float) -> FloatArray:
-    """Return the value of the power series at u, shape (len(z),)."""
+    """Return the value of the power series at u, in its unit, shape (len(z),)."""
     value: FloatArray = u ** np.arange(len(series)) @ series
     return value
 

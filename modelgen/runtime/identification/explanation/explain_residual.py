@@ -135,7 +135,7 @@ def with_timing(job: Job, found: Explained) -> Explained:
 def timing_moves(job: Job, observation: Observation, fit: Fit) -> FloatArray:
     """Return what delays of forces and of directions move that least squares does not estimate, (c, c).
 
-    A mean square, as of `unknown_timing`; nothing where the rows are not kept.
+    A mean square in SI, as of `unknown_timing`; nothing where the rows are not kept.
     """
     if not all(block.in_memory for block in fit.blocks):
         return np.zeros((len(fit.columns),) * 2)

@@ -121,7 +121,7 @@ def _with_effects(task: Task, plain: Explained, told: Explained, record_of: list
 def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
     """Return what timings move that least squares does not estimate, (c, c); of long records, in stretches.
 
-    As `timing_moves`; `job` says how rows are taken, and which delays were to be found.
+    In SI, as `timing_moves`; `job` says how rows are taken, and which delays were to be found.
     """
     if long(job):
         parts, _ = _in_stretches(job)

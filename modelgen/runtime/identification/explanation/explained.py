@@ -63,7 +63,7 @@ def begun_with(task: Task, found: Explained) -> Begun:
 
 
 def with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:
-    """Return what has begun with a further note in front, and with a drift, shape (c, c), where given."""
+    """Return what has begun with a further note in front, and with a drift, in SI, shape (c, c), if given."""
     found = one.found
     fit = replace(found.fit, notes=(note, *found.fit.notes))
     return replace(one, found=replace(found, fit=fit, drift=found.drift if drift is None else drift))

@@ -30,7 +30,7 @@ def least_squares_instead(
 
     Where a model is wrong its simulation is, too: the measured motion is the better regressor then. What the
     two methods differ by widens the intervals, unless noise of the forces biases instruments by `driven`,
-    shape (c,).
+    in SI, shape (c,).
     """
     iv = first.found
     late = {effect: size for effect, size in zip(iv.effects, iv.sizes, strict=True) if effect.kind == "delay"}

@@ -51,7 +51,7 @@ def look(
 ) -> Seen:
     """Return what the residual says of effects that are not estimated, of `kinds` if any.
 
-    `slope` says how X grows with the parameters that were fitted in its place, shape (c, p).
+    `slope` says how X grows with the parameters that were fitted in its place, in SI, shape (c, p).
     Further masses are searched for where they are asked for, and a row leaves far more than noise.
     """
     try:

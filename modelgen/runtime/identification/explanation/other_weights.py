@@ -26,7 +26,7 @@ def other_weights(job: Job, fit: Fit) -> tuple[FloatArray, tuple[Advice, ...]]:
     Returns
     -------
     array, shape (c, c)
-        Mean square of the moves, and the covariance with the last weights.
+        In SI: mean square of the moves, and the covariance with the last weights.
     tuple of Advice
     """
     c = len(fit.columns)

@@ -73,7 +73,7 @@ def instruments_with_friction(
     simulated: Sequence[Simulated],
     values: Mapping[str, float],
 ) -> tuple[FloatArray, ...]:
-    """Return instruments, shape (n, columns) a block, with that friction as it is in the simulation."""
+    """Return instruments, in SI, (n, columns) a block, with that friction as it is in the simulation."""
     runs = [one.record for one in simulated]
     records = [_with_directions(runs, fit, setting, one) for one in simulated]
     parts = [(z, np.zeros(len(z))) for z in Z]

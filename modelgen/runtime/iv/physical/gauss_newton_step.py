@@ -71,7 +71,7 @@ class GaussNewtonStep:
 
     @property
     def x(self) -> FloatArray:
-        """Solution in the columns of `linear`, shape (c,), zero where a parameter is held there."""
+        """Solution in the columns of `linear`, in SI, shape (c,), zero where a parameter is held there."""
         x = np.zeros(len(self.linear.columns))
         x[self.free] = self.white.solution.x
         return x

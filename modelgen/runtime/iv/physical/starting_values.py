@@ -91,7 +91,7 @@ def cheap_starts(near: Mapping[str, float], setting: Setting) -> tuple[Mapping[s
 def near_composites(
     model: Model, first: Fit, covariance_of: Callable[[Fit], FloatArray] | None = None
 ) -> dict[str, float]:
-    """Return the parameters that come closest to the composites, zeros if there are none.
+    """Return the parameters, in SI, that come closest to the composites, zeros if there are none.
 
     `covariance_of` weighs the composites, shape (c, c); `hac_covariance` by default.
     """

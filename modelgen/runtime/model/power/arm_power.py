@@ -47,7 +47,7 @@ class ArmPower(BalanceLines):
     kinetic: tuple[bool, ...]
 
     def lines(self, signals: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-        """Return every line, shape (N,) each, from signals of that shape."""
+        """Return every line, shape (N,) each, from signals of that shape, in SI."""
         found = self.all_lines(signals)
         return {key: found[key] for key in self.keys}
 

@@ -32,7 +32,7 @@ class ChainPower(BalanceLines):
     features: Mapping[str, Feature]
 
     def lines(self, signals: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-        """Return every line, shape (N,) each, from signals of that shape."""
+        """Return every line, shape (N,) each, from signals of that shape, in SI."""
         count = len(signals[self.inputs[0]])
         known = {**signals, "1": np.ones(count)}
         known |= {key: _formed(one, known) for key, one in self.features.items()}

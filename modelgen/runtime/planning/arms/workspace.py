@@ -80,7 +80,7 @@ def check_boxes(boxes: Sequence[Box], joints: Sequence[PlannedJoint]) -> None:
 
 
 def origins(joints: Sequence[PlannedJoint], q: FloatArray, wanted: Sequence[str]) -> dict[str, FloatArray]:
-    """Return where frames are, each (N, 3) in the base's, along coordinates of shape (moving joints, N)."""
+    """Return where frames are [m], (N, 3) in the base's, along coordinates [rad or m], (moving joints, N)."""
     moving = iter(q)
     rotations: dict[str | None, FloatArray] = {None: np.broadcast_to(np.eye(3), (q.shape[1], 3, 3))}
     places: dict[str | None, FloatArray] = {None: np.zeros((q.shape[1], 3))}

@@ -37,7 +37,7 @@ from modelgen.runtime.simulation.arms.thresholds import (
 
 
 class Push(Protocol):
-    """What pushes the rows: a controller's law, with or without measured forces."""
+    """What pushes the rows, in SI: a controller's law, with or without measured forces."""
 
     def at(self, q: FloatArray, v: FloatArray, start: int) -> FloatArray:
         """Return the push in the rows, shape (coordinates, N), at half steps from node `start` on."""
@@ -149,7 +149,7 @@ def _linear(
 
 
 def at_half_steps(nodes: FloatArray) -> FloatArray:
-    """Return matrices at nodes, shape (N, ...), at half steps as well: cubic between the nodes."""
+    """Return matrices at nodes, of any unit, shape (N, ...), at half steps as well: cubic between nodes."""
     found = np.empty((2 * len(nodes) - 1, *nodes.shape[1:]))
     found[::2] = nodes
     if len(nodes) < 4:

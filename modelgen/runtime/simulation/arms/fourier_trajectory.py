@@ -81,7 +81,8 @@ def at_rest(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the nearest coefficients with which speed and acceleration are zero at the beginning and end.
 
-    `used`, ones and zeros of shape (joints, harmonics), keeps harmonics at zero.
+    All have shape (joints, harmonics), coefficients in any unit; `used`, ones and zeros, keeps harmonics at
+    zero.
     """
     orders = np.arange(1.0, sines.shape[1] + 1.0) * (np.ones_like(sines) if used is None else used)
     squares = orders**2
