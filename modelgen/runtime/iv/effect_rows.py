@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,10 +20,13 @@ from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.block_column import BlockColumn
+from modelgen.runtime.numerics.threads import each
 from modelgen.runtime.records.channels import EditedChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
 from modelgen.runtime.rows.row_terms import channels_of_keys, channels_of_rows, mismatch_terms
+
+Found = TypeVar("Found")
 
 
 def simulated_records(
@@ -52,7 +56,7 @@ def simulated_with(values: Mapping[str, float], fit: Fit, setting: Setting) -> t
         return simulated_beside(model, parameters, record, setting.choice, setting.loop, index)
 
     try:
-        found = tuple(of(index) for index in range(len(setting.records)))
+        found = tuple(_over_records(of, range(len(setting.records)), setting.records))
     except DataError as error:
         raise simulation_failed(error, fit, model) from error
     slow = _LowSpeeds(found)
@@ -115,8 +119,8 @@ def effect_rows(
 
     counts = [block.count for block in fit.blocks]
     rows: list[dict[int, FloatArray]] = [{} for _ in effects]
-    for record in fit.by_record:
-        for own, made in zip(rows, of(record), strict=True):
+    for found in _over_records(of, fit.by_record, setting.records):
+        for own, made in zip(rows, found, strict=True):
             own |= made
     return tuple(BlockColumn(own, counts) for own in rows)
 
@@ -137,6 +141,18 @@ def _moved_rows(
         changed = replace(calm, source=EditedChannels(record, record.name, record.n, more))
         found += (changed.mixed(formed) - calm.mixed(formed)) / size
     return found
+
+
+def _over_records(
+    work: Callable[[int], Found], indices: Iterable[int], records: Sequence[Record]
+) -> Iterator[Found]:
+    """Yield what a function makes of some records, by their places; those in files by a thread each.
+
+    In memory the steps are so short that threads would wait for each other; see `RecordRows.shared_out`.
+    """
+    every = list(indices)
+    files = any(records[index].source is not records[index] for index in every)
+    return each(work, every, len(every)) if files else map(work, every)
 
 
 def _seen_in(model: Model, changes: Changes) -> tuple[tuple[int, ...], Changes]:
