@@ -382,10 +382,10 @@ def public_functions(text: str) -> Iterator[tuple[str, Function]]:
     return inside(tree(text).body, "")
 
 
-def takes_arrays(node: Function) -> bool:
+def takes_arrays(node: Function, arrays: re.Pattern[str] = ARRAYS) -> bool:
     arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
     given = [one.annotation for one in arguments] + [node.returns]
-    return any(ARRAYS.search(ast.unparse(one)) for one in given if one is not None)
+    return any(arrays.search(ast.unparse(one)) for one in given if one is not None)
 
 
 def test_public_functions_state_the_shapes_of_their_arrays(sources: Mapping[str, str]) -> None:
@@ -400,3 +400,59 @@ def test_public_functions_state_the_shapes_of_their_arrays(sources: Mapping[str,
                 silent.append(f"modelgen/{path}: {name}")
     assert stated > 300
     assert not silent
+
+
+# A unit, that there is none, or that any will do ("in their unit"); or what is counted
+UNIT = re.compile(
+    r"\bSI\b|\bHz\b|\brad\b|\bN m\b|\b(?:in|per) (?:s|m|samples)\b|\[(?:s|m)\]|\b[Uu]nits?\b|\b[Ii]nstants\b"
+    r"|\bseconds\b|\bdegrees\b|\bsamples\b|\b[Ss]hares?\b|\brelative\b|\bdimensionless\b|\bdeviations\b|\blags\b"
+)
+NAMED_UNIT = re.compile(r"_(?:hz|s|ms|rad|deg)$")
+FLOATS = re.compile(r"\b(?:Float|Complex)Array\b|\bNDArray\b|\bndarray\b|\bArrayLike\b")
+# Arrays in there are matrices, of whatever stands in them.
+WITHOUT_UNITS = "runtime/numerics/"
+
+
+def documented(text: str) -> Iterator[tuple[str, Function, str]]:
+    """Public functions and methods with what their docstring, and that of their class, says."""
+    classes = {one.name: one for one in tree(text).body if isinstance(one, ast.ClassDef)}
+    for name, node in public_functions(text):
+        owner = classes.get(name.partition(".")[0])
+        said = [ast.get_docstring(one) or "" for one in (node, owner) if one is not None]
+        yield name, node, "\n".join(said)
+
+
+def without_unit(text: str) -> list[str]:
+    """The public functions with arrays of floats that do not say in which unit these are."""
+    return [
+        name
+        for name, node, said in documented(text)
+        if takes_arrays(node, FLOATS)
+        and not UNIT.search(said)
+        and not any(NAMED_UNIT.search(one.arg) for one in (*node.args.args, *node.args.kwonlyargs))
+    ]
+
+
+def test_public_functions_state_the_units_of_their_arrays(sources: Mapping[str, str]) -> None:
+    outside = {path: text for path, text in sources.items() if not path.startswith(WITHOUT_UNITS)}
+    silent = [f"modelgen/{path}: {name}" for path, text in outside.items() for name in without_unit(text)]
+    assert not silent, "say in which unit (SI, the row's, any) their arrays are:\n" + "\n".join(silent)
+
+
+@pytest.mark.parametrize(
+    ("argument", "said", "found"),
+    [
+        ("x: FloatArray", "Return the mean, shape (n,).", True),
+        ("x: FloatArray", "Return the mean of one sample, shape (n,), of the same sign.", True),
+        ("x: FloatArray", "Return the mean, in SI, shape (n,).", False),
+        ("x: FloatArray", "Return the mean, in their unit, shape (n,).", False),
+        ("time_s: FloatArray", "Return the mean, shape (n,).", False),
+        ("x: IntArray", "Return the mean, shape (n,).", False),
+        ("x: float", "Return the mean.", False),
+    ],
+)
+def test_arrays_without_a_unit_are_found(argument: str, said: str, found: bool) -> None:
+    assert without_unit(f'def f({argument}):\n    """{said}"""') == ["f"] * found
+    method = f'class A:\n    """Arrays{{}}."""\n\n    def f(self, {argument}):\n        """{said}"""'
+    assert without_unit(method.format("")) == ["A.f"] * found
+    assert not without_unit(method.format(", in SI"))

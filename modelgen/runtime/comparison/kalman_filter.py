@@ -67,7 +67,7 @@ def filter_parameters(model: Model, records: Sequence[Record], start: Mapping[st
 
 @dataclass(frozen=True, eq=False)
 class Trail:
-    """Of every sample the innovation, shape (n, sensors), and its weight, for given parameters.
+    """Of every sample the innovation, shape (n, sensors), and its weight, for given parameters; in SI.
 
     `theta` are the parameters then, shape (n, parameters), `slopes` minus the innovation's derivatives by
     them, shape (n, sensors, parameters), `spreads` its covariance, shape (n, sensors, sensors).

@@ -56,7 +56,7 @@ class EquivalentGains(FrozenValues):
 
 @dataclass(frozen=True, eq=False)
 class LinearChain:
-    """A(f), shape (frequencies, states, states), B, C(f), D at the amplitude of a record."""
+    """A(f), shape (frequencies, states, states), B, C(f), D at the amplitude of a record, in SI."""
 
     A: ComplexArray
     B: FloatArray

@@ -36,7 +36,7 @@ from modelgen.runtime.rows.signal_plan import signal_plan
 
 @dataclass(frozen=True, eq=False)
 class NoiseWays:
-    """Ways of the readings' noise into a row.
+    """Ways of the readings' noise into a row, in SI.
 
     Attributes
     ----------

@@ -33,7 +33,7 @@ BENT = -comb(JUMP_ORDER - 2, JUMP_ORDER // 2 - 1) / 2.0**JUMP_ORDER
 
 
 def jumps(samples: FloatArray) -> IntArray:
-    """Return the samples at which a signal, shape (n,), jumps by more than its noise explains.
+    """Return the samples at which a signal, in any unit, (n,), jumps by more than its noise explains.
 
     None where many do: that is how the signal is, and its own noise is not known.
     """

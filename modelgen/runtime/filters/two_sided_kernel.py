@@ -67,7 +67,7 @@ def kernels(sos: FloatArray, derivatives: Sequence[int], stencil: Sequence[float
 
 
 def longest_radius(sos: FloatArray) -> float:
-    """Return the largest absolute value of the poles of second-order sections, shape (sections, 6)."""
+    """Return the largest modulus, dimensionless, of the poles of second-order sections, (sections, 6)."""
     return max(float(np.max(np.abs(np.roots(section[3:])), initial=0.0)) for section in sos)
 
 

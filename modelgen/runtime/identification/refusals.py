@@ -125,7 +125,7 @@ def dependent_columns(
     """Return the columns without a number because they move with others, exactly or nearly.
 
     Near dependence counts where it leaves a parameter with a standard deviation above its value, `drift`
-    (shape (c, c)) included; columns that are refused `otherwise` are no news then. What may well be zero
+    (SI, (c, c)) included; columns that are refused `otherwise` are no news then. What may well be zero
     keeps its number: of offsets that are zero only those that chance has put far from it would be left.
     `model` says which parameters composites are made of.
     """

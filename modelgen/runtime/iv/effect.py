@@ -146,5 +146,5 @@ def unlike(effects: Iterable[Effect], known: Sequence[Effect]) -> tuple[Effect, 
 
 
 def curvature(samples: FloatArray, dt: float) -> FloatArray:
-    """Return the second derivative of samples dt s apart, shape (n,)."""
+    """Return the second derivative of samples dt s apart, in their unit per s^2, shape (n,)."""
     return np.asarray(np.gradient(np.gradient(samples, dt), dt))

@@ -177,9 +177,9 @@ def noise_rows(
     Returns
     -------
     tuple of array
-        One a block of the fit, shape (n,).
+        One a block of the fit, in the unit of its row, shape (n,).
     tuple of tuple of array
-        Likewise for each effect.
+        Likewise for each effect, per unit of its size.
     """
     rng = np.random.default_rng(0)
     noisy = []

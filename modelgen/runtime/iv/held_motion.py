@@ -52,7 +52,7 @@ class _Start(NamedTuple):
 
 
 class HeldMotion:
-    """The motion of a plant along a record, as signals that `seen` makes of it.
+    """The motion of a plant along a record, as signals in SI that `seen` makes of it.
 
     Stretches are the same whether the record is in memory or not, and with them every bit.
 
@@ -145,14 +145,14 @@ class HeldChannels:
         self.keys, self.name, self.fs, self.n = record.keys, record.name, record.fs, record.n
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
-        """Return samples start to stop of a channel, shape (stop - start,)."""
+        """Return samples start to stop of a channel, in SI, shape (stop - start,)."""
         if channel in self._made:
             return self._motion.between(channel, start, stop)
         return self._record.read(channel, start, stop)
 
 
 class SlowPart:
-    """The slow part of a body's position and velocity, from what a sensor reads of it or its derivatives."""
+    """Slow part of a body's position and velocity (SI), from what a sensor reads of it or its derivatives."""
 
     def __init__(self, record: Record, key: str, gear: float, order: int, cutoff_hz: float) -> None:
         self._record, self._key, self._gear = record, key, gear
@@ -203,7 +203,7 @@ class SlowPart:
 
 
 def initial_state(plant: Plant, record: Record, choice: FilterChoice) -> FloatArray:
-    """Return all positions, then all velocities, at the first sample, shape (2 bodies,)."""
+    """Return all positions, then all velocities, in SI, at the first sample, shape (2 bodies,)."""
     starts = [SlowPart.of(plant, body, record, choice).between(0, 1, (0.0, 0.0)) for body in plant.bodies]
     return np.array([start[0][0] for start in starts] + [start[1][0] for start in starts])
 

@@ -43,7 +43,7 @@ class WhiteRows:
         Parameters
         ----------
         samples : sequence of array
-            Of every block, shape (n, k) each.
+            Of every block, in any unit, shape (n, k) each.
         places : sequence of array
             Which of all columns these are, shape (k,) each, in their order; the others are zero.
         """

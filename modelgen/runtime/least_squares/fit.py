@@ -53,7 +53,7 @@ class FittedStretch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A weighted least-squares fit of an observation.
+    """A weighted least-squares fit of an observation, in SI; weighted rows are in SI times the weights.
 
     Attributes
     ----------

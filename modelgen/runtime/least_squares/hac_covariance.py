@@ -117,7 +117,7 @@ class ParzenSums:
         self.n = 0
 
     def add(self, psi: FloatArray) -> None:
-        """Take in the next instants, shape (n, c)."""
+        """Take in the next instants, in any unit, shape (n, c)."""
         if not self._tails:  # before the record there is nothing
             self._tails = [np.zeros((self.width - 1, psi.shape[1]), order="F") for _ in range(2)]
         self.n += len(psi)
@@ -140,7 +140,7 @@ class ParzenSums:
 
 
 def influence(fit: Fit) -> list[FloatArray]:
-    """Return for every record what each instant contributes to X's error, shape (grid, c) each."""
+    """Return for every record what each instant contributes to X's error, in SI, shape (grid, c) each."""
     return [np.concatenate(list(parts())) for parts in influence_parts(fit)]
 
 
@@ -155,7 +155,7 @@ def influence_parts(fit: Fit) -> list[Series]:
 def influence_of_stretches(
     fit: Fit, series: Sequence[FloatArray], decimation: Sequence[int], samples: Sequence[int], count: int
 ) -> list[FloatArray]:
-    """Return the influence summed over so many equal stretches of each record, shape (count, c) each.
+    """Return the influence (SI) summed over so many equal stretches of each record, shape (count, c) each.
 
     Fits behind different filters and decimations can then be subtracted. `samples` are the lengths of the
     records; those that a fit holds nothing of give zeros.

@@ -55,7 +55,7 @@ class JointWhitener:
     ) -> list[tuple[FloatArray, IntArray]]:
         """Return the same of rows that have some of all columns each, at `places`, in their order.
 
-        `samples` and `places` hold an array a row, shape (n, k) and (k,); the rows returned are alike.
+        `samples`, in any unit, and `places` hold an array a row, (n, k) and (k,); rows returned are alike.
         A row that is predicted from others has their columns as well.
         """
         found = []

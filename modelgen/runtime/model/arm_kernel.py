@@ -113,7 +113,7 @@ class ArmKernel:
 
 @dataclass(frozen=True, eq=False)
 class CandidateSignals:
-    """Signals and features that an entry may be made of, at random samples: shape (N,) each.
+    """Signals and features, in SI, that an entry may be made of, at random samples: shape (N,) each.
 
     `summed` are independent of each other: entries are sums of them, or else a multiple of one of `alone`.
     """

@@ -56,7 +56,7 @@ class _Parts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DeflectedKernel:
-    """Lines that hold positions which rows give.
+    """Lines that hold positions which rows give, in SI.
 
     Attributes
     ----------

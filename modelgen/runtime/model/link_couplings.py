@@ -16,7 +16,7 @@ NEGLIGIBLE = 1e-9  # of the largest entry of a matrix: what rounding leaves of a
 class Coupling(NamedTuple):
     """A link, by the places of its bodies: its deflection is factor * q_first - q_second.
 
-    The factor is one over the link's ratio; `second` is None for the ground.
+    The factor, in SI, is one over the link's ratio; `second` is None for the ground.
     """
 
     first: int

@@ -28,7 +28,7 @@ def draw_pair(
     modelled: FloatArray,
     names: tuple[str, str] = ("measured, filtered", "rebuilt"),
 ) -> None:
-    """Draw what is measured, what the model says, and their difference, shape (n,) each."""
+    """Draw what is measured, what the model says, and their difference, in one unit, shape (n,) each."""
     colour = colours(axis)
     draw_series(axis, time_s, measured, color=colour.measured, linewidth=3.0, label=names[0])
     draw_series(axis, time_s, modelled, color=colour.modelled, linewidth=1.0, label=names[1])

@@ -79,7 +79,7 @@ class Edit:
     margin: int = 0
 
     def whole(self, samples: FloatArray) -> FloatArray:
-        """Return the new channel from the whole of the other one, shape (n,) each."""
+        """Return the new channel from the whole of the other one, in their units, shape (n,) each."""
         return np.asarray(self.make(np.pad(samples, self.margin, mode="edge"), 0))
 
 
@@ -87,7 +87,7 @@ class Edit:
 class EditedChannels:
     """Part of a record from sample `start`, some of whose channels are made of others.
 
-    `edits` maps these to how they are made, or to their samples, shape (n of the source,).
+    `edits` maps these to how they are made, or to their samples, in SI, shape (n of the source,).
     """
 
     source: Channels
@@ -152,7 +152,7 @@ def in_stretches(source: Channels, channel: str, length: int | None = None) -> I
 def with_extremes(
     source: Channels, channel: str, length: int | None = None
 ) -> Iterator[tuple[FloatArray, float, float]]:
-    """Yield the same, shape (n,) each, with its least and its greatest sample."""
+    """Yield the same, in its unit, shape (n,) each, with its least and its greatest sample."""
     step = length or READ_SAMPLES
     for start in range(0, source.n, step):
         stop = min(start + step, source.n)

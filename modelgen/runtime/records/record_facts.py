@@ -68,7 +68,7 @@ class ChannelFacts:
 
 
 class RecordFacts:
-    """The spectra, extents and periods of a record's channels. Reached as `Record.facts`.
+    """The spectra, extents and periods of a record's channels, in SI. Reached as `Record.facts`.
 
     `channels` holds those of each channel; `same` are those of another record, of the channels that are the
     same. `before` are the facts of the record that this one was made of: those of what was read are kept.

@@ -110,7 +110,7 @@ class Estimate:
 
     @property
     def base(self) -> FloatArray:
-        """All base parameters in the model's order, shape (columns,); NaN for what is not identifiable."""
+        """All base parameters (SI) in the model's order, (columns,); NaN for what is not identifiable."""
         return self.parameters.base
 
     @property
@@ -166,7 +166,7 @@ class Estimate:
         return self.fit.delay_std
 
     def cov_params(self, kind: str | None = None) -> FloatArray:
-        """Return the covariance of `params`, shape (parameters, parameters).
+        """Return the covariance of `params`, in SI, shape (parameters, parameters).
 
         `kind` is None for the one behind `bse`, "noise" for the part of it that the residuals explain,
         "printed" for eq. (11), and "periods" for the spread over periods where every record has some.

@@ -33,7 +33,7 @@ KERNEL_HALOS = 2
 
 
 class Chunk:
-    """Samples kept of a stretch of a record, and what lies around them.
+    """Samples kept of a stretch of a record, in SI, and what lies around them.
 
     Attributes
     ----------

@@ -15,7 +15,7 @@ from modelgen.runtime.records.record import Record
 
 @dataclass(frozen=True, eq=False)
 class SummedChannels:
-    """A record in stretches, some of whose channels are sums of others."""
+    """A record in stretches, in SI, some of whose channels are sums of others."""
 
     source: Channels
     sums: Mapping[str, Terms]

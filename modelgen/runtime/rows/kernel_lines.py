@@ -127,7 +127,7 @@ def inner_reach(kernel: Kernel | DeflectedKernel, stencil: tuple[float, ...]) ->
 def formed(
     kernel: Kernel | DeflectedKernel, known: Mapping[Read, FloatArray], succession: Succession | None = None
 ) -> Mapping[str, FloatArray]:
-    """Return every line of a kernel, shape (N,) each, from what `with_inner` returns.
+    """Return every line of a kernel, in SI, shape (N,) each, from what `with_inner` returns.
 
     `succession` says that the samples follow each other without gaps, and how.
     """

@@ -34,7 +34,7 @@ COMPILED_SAMPLES = 500_000
 
 @dataclass(frozen=True, eq=False)
 class RecordRows:
-    """One record and how the rows of a model are made of it.
+    """One record and how the rows of a model are made of it, in SI.
 
     Attributes
     ----------

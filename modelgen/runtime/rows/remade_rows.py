@@ -66,7 +66,7 @@ class RemadeFeature:
 
 
 class RemadeRecord:
-    """The rows of one record; `used` says which samples each row uses, chunk by chunk."""
+    """The rows of one record, in SI; `used` says which samples each row uses, chunk by chunk."""
 
     def __init__(self, rows: RecordRows, used: tuple[tuple[Used, ...], ...]) -> None:
         self.rows, self.used, self.grid = rows, used, len(rows.grid)

@@ -204,7 +204,7 @@ class RowBlock:
 
 
 class DrawnBlock(RowBlock):
-    """A block whose samples are drawn from another source, stretch by stretch, with some of its columns.
+    """A block, in SI, of samples that are drawn from another source, by stretches, with some of its columns.
 
     The source is a block with more columns, or makes the samples again. Whoever asks for `Y`, `W`, or
     `place` gets them whole, which takes the memory of a block that keeps them.

@@ -29,7 +29,7 @@ AT_A_TIME = 16
 
 @dataclass(frozen=True, eq=False)
 class RowTriangle:
-    """What the samples of one row of the model on one record come to.
+    """What the samples of one row of the model on one record come to, in SI.
 
     Attributes
     ----------

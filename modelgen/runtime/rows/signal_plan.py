@@ -30,7 +30,7 @@ FEW = 101
 
 
 class PaddedStretch(Protocol):
-    """A stretch of a record and what lies around it, continued beyond the ends of the record."""
+    """A stretch of a record, in SI, and what lies around it, continued beyond the ends of the record."""
 
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
         """Return samples start to stop of a channel, shape (stop - start,)."""

@@ -146,7 +146,7 @@ def timing_moves(job: Job, observation: Observation, fit: Fit) -> FloatArray:
 
 
 def unknown_timing(job: Job, seen: Seen) -> FloatArray:
-    """Return what timings that are not estimated move, as a mean square, certain or not, shape (c, c).
+    """Return what timings that are not estimated move, as a mean square in SI, certain or not, shape (c, c).
 
     What forces do between their samples is in it. Where samples near reversals are used, directions are never
     known exactly: friction bends the velocity there, and what a low-pass makes of that is late. Delays of

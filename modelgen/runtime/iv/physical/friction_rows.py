@@ -132,7 +132,7 @@ def _further_speed(simulated: Simulated, body: str, record: Record) -> FloatArra
 
 
 def mean_sign(speed: FloatArray) -> FloatArray:
-    """Return the sign of a speed, shape (n,), where it jumps as low-passes see a jump between two samples.
+    """Return the sign of a speed (SI, (n,)) where it jumps as low-passes see a jump between two samples.
 
     The mean over a sampling period, of straight lines between samples, less what that mean takes off a
     second derivative: right to fourth order in frequency times period.
