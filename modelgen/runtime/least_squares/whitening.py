@@ -99,7 +99,7 @@ def akaike(error: float, n: int, coefficients: float) -> float:
 def whitener(
     residuals: Sequence[FloatArray], places: Sequence[IntArray], most: int = WHITENING_ORDER
 ) -> Whitener:
-    """Return one whitener of all residuals, in any unit, (n,) each, at places of grids, of that order at most.
+    """Return one whitener of residuals, in any unit, (n,) each, at places of grids, of that order at most.
 
     Burg's method over all stretches together (de Waele and Broersen 2000): sums of products would lose the
     more at every lag, the shorter the stretches are, and leave colour where reversals cut a record to pieces.
