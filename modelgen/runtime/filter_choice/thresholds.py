@@ -28,6 +28,11 @@ POWER_BANDS = (5.0, 2.0)
 HIGHEST_CUTOFF = 0.4  # of the sampling frequency
 # Reversals of a body are seen where noise changes its speed by this share of what the reversal changes.
 TURNS_CLEARLY = 0.1
+# A lower band does as well where a speed reverses in it no later, on average, than so many deviations of that
+# mean, of at least so many reversals; and where it swallows less than this share of them.
+LATE_BY_CHANCE, FEWEST_TURNS, SWALLOWED_TURNS = 3.0, 10, 0.1
+# Order of the low-pass of one pass with which that is looked at.
+TURNING_ORDER = 2
 # The cut-off, as a share of the new Nyquist frequency.
 DECIMATION_MARGIN = 0.8
 # eq. (9) asks for 100 times the closed loop's bandwidth, which no record states; below this ratio to what the

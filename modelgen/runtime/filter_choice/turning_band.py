@@ -10,7 +10,17 @@ from math import pi, sqrt
 
 import numpy as np
 
-from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF, TURNS_CLEARLY
+from modelgen.array_types import FloatArray
+from modelgen.runtime.filter_choice.thresholds import (
+    FEWEST_TURNS,
+    HIGHEST_CUTOFF,
+    LATE_BY_CHANCE,
+    SWALLOWED_TURNS,
+    TURNING_ORDER,
+    TURNS_CLEARLY,
+)
+from modelgen.runtime.filters.derivatives import differentiate
+from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -42,21 +52,97 @@ def direction_cutoff(
 ) -> float:
     """Return the cut-off in Hz of velocities whose signs are directions, from that of the rows and dynamics.
 
-    Of arms it is the band in which all sensed speeds show when they reverse: joints turn as fast as friction
-    lets them. Where springs give some of the speeds it is that of the rows, as these hold far more noise.
-    What of a chain's velocities is beyond the dynamics is not known to be motion.
+    Of arms it is the lowest one at which no sensed speed reverses later than in the band in which all of them
+    show when they reverse: where friction bends the motion of a joint, that band itself; where it does not,
+    noise in it turns friction for nothing. Where springs give some of the speeds it is that of the rows, as
+    these hold far more noise. What of a chain's velocities is beyond the dynamics is not known to be motion.
     """
     if not model.is_arm:
         return min(dynamics_hz or cutoff_hz, cutoff_hz)
     if isinstance(model.kernel, DeflectedKernel) and model.kernel.speeds:
         return cutoff_hz
-    found, keys = [], frozenset(model.direction_keys)
+    found, keys, turning = [], frozenset(model.direction_keys), []
     for signal in model.signals:
         if signal.key not in keys or (signal.sensor is None and signal.actuator is None):
             continue
+        turning.append((signal.channel, signal.derivative))
         for record in records:
             spectrum = record.facts.spectrum(signal.channel)
             moving = spectrum.signal(signal.derivative + 1)[spectrum.frequency_hz < cutoff_hz]
             size = sqrt(float(moving.sum()) * float(spectrum.frequency_hz[0]))
             found.append(turning_band_hz(size, spectrum.noise, signal.derivative, record.fs))
-    return max(cutoff_hz, min(found, default=0.0))
+    widest = min(found, default=0.0)
+    return max(cutoff_hz, _as_early(records, turning, cutoff_hz, widest))
+
+
+def _as_early(
+    records: Sequence[Record], turning: Sequence[tuple[str, int]], least_hz: float, widest_hz: float
+) -> float:
+    """Return the lowest of halved bands at which speeds reverse as early as in the widest.
+
+    `turning` are channels, and how often each is differentiated to be a speed.
+    """
+    if widest_hz < 2.0 * least_hz:
+        return widest_hz
+    reference = [
+        [_speed(samples, order, widest_hz, record.fs) for samples in record.facts.stretches(channel)]
+        for channel, order in turning
+        for record in records
+    ]
+    owners = [(channel, order, record) for channel, order in turning for record in records]
+    kept = widest_hz
+    while kept >= 2.0 * least_hz:
+        tried = 0.5 * kept
+        for (channel, order, record), wide in zip(owners, reference, strict=True):
+            narrow = (_speed(one, order, tried, record.fs) for one in record.facts.stretches(channel))
+            if turns_late(list(narrow), wide, record.fs / tried):
+                return kept
+        kept = tried
+    return kept
+
+
+def _speed(samples: FloatArray, derivative: int, cutoff_hz: float, fs: float) -> FloatArray:
+    """Return the speed of a reading below a cut-off, shape (n,)."""
+    low = zero_phase(samples, TURNING_ORDER, cutoff_hz, fs)
+    return differentiate(low, 1.0 / fs, derivative)
+
+
+def turns_late(narrow: Sequence[FloatArray], wide: Sequence[FloatArray], period: float) -> bool:
+    """Return whether a speed reverses later behind a low-pass than it does in a wide band.
+
+    Friction bends a motion where it reverses, always so that a low-pass crosses zero behind the reversal;
+    noise moves crossings either way. Reversals that the low-pass swallows are late, too.
+
+    Parameters
+    ----------
+    narrow, wide : sequence of array
+        The speed in stretches, shape (n,) each, behind the low-pass and in the wide band.
+    period : float
+        That of the low-pass's cut-off in samples: crossings farther apart are not of one reversal.
+    """
+    late: list[float] = []
+    seen = crossed = 0
+    for low, own in zip(narrow, wide, strict=True):
+        at, true = _crossings(low), _crossings(own)
+        crossed += len(true)
+        if not at.size or not true.size:
+            continue
+        place = np.clip(np.searchsorted(true, at), 1, max(len(true) - 1, 1))
+        near = np.where(
+            np.abs(at - true[place - 1]) < np.abs(at - true[place % len(true)]), place - 1, place % len(true)
+        )
+        apart = at - true[near]
+        late += apart[np.abs(apart) < period].tolist()
+        seen += int(np.sum(np.abs(apart) < period))
+    if crossed == 0:
+        return False
+    if seen < FEWEST_TURNS or seen < (1.0 - SWALLOWED_TURNS) * crossed:
+        return True
+    chance = float(np.std(late)) / sqrt(seen)
+    return float(np.mean(late)) > LATE_BY_CHANCE * chance
+
+
+def _crossings(speed: FloatArray) -> FloatArray:
+    """Return where a speed crosses zero, in samples, between which it is a straight line."""
+    place = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
+    return np.asarray(place + speed[place] / (speed[place] - speed[place + 1]))
