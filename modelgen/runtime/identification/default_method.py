@@ -28,6 +28,7 @@ from modelgen.runtime.identification.explanation.explained import Begun, begun_w
 from modelgen.runtime.identification.explanation.from_starts import with_starts
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.explanation.least_squares_instead import least_squares_instead
+from modelgen.runtime.identification.explanation.simulated_directions import with_simulated_directions
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals, refused_problems
@@ -226,7 +227,7 @@ def _explained(task: Task, method: IV) -> Begun:
     step("looking for what the model lacks")
     if long(task.job):
         return explained_by_stretches(task, method, partial(_explained, method=method))
-    begun = at_best_cutoff(run_method(task, method))
+    begun = with_simulated_directions(at_best_cutoff(run_method(task, method)))
     fit, job = begun.found.fit, begun.task.job
     return begun_with(begun.task, explained(job, found_by(job, begun.found.observation, fit), fit))
 

@@ -17,6 +17,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.gain_instruments import gain_columns, with_gain_instruments
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.given_directions import with_given_directions
 from modelgen.runtime.rows.masks import direction_keys
 from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.rows_by_tag import rows_by_tag
@@ -83,6 +84,7 @@ class Job:
             feel = [bool(direction_keys(self.model, row)) for row in range(len(self.model.rows))]
             blocks = tuple(replace(block.kept(), turning=feel[block.row]) for block in rows.blocks)
             rows = replace(rows, blocks=blocks)
+        rows = with_given_directions(rows, self.model, records, self.choice, self.drop, every)
         return self.only_rows_for_tag(rows)
 
     def observing(

@@ -36,6 +36,11 @@ HALF_SAMPLE = 0.2
 LEAST_BEFORE = 0.2
 # Rounds in which a command is taken as held, at most; done when it moves by less than this share of a sample.
 HELD_ROUNDS, HELD_SETTLED = 3, 1e-3
+# Directions change at instants that are known to this share of a sample at best: speeds are read at samples,
+# and bend in between.
+KNOWN_INSTANT = 0.02
+# Directions are simulated so often, each time with the last estimate: the first is a few percent off.
+TURNED_ROUNDS = 2
 # So many effects are estimated at most: the records do not hold more.
 MOST_EFFECTS = 3
 # Steps of a search, those counted that take one effect in place of another.

@@ -27,6 +27,7 @@ from modelgen.runtime.iv.held_motion import (
     HeldChannels,
     HeldMotion,
     dynamics_hz,
+    feedback_hz,
     initial_state,
     nearest_sensor,
     smoothing_hz,
@@ -147,13 +148,17 @@ def simulated_beside(
     choice: FilterChoice,
     loop: Loop | None = None,
     index: int = 0,
+    close: bool = False,
 ) -> Simulated:
-    """Return the same with the plant and the signals of all bodies; `index` says which record it is."""
+    """Return the same with the plant and the signals of all bodies; `index` says which record it is.
+
+    It keeps as `close` to the record as `HeldMotion` says.
+    """
     plant = _plant(model, tuple(parameters.items()))
     if loop is not None and REFERENCE in record.signals:
         true = true_signals(plant, _closed(plant, record, choice, loop))
     else:
-        true = HeldMotion(plant, record, choice, true_signals).whole()
+        true = HeldMotion(plant, record, choice, true_signals, close).whole()
     keys = [entry.key for entry in model.actuators] + [entry.key for entry in model.sensors]
     read = {key: true[key] for key in keys}
     return _as_moved(Simulated(plant, _as_read(record, read), true, index), record, choice)
@@ -179,7 +184,7 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
         if sensor.order > 1:
             continue
         own = sensor.body == body
-        wide = led_hz if own else smoothing_hz(record, choice)
+        wide = led_hz if own else smoothing_hz(record, feedback_hz(choice))
         further = (record.signals[sensor.key] - simulated.record.signals[sensor.key]) * gear
         further = zero_phase(further, LED_ORDER, wide, record.fs)
         speed = speeds[body]

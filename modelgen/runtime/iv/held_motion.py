@@ -62,13 +62,18 @@ class HeldMotion:
         When the record lacks a force or a sensor to follow; later when the motion grows without bound.
     """
 
-    def __init__(self, plant: Plant, record: Record, choice: FilterChoice, seen: Seen) -> None:
+    def __init__(
+        self, plant: Plant, record: Record, choice: FilterChoice, seen: Seen, close: bool = False
+    ) -> None:
+        """Take what to follow, and whether as `close` as the dynamics let a simulation."""
         refuse_lacking_forces(plant, record)
         self._plant, self._record, self._seen = plant, record, seen
-        self._slow = SlowPart.of(plant, plant.bodies[plant.driven], record, choice)
+        driven = plant.bodies[plant.driven]
+        hz = followed_hz(plant, record, choice) if close else feedback_hz(choice)
+        self._slow = SlowPart.of(plant, driven, record, smoothing_hz(record, hz))
         self._starts = [_Start(initial_state(plant, record, choice), None, (0.0, 0.0))]
         further = [key for key in plant.further if record.facts.extent(key).peak > 0.0]
-        rate, inertia = 2.0 * pi * feedback_hz(choice), vibration(plant).drive_inertia
+        rate, inertia = 2.0 * pi * hz, vibration(plant).drive_inertia
         controller = PositionVelocityController(inertia * rate**2, 2.0 * DAMPING_RATIO * inertia * rate)
         columns = tuple(plant.further[key] for key in further)
         self._further, self._loop = further, _held_loop(plant, controller, columns)
@@ -168,10 +173,10 @@ class SlowPart:
             self._mean = sum(sums) / n
 
     @staticmethod
-    def of(plant: Plant, body: str, record: Record, choice: FilterChoice) -> SlowPart:
+    def of(plant: Plant, body: str, record: Record, cutoff_hz: float) -> SlowPart:
         """Return that of a body, of the sensor that shows it best."""
         sensor, gear = nearest_sensor(plant, body, record)
-        return SlowPart(record, sensor.key, gear, sensor.order, smoothing_hz(record, choice))
+        return SlowPart(record, sensor.key, gear, sensor.order, cutoff_hz)
 
     def between(
         self, start: int, stop: int, sums: tuple[float, float], counted: int | None = None
@@ -204,7 +209,8 @@ class SlowPart:
 
 def initial_state(plant: Plant, record: Record, choice: FilterChoice) -> FloatArray:
     """Return all positions, then all velocities, in SI, at the first sample, shape (2 bodies,)."""
-    starts = [SlowPart.of(plant, body, record, choice).between(0, 1, (0.0, 0.0)) for body in plant.bodies]
+    slow_hz = smoothing_hz(record, feedback_hz(choice))
+    starts = [SlowPart.of(plant, body, record, slow_hz).between(0, 1, (0.0, 0.0)) for body in plant.bodies]
     return np.array([start[0][0] for start in starts] + [start[1][0] for start in starts])
 
 
@@ -213,14 +219,25 @@ def feedback_hz(choice: FilterChoice) -> float:
     return FEEDBACK_SHARE * dynamics_hz(choice)
 
 
+def followed_hz(plant: Plant, record: Record, choice: FilterChoice) -> float:
+    """Return the bandwidth in Hz of a feedback that keeps a simulation close to the record.
+
+    That of the dynamics where the driven body has a sensor of its own, else weak: what another body does is
+    no motion of this one.
+    """
+    driven = plant.bodies[plant.driven]
+    sensor, _ = nearest_sensor(plant, driven, record)
+    return dynamics_hz(choice) if sensor.body == driven and sensor.order < 2 else feedback_hz(choice)
+
+
 def dynamics_hz(choice: FilterChoice) -> float:
     """Return the highest frequency of the dynamics in Hz."""
     return choice.dynamics_hz or choice.cutoff_hz
 
 
-def smoothing_hz(record: Record, choice: FilterChoice) -> float:
-    """Return up to which frequency in Hz the record is followed."""
-    return min(SMOOTHING * feedback_hz(choice), HIGHEST_LED * record.fs)
+def smoothing_hz(record: Record, bandwidth_hz: float) -> float:
+    """Return up to which frequency in Hz a feedback of this bandwidth sees the record."""
+    return min(SMOOTHING * bandwidth_hz, HIGHEST_LED * record.fs)
 
 
 def nearest_sensor(plant: Plant, body: str, record: Record) -> tuple[Sensor, float]:

@@ -170,3 +170,5 @@ SHAPE_ROUNDS, SHAPE_NUMBERS, SHAPE_SETTLED = 6, 2, 0.3
 # Share of a parameter by which it is moved to see what a row takes of its friction: the fourth root of
 # rounding, as the change is a second-order difference of numbers of full precision.
 DIFFERENCED = 1e-4
+# Rounds in which the instants of reversals and the speeds that bend there agree.
+TURNING_ROUNDS = 8

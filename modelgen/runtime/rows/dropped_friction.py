@@ -41,6 +41,28 @@ class DroppedFriction:
     columns: tuple[int, ...]
 
 
+@dataclass(frozen=True)
+class SignTerm:
+    """The sign of a body's velocity in a row: `factor` of feature `key` in a base parameter's column."""
+
+    body: str
+    key: str
+    column: int
+    factor: float
+
+
+def sign_terms(model: Model, row: int) -> tuple[SignTerm, ...]:
+    """Return the signs of velocities in a row, of bodies with one Coulomb friction for both directions."""
+    signs = {one.key: str(one.of) for one in model.features if one.function == "sign" and one.times is None}
+    found = []
+    for column, terms in model.regressor_columns[row].items():
+        for factor, key in terms:
+            one = _of_body(model, signs[key], (column,)) if key in signs else None
+            if one is not None:
+                found.append(SignTerm(one.body, key, column, float(factor)))
+    return tuple(found)
+
+
 def dropped_friction(model: Model, row: int) -> tuple[DroppedFriction, ...]:
     """Return all friction of a row that drops some where it is differentiated; none if one is not known.
 

@@ -21,7 +21,7 @@ from modelgen.runtime.identification.explanation.look_at_residual import Seen, l
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.explanation.search import Search, left_of, likely_of
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.thresholds import OVER_NOISE
+from modelgen.runtime.identification.thresholds import KNOWN_INSTANT, OVER_NOISE
 from modelgen.runtime.iv.effect import DIRECTION, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import Setting
@@ -152,13 +152,19 @@ def unknown_timing(job: Job, seen: Seen) -> FloatArray:
     known exactly: friction bends the velocity there, and what a low-pass makes of that is late. Delays of
     forces are as unknown.
     """
+    fs = max(record.fs for record in job.records)
     moves = [
-        one.move
+        one.move * _at_least(one, KNOWN_INSTANT / fs)
         for one in seen.found
         if one.effect.kind == DIRECTION or (one.effect.kind == "delay" and one.effect.channel in job.late)
     ]
     none = np.zeros((len(moves[0]),) * 2 if moves else (1, 1))
     return sum((np.outer(move, move) for move in moves), none if seen.folded is None else seen.folded)
+
+
+def _at_least(one: Score, late: float) -> float:
+    """Return how many times as much a direction moves that is late by so many s at least; 1 for others."""
+    return max(1.0, late / abs(one.size)) if one.effect.kind == DIRECTION and one.size else 1.0
 
 
 def _setting(job: Job, fit: Fit) -> Setting:

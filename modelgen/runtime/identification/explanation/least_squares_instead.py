@@ -15,11 +15,14 @@ from modelgen.runtime.identification.contradiction import contradiction
 from modelgen.runtime.identification.explanation.explain_stretches import timing_by_stretches
 from modelgen.runtime.identification.explanation.explained import Begun, run_method, with_note
 from modelgen.runtime.identification.explanation.other_weights import other_weights
+from modelgen.runtime.identification.explanation.simulated_directions import directed
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import BIAS_SHARE, CLEARLY_LESS, LEFT_SHARE
 from modelgen.runtime.iv.freed_effects import corrected
 from modelgen.runtime.iv.told_effects import held_instead
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 
 
@@ -37,6 +40,7 @@ def least_squares_instead(
     inside = partial(corrected, delays={}, effects=late, sizes=tuple(late.values()))
     job = replace(task.job.changed(inside), late=())
     try:
+        job = _turned(job, iv.fit)
         plain = run_method(replace(task, job=job), method.least_squares)
     except (IdentifiabilityError, DataError):
         return None
@@ -70,3 +74,13 @@ def least_squares_instead(
     weighed, _ = other_weights(task.job, fit)
     timing = timing_by_stretches(replace(job, late=task.job.late), method.least_squares, plain.found)
     return with_note(replace(plain, found=found), note, np.outer(move, move) + weighed + timing)
+
+
+def _turned(job: Job, fit: Fit) -> Job:
+    """Return a job with directions simulated at a fit; without samples near reversals where that fails."""
+    if any(record.source is not record for record in job.records):  # these would be held in memory
+        return replace(job, turns=False)
+    try:
+        return directed(job, fit)
+    except (IdentifiabilityError, DataError):
+        return replace(job, turns=False)

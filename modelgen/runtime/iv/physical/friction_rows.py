@@ -15,14 +15,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filter_choice.turning_band import turning_band_hz
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.held_motion import nearest_sensor
 from modelgen.runtime.iv.instrumental_variables import Setting
-from modelgen.runtime.iv.thresholds import DIFFERENCED, LED_ORDER
+from modelgen.runtime.iv.thresholds import DIFFERENCED, LED_ORDER, TURNING_ROUNDS
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -97,49 +97,87 @@ def _with_directions(records: Sequence[Record], fit: Fit, setting: Setting, simu
     """Return a record with directions of bodies as channels, of the motion that it holds."""
     record = records[simulated.index]
     bodies = {one.body for dropped in _dropped(fit, setting) for one in dropped}
-    return record.edited({_channel(body): _direction(simulated, body, record) for body in sorted(bodies)})
+    return record.edited({_channel(body): direction_of(simulated, body, record) for body in sorted(bodies)})
 
 
-def _direction(simulated: Simulated, body: str, record: Record) -> FloatArray:
-    """Return the direction of a body in a record, shape (n,), -1 to 1."""
-    plant, motion, speed = simulated.plant, simulated.motion, simulated.speed[body]
-    found = mean_sign(speed + _further_speed(simulated, body, record))
+def direction_of(simulated: Simulated, body: str, record: Record) -> FloatArray:
+    """Return the direction of a body in a record, from -1 to 1, shape (n,)."""
+    plant, motion = simulated.plant, simulated.motion
     place = next(j for j, friction in enumerate(plant.model.friction) if friction.body == body)
-    if place not in plant.sticking:
+    moving = motion[f"mode_{body}"] != 0.0 if place in plant.sticking else np.ones(record.n, dtype=bool)
+    level = plant.value(plant.model.friction[place].coulomb_plus)
+    found = mean_sign(*_recorded_speed(simulated, body, record, level * moving))
+    if moving.all():
         return found
     held = motion[f"friction_{body}"] - plant.offsets[place]
-    share = np.clip(held / plant.value(plant.model.friction[place].coulomb_plus), -1.0, 1.0)
-    return np.where(motion[f"mode_{body}"] == 0.0, share, found)
+    return np.where(moving, found, np.clip(held / level, -1.0, 1.0))
 
 
-def _further_speed(simulated: Simulated, body: str, record: Record) -> FloatArray:
-    """Return by how much faster a body is in a record than in its simulation, shape (n,).
+def _recorded_speed(
+    simulated: Simulated, body: str, record: Record, level: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the speed of a body in a record, in as wide a band as noise leaves, and its change a period.
 
-    As wide a band of it as noise of the sensor leaves: within the time that the low-pass resolves, noise is
-    to change the speed by a small share of what turning does.
+    Within the time that the low-pass resolves, noise is to change the speed by a small share of what turning
+    does. Beyond its band the speed is the simulated one, but for what friction does that turns at other
+    instants: there, a force on a body moves its inertia alone. All arrays, `level` is the friction, have
+    the shape (n,).
     """
     sensor, gear = nearest_sensor(simulated.plant, body, record)
     further = gear * (record.signals[sensor.key] - simulated.record.signals[sensor.key])
-    speed = simulated.speed[body]
+    speed, change = simulated.speed[body], simulated.motion[f"a_{body}"] * record.dt
     turns = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
     if not turns.size or not further.any():
-        return np.zeros(record.n)
+        return speed, change
     turning = float(np.median(np.abs(simulated.motion[f"a_{body}"][turns])))
     noise, times = gear**2 * record.facts.spectrum(sensor.key).noise, 1 - sensor.order
-    wide_hz = turning_band_hz(turning, noise, times, record.fs)
+    wide_hz = min(turning_band_hz(turning, noise, times, record.fs), simulated.led_hz)
     smooth = zero_phase(further, LED_ORDER, wide_hz, record.fs)
-    return smooth if times == 0 else differentiate(smooth, record.dt)
+    slow = speed + (smooth if times == 0 else differentiate(smooth, record.dt))
+    inertia = simulated.plant.inertia[simulated.plant.bodies.index(body)]
+    push, before = level * record.dt / inertia, mean_direction(speed, change)
+    found, bent = slow, change
+    for _ in range(TURNING_ROUNDS):
+        bent = change - push * (np.sign(found) - np.sign(speed))
+        steps = -push[:-1] * (mean_direction(found, bent) - before)
+        gained = np.concatenate([[0.0], np.cumsum(steps)])
+        found = slow + gained - zero_phase(gained, LED_ORDER, wide_hz, record.fs)
+    return found, bent
 
 
-def mean_sign(speed: FloatArray) -> FloatArray:
-    """Return the sign of a speed (SI, (n,)) where it jumps as low-passes see a jump between two samples.
+def turning_points(speed: FloatArray, change: FloatArray | None = None) -> tuple[IntArray, FloatArray]:
+    """Return the samples before a speed changes its sign, and behind what part of a period it does.
 
-    The mean over a sampling period, of straight lines between samples, less what that mean takes off a
-    second derivative: right to fourth order in frequency times period.
+    Speeds (SI) are straight lines between samples; with `change`, by how much a speed changes in a period at
+    its samples, shape (n,), they bend where they pass zero, as friction jumps there.
     """
-    found = np.sign(speed)
     at = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
     part = speed[at] / (speed[at] - speed[at + 1])
+    if change is not None:
+        # periods from the sample before to zero, and from there to the one behind, at the slopes of either
+        before, behind = -speed[at] * change[at + 1], speed[at + 1] * change[at]
+        bends = (speed[at] * change[at] < 0.0) & (speed[at + 1] * change[at + 1] > 0.0)
+        part[bends] = before[bends] / (before[bends] + behind[bends])
+    return at, part
+
+
+def mean_direction(speed: FloatArray, change: FloatArray) -> FloatArray:
+    """Return the mean sign of a speed (SI) between each sample and the next, shape (n - 1,)."""
+    sign = np.sign(speed)
+    found = 0.5 * (sign[:-1] + sign[1:])
+    at, part = turning_points(speed, change)
+    found[at] = sign[at] * (2.0 * part - 1.0)
+    return found
+
+
+def mean_sign(speed: FloatArray, change: FloatArray | None = None) -> FloatArray:
+    """Return the sign of a speed (SI, (n,)) where it jumps as low-passes see a jump between two samples.
+
+    The mean over a sampling period around each, less what that mean takes off a second derivative: right to
+    fourth order in frequency times period. `change` as for `turning_points`.
+    """
+    found = np.sign(speed)
+    at, part = turning_points(speed, change)
     before = part < 0.5
     found[at[before]] *= 2.0 * part[before]
     found[at[~before] + 1] *= 2.0 * (1.0 - part[~before])
