@@ -31,6 +31,11 @@ def signs_of_rows(model: Model) -> tuple[tuple[SignTerm, ...], ...]:
     return tuple(sign_terms(model, row) for row in range(len(model.rows)))
 
 
+def brings_directions(model: Model, record: Record) -> bool:
+    """Tell whether a record brings the direction of a body of a model."""
+    return any(direction_channel(one.body) in record.signals for row in signs_of_rows(model) for one in row)
+
+
 def with_given_directions(
     observation: Observation,
     model: Model,

@@ -31,6 +31,7 @@ from modelgen.runtime.iv.thresholds import LITTLE_OWN
 from modelgen.runtime.iv.told_effects import estimated, summed
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.rows.given_directions import brings_directions
 from modelgen.runtime.rows.masks import direction_keys
 from modelgen.runtime.rows.observation import Observation
 
@@ -152,9 +153,11 @@ def unknown_timing(job: Job, seen: Seen) -> FloatArray:
     known exactly: friction bends the velocity there, and what a low-pass makes of that is late. Delays of
     forces are as unknown.
     """
-    fs = max(record.fs for record in job.records)
+    # those of a simulation are sampled
+    simulated = [record.fs for record in job.records if brings_directions(job.model, record)]
+    least = KNOWN_INSTANT / max(simulated, default=np.inf)
     moves = [
-        one.move * _at_least(one, KNOWN_INSTANT / fs)
+        one.move * _at_least(one, least)
         for one in seen.found
         if one.effect.kind == DIRECTION or (one.effect.kind == "delay" and one.effect.channel in job.late)
     ]

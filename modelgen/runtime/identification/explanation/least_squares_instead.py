@@ -15,7 +15,7 @@ from modelgen.runtime.identification.contradiction import contradiction
 from modelgen.runtime.identification.explanation.explain_stretches import timing_by_stretches
 from modelgen.runtime.identification.explanation.explained import Begun, run_method, with_note
 from modelgen.runtime.identification.explanation.other_weights import other_weights
-from modelgen.runtime.identification.explanation.simulated_directions import directed
+from modelgen.runtime.identification.explanation.simulated_directions import directed, in_memory
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.task import Task
@@ -77,9 +77,12 @@ def least_squares_instead(
 
 
 def _turned(job: Job, fit: Fit) -> Job:
-    """Return a job with directions simulated at a fit; without samples near reversals where that fails."""
-    if any(record.source is not record for record in job.records):  # these would be held in memory
-        return replace(job, turns=False)
+    """Return a job with directions simulated at a fit; without samples near reversals where that fails.
+
+    Long records are as they are: reversals are few of their samples, and simulated ones would stay in memory.
+    """
+    if job.share < 1.0 or not in_memory(job):
+        return job
     try:
         return directed(job, fit)
     except (IdentifiabilityError, DataError):

@@ -34,6 +34,8 @@ def with_simulated_directions(begun: Begun) -> Begun:
     As they are where no row uses such samples, or where that leaves more unexplained.
     """
     task, found = begun.task, begun
+    if not in_memory(task.job):
+        return begun
     for _ in range(TURNED_ROUNDS):
         fit = found.found.fit
         if fit.carried is not None or not any(block.turning for block in fit.blocks):
@@ -49,6 +51,11 @@ def with_simulated_directions(begun: Begun) -> Begun:
             break
         found = replace(again, task=replace(again.task, job=job))
     return begun if found is begun else with_note(found, SIMULATED, found.found.drift)
+
+
+def in_memory(job: Job) -> bool:
+    """Tell whether the records of a job are in memory, where what is simulated of them may be, too."""
+    return all(record.source is record for record in job.records)
 
 
 def directed(job: Job, fit: Fit) -> Job:

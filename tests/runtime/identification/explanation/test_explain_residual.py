@@ -22,6 +22,7 @@ from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.given_directions import direction_channel
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.two_mass_records import SMALL
 from tests.runtime.two_mass_records import TRUTH as TWO_MASSES
@@ -48,6 +49,14 @@ def test_delays_and_directions_that_were_to_be_found_move_the_estimate_certain_o
     known = replace(job(), late=())
     assert unknown_timing(known, Seen(found)).tolist() == [[16.0, 0.0], [0.0, 0.0]]
     assert not np.any(unknown_timing(known, Seen(found[:1] + found[2:])))
+
+
+def test_a_simulated_direction_is_known_to_a_part_of_a_sample() -> None:
+    plain = Record({"q_m": np.zeros(9), "F": np.zeros(9)}, 1000.0, "axis")
+    given = plain.edited({direction_channel("m"): np.ones(9)})
+    small = (replace(moving(DIRECTION, "m", 4.0), size=1e-6),)
+    assert unknown_timing(job(plain), Seen(small))[0, 0] == pytest.approx(16.0)
+    assert unknown_timing(job(given), Seen(small))[0, 0] == pytest.approx(16.0 * 20.0**2)  # 20 us, not 1
 
 
 @pytest.mark.parametrize("late_s", [0.0, 1e-3])

@@ -9,7 +9,7 @@ import pytest
 
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.iv.physical.friction_rows import mean_sign
+from modelgen.runtime.iv.physical.friction_rows import mean_direction, mean_sign, turning_points
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
@@ -67,6 +67,27 @@ def test_a_jump_between_samples_is_where_it_is() -> None:
         assert abs(found - true) < 1e-4
         assert part in (0.0, 0.5) or abs(plain - true) > 5e-3
     assert mean_sign(np.zeros(9)).tolist() == [0.0] * 9
+
+
+def test_a_speed_bends_where_it_passes_zero() -> None:
+    # friction that jumps makes the speed three times as slow behind its zero as before it
+    k = np.arange(-5.0, 6.0)
+    for part in (0.1, 0.5, 0.8):
+        before = k < part
+        speed = np.where(before, 3.0 * (part - k), part - k)
+        change = np.where(before, -3.0, -1.0)
+        at, bent = turning_points(speed, change)
+        _, straight = turning_points(speed)
+        assert at.tolist() == [5]
+        assert abs(bent[0] - part) < 1e-12
+        assert straight[0] > part + 0.05
+        found = mean_direction(speed, change)
+        assert found[:5].tolist() == [1.0] * 5
+        assert abs(found[5] - (2.0 * part - 1.0)) < 1e-12
+        assert found[6:].tolist() == [-1.0] * 4
+    # at rest for a sample, or with slopes of rounding, it is a straight line
+    flat = np.array([1.0, -1.0])
+    assert turning_points(flat, np.zeros(2))[1].tolist() == [0.5]
 
 
 @pytest.mark.slow
