@@ -101,7 +101,7 @@ def _with_directions(records: Sequence[Record], fit: Fit, setting: Setting, simu
 
 
 def direction_of(simulated: Simulated, body: str, record: Record) -> FloatArray:
-    """Return the direction of a body in a record, from -1 to 1, shape (n,)."""
+    """Return the direction of a body in a record, -1 to 1 (no unit), shape (n,)."""
     plant, motion = simulated.plant, simulated.motion
     place = next(j for j, friction in enumerate(plant.model.friction) if friction.body == body)
     moving = motion[f"mode_{body}"] != 0.0 if place in plant.sticking else np.ones(record.n, dtype=bool)
