@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -17,7 +18,7 @@ from modelgen.runtime.identification.explanation.explained import Begun, run_met
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.explanation.simulated_directions import directed, in_memory
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import Auto
+from modelgen.runtime.identification.methods import Auto, Method
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import BIAS_SHARE, CLEARLY_LESS, LEFT_SHARE
 from modelgen.runtime.iv.freed_effects import corrected
@@ -40,8 +41,7 @@ def least_squares_instead(
     inside = partial(corrected, delays={}, effects=late, sizes=tuple(late.values()))
     job = replace(task.job.changed(inside), late=())
     try:
-        job = _turned(job, iv.fit)
-        plain = run_method(replace(task, job=job), method.least_squares)
+        job, plain = _run(task, job, method.least_squares, iv.fit)
     except (IdentifiabilityError, DataError):
         return None
     fit = plain.found.fit
@@ -76,14 +76,22 @@ def least_squares_instead(
     return with_note(replace(plain, found=found), note, np.outer(move, move) + weighed + timing)
 
 
-def _turned(job: Job, fit: Fit) -> Job:
-    """Return a job with directions simulated at a fit; without samples near reversals where that fails.
+def _run(task: Task, job: Job, method: Method, fit: Fit) -> tuple[Job, Begun]:
+    """Return least squares, and its job, with directions near reversals simulated at a fit.
 
-    Long records are as they are: reversals are few of their samples, and simulated ones would stay in memory.
+    Without samples near reversals where the simulation fails, or leaves more: that of a wrong model knows no
+    directions. Long records are as they are: reversals are few of their samples, and simulated ones would
+    stay in memory.
     """
+    plain = run_method(replace(task, job=job), method)
     if job.share < 1.0 or not in_memory(job):
-        return job
-    try:
-        return directed(job, fit)
-    except (IdentifiabilityError, DataError):
-        return replace(job, turns=False)
+        return job, plain
+    with suppress(IdentifiabilityError, DataError):
+        turned = directed(job, fit)
+        if turned is job:
+            return job, plain
+        found = run_method(replace(task, job=turned), method)
+        if found.found.fit.misfit <= plain.found.fit.misfit:
+            return turned, found
+    calm = replace(job, turns=False)
+    return calm, run_method(replace(task, job=calm), method)
