@@ -93,6 +93,7 @@ def test_what_cannot_be_made_is_a_sentence_in_its_place(
         estimate,
         parameters=replace(
             whole,
+            identified=tuple(entry for entry in whole.identified if entry.name != "Fc"),
             physical=tuple(entry for entry in whole.physical if entry.name != "Fc"),
             not_identifiable={"Fc": "no constant-velocity motion of m"},
         ),

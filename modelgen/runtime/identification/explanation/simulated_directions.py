@@ -15,7 +15,7 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explanation.explained import Begun, run_method, with_note
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.thresholds import TURNED_ROUNDS
+from modelgen.runtime.identification.thresholds import LONGEST_TURNED, TURNED_ROUNDS
 from modelgen.runtime.iv.companion_simulation import Loop, possible, simulated_beside
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.physical.friction_rows import direction_of
@@ -34,7 +34,7 @@ def with_simulated_directions(begun: Begun) -> Begun:
     As they are where no row uses such samples, or where that leaves more unexplained.
     """
     task, found = begun.task, begun
-    if not in_memory(task.job):
+    if not short_enough(task.job):
         return begun
     for _ in range(TURNED_ROUNDS):
         fit = found.found.fit
@@ -53,9 +53,9 @@ def with_simulated_directions(begun: Begun) -> Begun:
     return begun if found is begun else with_note(found, SIMULATED, found.found.drift)
 
 
-def in_memory(job: Job) -> bool:
-    """Tell whether the records of a job are in memory, where what is simulated of them may be, too."""
-    return all(record.source is record for record in job.records)
+def short_enough(job: Job) -> bool:
+    """Tell whether what is simulated of the records may be in memory, wherever they are themselves."""
+    return sum(record.n for record in job.records) <= LONGEST_TURNED
 
 
 def directed(job: Job, fit: Fit) -> Job:
