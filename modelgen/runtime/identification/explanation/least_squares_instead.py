@@ -79,9 +79,9 @@ def least_squares_instead(
 def _run(task: Task, job: Job, method: Method, fit: Fit) -> tuple[Job, Begun]:
     """Return least squares, and its job, with directions near reversals simulated at a fit.
 
-    Without samples near reversals where the simulation fails, or leaves more: that of a wrong model knows no
-    directions. Long records are as they are: reversals are few of their samples, and simulated ones would
-    stay in memory.
+    With low-passed directions where those leave more, as that of a wrong model knows none; without samples
+    near reversals where the simulation fails. Long records are as they are: reversals are few of their
+    samples, and simulated ones would stay in memory.
     """
     plain = run_method(replace(task, job=job), method)
     if job.share < 1.0 or not short_enough(job):
@@ -91,7 +91,7 @@ def _run(task: Task, job: Job, method: Method, fit: Fit) -> tuple[Job, Begun]:
         if turned is job:
             return job, plain
         found = run_method(replace(task, job=turned), method)
-        if found.found.fit.misfit <= plain.found.fit.misfit:
-            return turned, found
+        better = found.found.fit.misfit <= plain.found.fit.misfit
+        return (turned, found) if better else (job, plain)
     calm = replace(job, turns=False)
     return calm, run_method(replace(task, job=calm), method)
