@@ -95,7 +95,7 @@ def compared(task: Task, solution: Solution, again: Callable[[FilterChoice], Fit
     further fits were asked for, of which each tells when it begins.
     """
     work = partial(_compared, task, solution, again)
-    files = any(record.source is not record for record in task.records)
+    files = not all(record.in_memory for record in task.records)
     return work if files or task.unseen or task.checks.scan_cutoffs is not None else meanwhile(work)
 
 
@@ -123,7 +123,7 @@ def _residuals(task: Task, solution: Solution) -> Callable[[], tuple[ResidualTes
     if not task.checks.tests or not task.method.matched:
         return tuple
     # beside records in files memory is short
-    files = any(record.source is not record for record in task.records)
+    files = not all(record.in_memory for record in task.records)
     given = task.model, task.records, task.choice, solution.as_measured
     return meanwhile(lambda: residual_tests(*given, task.period_s()), here=files)
 

@@ -118,7 +118,7 @@ def prepared(
         filters = replace(filters, directions={**filters.directions, **nearest})
     _check(model, every, problems, filters.directions, method.held)
     # what reads files at the same time takes memory of its own
-    files = any(one.source is not one for one in every)
+    files = not all(one.in_memory for one in every)
     at_once = checks.hold_out is not None or bool(checks.period_s)
     period_s = _periods(model, every, checks, files or at_once)
     kept, unseen = held_apart(every, checks.hold_out, period_s() if at_once else {})

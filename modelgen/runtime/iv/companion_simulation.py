@@ -135,7 +135,7 @@ def run_beside(
     if loop is not None and REFERENCE in record.signals:
         return _as_read(record, readings(plant, _closed(plant, record, choice, loop)))
     held = HeldMotion(plant, record, choice, readings)
-    if held.count == 1 or record.source is record:
+    if held.count == 1 or record.in_memory:
         return _as_read(record, held.whole())
     # simulated again whenever it is read: it would take as much as the channels do
     return Record.over(HeldChannels(record, held), record.tag)

@@ -151,7 +151,7 @@ def _over_records(
     In memory the steps are so short that threads would wait for each other; see `RecordRows.shared_out`.
     """
     every = list(indices)
-    files = any(records[index].source is not records[index] for index in every)
+    files = not all(records[index].in_memory for index in every)
     return each(work, every, len(every)) if files else map(work, every)
 
 

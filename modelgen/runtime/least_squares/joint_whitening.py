@@ -43,8 +43,7 @@ class JointWhitener:
     @property
     def lost(self) -> float:
         """Coefficients that were estimated; of those for several records its part."""
-        pairs = zip(self.alone, self.together, strict=True)
-        return sum(white.order / white.records if one is None else one.lost for white, one in pairs)
+        return sum((one or white).lost for white, one in zip(self.alone, self.together, strict=True))
 
     def __call__(self, samples: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
         """Return samples at the rows' places with the residuals' colour taken off."""

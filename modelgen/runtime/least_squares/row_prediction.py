@@ -33,7 +33,7 @@ class RowPrediction:
     shares: FloatArray
     spread: float
     instants: IntArray
-    lost: float = 0.0
+    lost: float
 
 
 @dataclass(frozen=True, eq=False)

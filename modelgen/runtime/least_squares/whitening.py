@@ -36,6 +36,11 @@ class Whitener:
         """The order of the autoregression."""
         return len(self.predictors) - 1
 
+    @property
+    def lost(self) -> float:
+        """Coefficients that were estimated; of those for several records its part."""
+        return self.order / self.records
+
     def __call__(self, samples: FloatArray, place: IntArray) -> FloatArray:
         """Return samples at places of a grid, shape (n,) or (n, c), with the residual's colour taken off.
 
@@ -81,8 +86,8 @@ def _better(own: Whitener, residual: FloatArray, place: IntArray, common: Whiten
     """Return the whitener of all records at the size of one, or the record's own."""
     n, white = len(residual), common(residual, place)
     share = max(float(white @ white) / n, own.variances[-1] / common.variances[-1])
-    ours = akaike(own.variances[-1], n, own.order)
-    if ours < akaike(share * common.variances[-1], n, common.order / common.records):
+    ours = akaike(own.variances[-1], n, own.lost)
+    if ours < akaike(share * common.variances[-1], n, common.lost):
         return own
     return replace(common, variances=tuple(share * one for one in common.variances))
 

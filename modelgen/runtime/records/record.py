@@ -116,6 +116,11 @@ class Record:
         """Where the samples are: the record itself, or what it was made over."""
         return self.signals.source if isinstance(self.signals, ChannelSignals) else self
 
+    @property
+    def in_memory(self) -> bool:
+        """Whether its samples are in memory, not read in stretches from elsewhere."""
+        return self.source is self
+
     def read(self, channel: str, start: int, stop: int) -> FloatArray:
         """Return samples start to stop of a channel, shape (stop - start,)."""
         if isinstance(self.signals, ChannelSignals):

@@ -196,7 +196,7 @@ def _stretches(sources: Sequence[Channels], channels: Sequence[str]) -> dict[tup
     records = {
         i: source.signals
         for i, source in enumerate(sources)
-        if isinstance(source, Record) and source.source is source
+        if isinstance(source, Record) and source.in_memory
     }
     if len(records) < 2:
         return {}

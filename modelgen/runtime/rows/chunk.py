@@ -173,7 +173,7 @@ def made_once(
 
 def is_kept(source: Channels) -> bool:
     """Tell whether what is made of channels is kept: of a record in memory that is not long."""
-    return isinstance(source, Record) and source.source is source and source.n <= MOST_FILTERED
+    return isinstance(source, Record) and source.in_memory and source.n <= MOST_FILTERED
 
 
 def chunk_points(plan: SignalPlan, halo: int = 0, samples: int | None = None) -> int:

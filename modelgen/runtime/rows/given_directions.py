@@ -31,9 +31,14 @@ def signs_of_rows(model: Model) -> tuple[tuple[SignTerm, ...], ...]:
     return tuple(sign_terms(model, row) for row in range(len(model.rows)))
 
 
+def bodies_with_signs(model: Model) -> list[str]:
+    """Return the bodies whose direction rows hold, in the order of their names."""
+    return sorted({one.body for row in signs_of_rows(model) for one in row})
+
+
 def brings_directions(model: Model, record: Record) -> bool:
     """Tell whether a record brings the direction of a body of a model."""
-    return any(direction_channel(one.body) in record.signals for row in signs_of_rows(model) for one in row)
+    return any(direction_channel(body) in record.signals for body in bodies_with_signs(model))
 
 
 def with_given_directions(

@@ -78,7 +78,7 @@ class RecordRows:
         Linear rows of what is in memory are made by so short steps that threads would wait for the
         interpreter between them: as long as one of them takes, and half as much of the processor again.
         """
-        in_memory = isinstance(self.source, Record) and self.source.source is self.source
+        in_memory = isinstance(self.source, Record) and self.source.in_memory
         return self.plan.fast or self.plan.kernel is not None or not in_memory
 
     def over_chunks(self, work: Callable[[Chunk], Found]) -> Iterator[Found]:

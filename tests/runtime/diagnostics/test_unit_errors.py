@@ -20,8 +20,8 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.faulty_records import AC, BENCH, QC, RIGID, TREE, faulty, only, simulated
+from tests.runtime.iv.physical.swinging_servo import SERVO, TRUTH
 from tests.runtime.iv.physical.test_composite_iv import model_of
-from tests.runtime.iv.physical.test_friction_rows import SERVO, TRUTH
 
 BOTH = SERVO + 'q_l = { body = "l", measures = "position" }\n'
 ACCELERATION = SERVO + 'a_l = { body = "l", measures = "acceleration" }\n'

@@ -9,8 +9,8 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.iv.physical.swinging_servo import SERVO
 from tests.runtime.iv.physical.test_composite_iv import model_of
-from tests.runtime.iv.physical.test_friction_rows import SERVO
 
 BOTH = SERVO.replace('"J_l" }', '"J_l", viscous = "F_vl", coulomb = "F_sl" }').replace(
     "[sensors.motor]", '[sensors.both]\nq_l = { body = "l", measures = "position" }'

@@ -8,8 +8,8 @@ import pytest
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.known_sums import with_known_sums
 from modelgen.runtime.parameters.physical_parameters import Covariances, physical_parameters
+from tests.runtime.iv.physical.swinging_servo import SERVO, TRUTH, servo
 from tests.runtime.iv.physical.test_composite_iv import model_of
-from tests.runtime.iv.physical.test_friction_rows import SERVO, TRUTH, servo
 
 GEARED = SERVO.replace('damping = "D" }', 'damping = "D", ratio = 4 }')
 WHY = dict.fromkeys(("J_m", "J_l", "K"), "too uncertain")

@@ -16,7 +16,7 @@ from modelgen.runtime.identification.contradiction import contradiction
 from modelgen.runtime.identification.explanation.explain_stretches import timing_by_stretches
 from modelgen.runtime.identification.explanation.explained import Begun, run_method, with_note
 from modelgen.runtime.identification.explanation.other_weights import other_weights
-from modelgen.runtime.identification.explanation.simulated_directions import directed, short_enough
+from modelgen.runtime.identification.explanation.simulated_directions import directed, takes_directions
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import Auto, Method
 from modelgen.runtime.identification.task import Task
@@ -84,12 +84,10 @@ def _run(task: Task, job: Job, method: Method, fit: Fit) -> tuple[Job, Begun]:
     samples, and simulated ones would stay in memory.
     """
     plain = run_method(replace(task, job=job), method)
-    if job.share < 1.0 or not short_enough(job):
+    if job.share < 1.0 or not takes_directions(job):
         return job, plain
     with suppress(IdentifiabilityError, DataError):
         turned = directed(job, fit)
-        if turned is job:
-            return job, plain
         found = run_method(replace(task, job=turned), method)
         better = found.found.fit.misfit <= plain.found.fit.misfit
         return (turned, found) if better else (job, plain)

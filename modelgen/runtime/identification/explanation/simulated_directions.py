@@ -18,12 +18,12 @@ from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import LONGEST_TURNED, TURNED_ROUNDS
 from modelgen.runtime.iv.companion_simulation import Loop, possible, simulated_beside
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
-from modelgen.runtime.iv.physical.friction_rows import direction_of
+from modelgen.runtime.iv.physical.friction_rows import directions
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.given_directions import direction_channel, signs_of_rows
+from modelgen.runtime.rows.given_directions import bodies_with_signs
 
 SIMULATED = "directions near reversals are those of a simulation at the estimate"
 
@@ -33,13 +33,13 @@ def with_simulated_directions(begun: Begun) -> Begun:
 
     As they are where no row uses such samples, or where that leaves more unexplained.
     """
-    task, found = begun.task, begun
-    if not short_enough(task.job):
+    task, found, fit = begun.task, begun, begun.found.fit
+    if fit.carried is not None or not any(block.turning for block in fit.blocks):
+        return begun
+    if not takes_directions(task.job):
         return begun
     for _ in range(TURNED_ROUNDS):
         fit = found.found.fit
-        if fit.carried is not None or not any(block.turning for block in fit.blocks):
-            return begun
         try:
             job = directed(task.job, fit)
             again = run_method(
@@ -53,9 +53,12 @@ def with_simulated_directions(begun: Begun) -> Begun:
     return begun if found is begun else with_note(found, SIMULATED, found.found.drift)
 
 
-def short_enough(job: Job) -> bool:
-    """Tell whether what is simulated of the records may be in memory, wherever they are themselves."""
-    return sum(record.n for record in job.records) <= LONGEST_TURNED
+def takes_directions(job: Job) -> bool:
+    """Tell whether rows take directions from a simulation: they hold signs, and records are short enough.
+
+    What is simulated of the records is in memory, wherever they are themselves.
+    """
+    return bool(bodies_with_signs(job.model)) and sum(one.n for one in job.records) <= LONGEST_TURNED
 
 
 def directed(job: Job, fit: Fit) -> Job:
@@ -67,8 +70,6 @@ def directed(job: Job, fit: Fit) -> Job:
     IdentifiabilityError
         When the simulation fails.
     """
-    if not any(signs_of_rows(job.model)):
-        return job
     late = {channel: delay for channel, delay, _ in fit.delays}
     values = possible(job.model, simulation_parameters(job.model, fit))
     return job.changed(
@@ -85,12 +86,9 @@ def _with_directions(
     late: Mapping[str, float],
 ) -> tuple[Record, ...]:
     """Return records with the directions of bodies as channels, of a simulation with physical parameters."""
-    bodies = sorted({one.body for row in signs_of_rows(model) for one in row})
-    found = []
+    found, bodies = [], bodies_with_signs(model)
     for record in records:
         on_time = advanced(record, late)
         one = simulated_beside(model, values, on_time, choice, loop, close=True)
-        found.append(
-            record.edited({direction_channel(body): direction_of(one, body, on_time) for body in bodies})
-        )
+        found.append(record.edited(directions(one, bodies, on_time)))
     return tuple(found)

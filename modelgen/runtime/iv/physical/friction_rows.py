@@ -10,7 +10,7 @@ sticks, s is what holds it, over F.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +27,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.dropped_friction import DroppedFriction, dropped_friction, felt_forces
+from modelgen.runtime.rows.given_directions import direction_channel
 from modelgen.runtime.rows.record_rows import unmasked_rows
 from modelgen.runtime.simulation.plant import body_order
 
@@ -89,18 +90,19 @@ def _dropped(fit: Fit, setting: Setting) -> list[tuple[DroppedFriction, ...]]:
     return found
 
 
-def _channel(body: str) -> str:
-    return f"direction of {body}"
-
-
 def _with_directions(records: Sequence[Record], fit: Fit, setting: Setting, simulated: Simulated) -> Record:
-    """Return a record with directions of bodies as channels, of the motion that it holds."""
-    record = records[simulated.index]
+    """Return a record with directions of bodies that rows drop as channels, of the motion that it holds."""
     bodies = {one.body for dropped in _dropped(fit, setting) for one in dropped}
-    return record.edited({_channel(body): direction_of(simulated, body, record) for body in sorted(bodies)})
+    record = records[simulated.index]
+    return record.edited(directions(simulated, sorted(bodies), record))
 
 
-def direction_of(simulated: Simulated, body: str, record: Record) -> FloatArray:
+def directions(simulated: Simulated, bodies: Iterable[str], record: Record) -> dict[str, FloatArray]:
+    """Return the directions of bodies in a record, by channel, -1 to 1 (no unit), shape (n,) each."""
+    return {direction_channel(body): _direction(simulated, body, record) for body in bodies}
+
+
+def _direction(simulated: Simulated, body: str, record: Record) -> FloatArray:
     """Return the direction of a body in a record, -1 to 1 (no unit), shape (n,)."""
     plant, motion = simulated.plant, simulated.motion
     place = next(j for j, friction in enumerate(plant.model.friction) if friction.body == body)
@@ -211,7 +213,7 @@ def _added(
             c, slope = felt[block.row][:, place], size * rates[block.row][:, place]
             slope[:, model.parameters.index(friction.friction)] += c
             W[:, list(friction.columns)] = 0.0
-            S = rows.derivatives(_channel(friction.body), tuple(range(len(c))))[block.place]
+            S = rows.derivatives(direction_channel(friction.body), tuple(range(len(c))))[block.place]
             G = _in_base(slope, model, values)
             W += S @ G
             Y += S @ (G @ x - size * c)

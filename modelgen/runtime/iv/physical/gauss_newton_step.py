@@ -110,7 +110,7 @@ def step_from(
     fit, Z = _with_instruments(fit, there, values)
     most = WHITENING_ORDER if white else 0
     white_rows = block_whiteners(fit, setting.choice.steps_s(moved), most)
-    fit = replace(fit, lost=round(sum(white_of.order / white_of.records for white_of in white_rows)))
+    fit = replace(fit, lost=round(sum(white_of.lost for white_of in white_rows)))
     rates = [delay_rates(fit, model, moved, setting.choice, setting.drop, channel) for channel in now.delays]
     late = [np.column_stack(columns) for columns in zip(*rates, strict=True)] or [
         np.zeros((len(block.place), 0)) for block in fit.blocks

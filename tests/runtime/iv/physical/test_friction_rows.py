@@ -10,43 +10,17 @@ import pytest
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.iv.physical.friction_rows import mean_direction, mean_sign, turning_points
-from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
-from modelgen.runtime.simulation.excitation import Excitation
-from modelgen.runtime.simulation.simulate import simulate
-from tests.runtime.iv.physical.test_composite_iv import model_of
+from tests.runtime.iv.physical.swinging_servo import FS, TRUTH, servo, swung
 
-SERVO = """
-chain = { name = "servo", motion = "rotation" }
-bodies = [
-    { name = "m", inertia = "J_m", viscous = "F_vm", coulomb = "F_sm", actuator = "T" },
-    { name = "l", inertia = "J_l" },
-]
-links = [{ bodies = ["m", "l"], stiffness = "K", damping = "D" }]
-
-[sensors.motor]
-q_m = { body = "m", measures = "position" }
-"""
-TRUTH = {"J_m": 4e-3, "F_vm": 2e-3, "F_sm": 0.05, "J_l": 5e-3, "D": 0.02, "K": 44.0}
-FS, BETWEEN = 1000.0, 8
 PLACES = [(0.7, 0.3, 0.0), (1.9, 0.1, 1.0), (4.3, 0.07, 2.0), (11.0, 0.03, 4.0), (21.0, 0.006, 5.0)]
-
-
-@cache
-def servo() -> Model:
-    return model_of(SERVO, "motor")
 
 
 @cache
 def swinging() -> Record:
     """Return 5 s of a motor that reverses a dozen times a second, noisy."""
-    t = np.arange(5 * int(FS) * BETWEEN + 1) / (FS * BETWEEN)
-    waves = [(2.0 * np.pi * f, size, phase) for f, size, phase in PLACES]
-    place = np.sum([size * np.sin(w * t + phase) for w, size, phase in waves], axis=0)
-    rate = np.sum([w * size * np.cos(w * t + phase) for w, size, phase in waves], axis=0)
-    excitation = Excitation(place, rate, np.zeros_like(t), BETWEEN * FS, "swing")
-    clean = simulate(servo(), TRUTH, excitation, fs=FS).record
+    clean = swung(servo(), TRUTH, PLACES, 5)
     rng = np.random.default_rng(5)
     step = 2.0 * np.pi / 2**17
     signals = dict(clean.signals)

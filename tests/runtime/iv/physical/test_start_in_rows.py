@@ -13,7 +13,8 @@ from modelgen.runtime.iv.physical.starting_values import cheap_starts, near_comp
 from modelgen.runtime.least_squares.time_shifts import shift
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.rows.observation import observe
-from tests.runtime.iv.physical.test_friction_rows import FS, TRUTH, servo, swinging
+from tests.runtime.iv.physical.swinging_servo import FS, TRUTH, servo
+from tests.runtime.iv.physical.test_friction_rows import swinging
 
 
 def farthest(values: Mapping[str, float]) -> float:

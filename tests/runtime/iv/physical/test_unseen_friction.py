@@ -9,8 +9,7 @@ from modelgen.errors import DataError
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.iv.physical.starting_values import with_shared_friction
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.simulation.excitation import Excitation
-from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.iv.physical.swinging_servo import FS, swung
 from tests.runtime.rows.test_dropped_friction import three
 
 TRUTH = {
@@ -28,17 +27,11 @@ TRUTH = {
     "D_2": 0.02,
     "K_2": 60.0,
 }
-FS, BETWEEN = 1000.0, 8
 PLACES = [(0.7, 0.6, 0.0), (1.9, 0.3, 1.0), (4.3, 0.1, 2.0), (12.0, 0.03, 4.0), (24.0, 0.01, 5.0)]
 
 
 def swinging() -> Record:
-    t = np.arange(4 * int(FS) * BETWEEN + 1) / (FS * BETWEEN)
-    waves = [(2.0 * np.pi * f, size, phase) for f, size, phase in PLACES]
-    place = np.sum([size * np.sin(w * t + phase) for w, size, phase in waves], axis=0)
-    rate = np.sum([w * size * np.cos(w * t + phase) for w, size, phase in waves], axis=0)
-    excitation = Excitation(place, rate, np.zeros_like(t), BETWEEN * FS, "swing")
-    clean = simulate(three(), TRUTH, excitation, fs=FS).record
+    clean = swung(three(), TRUTH, PLACES, 4)
     rng = np.random.default_rng(5)
     step = 2.0 * np.pi / 2**18
     signals = {key: clean.signals[key] for key in ("q_m", "q_l", "T")}
