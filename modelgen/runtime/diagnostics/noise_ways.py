@@ -17,19 +17,18 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.diagnostics.thresholds import (
-    NOISE_LINES,
     SLOPE_SAMPLES,
     SLOPE_STEP,
     SLOPE_STRETCHES,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.noise_spectrum import low_pass
 from modelgen.runtime.model.arm_kernel import Kernel, Read
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model, Signal, Terms
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.filter_sections import matched_filtering
 from modelgen.runtime.rows.kernel_lines import formed, inner_orders, inner_reach, with_inner
+from modelgen.runtime.rows.noise_in_front import noise_in_front
 from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
 from modelgen.runtime.rows.signal_plan import signal_plan
 
@@ -106,7 +105,7 @@ def _found(model: Model, record: Record, choice: FilterChoice, factor: int) -> t
         values = _values(model, kernel, record, choice, factor, at)
         samples, orders = SLOPE_STRETCHES * SLOPE_SAMPLES, dict(kernel.orders)
         lines = _Lines(kernel, values, {signal.channel for signal in _readings(model)})
-        of_lines, means = lines.slopes(), lines.means(partial(_shared, record, choice))
+        of_lines, means = lines.slopes(), lines.means(partial(noise_in_front, kernel, record, choice))
     plain = {one.key: {(one.channel, one.derivative): np.ones(1)} for one in _readings(model)}
     found = []
     for touched, left in zip(model.regressor_columns, model.measurement_columns, strict=True):
@@ -169,17 +168,6 @@ def _values(
     return {place: np.concatenate(parts) for place, parts in found.items()}
 
 
-def _shared(record: Record, choice: FilterChoice, channel: str, orders: Sequence[int]) -> FloatArray:
-    """Return the covariance of derivatives of a channel's noise in front of lines, shape (orders, orders)."""
-    spectrum, order = record.facts.spectrum(channel), np.array(orders)
-    top_hz = 0.5 * record.fs
-    frequency_hz = top_hz * (np.arange(NOISE_LINES) + 0.5) / NOISE_LINES
-    wide_hz = choice.signal_cutoff_hz or choice.cutoff_hz
-    power = spectrum.noise * low_pass(frequency_hz, wide_hz, choice.filter_order, record.fs) ** 2
-    rates = (2j * np.pi * frequency_hz) ** order[:, None]
-    return np.asarray(np.real(np.conj(rates) * power @ rates.T) * top_hz / NOISE_LINES)
-
-
 @dataclass(frozen=True, eq=False)
 class _Lines:
     """The lines of a kernel at values of what makes them, shape (samples,) each, and what is noisy of it."""
@@ -228,11 +216,14 @@ class _Lines:
                     ways[channel, order + more] = ways.get((channel, order + more), 0.0) + along * slope
         return found
 
-    def means(self, shared: Callable[[str, Sequence[int]], FloatArray]) -> dict[str, FloatArray]:
+    def means(
+        self, shared: Callable[[str, Sequence[int]], tuple[Sequence[Read], FloatArray]]
+    ) -> dict[str, FloatArray]:
         """Return what noise adds to lines on average, shape (samples,) each, to second order.
 
         Along each principal axis of the derivatives of a channel's noise it is what deviations to both sides
-        add (Julier and Uhlmann 2004). `shared` gives the covariance of such derivatives.
+        add (Julier and Uhlmann 2004). `shared` gives the covariance of such derivatives,
+        and which positions that lag stand behind them.
         """
         here = self.formed(self.values)
         found = {key: np.zeros_like(here[key]) for key in self.keys}
@@ -241,22 +232,23 @@ class _Lines:
             orders = sorted({order for ways in moves.values() for order in ways})
             if not orders:
                 continue
-            covariance = shared(channel, orders)
+            late, covariance = shared(channel, orders)
             size = np.sqrt(np.diag(covariance))
             if not size.all():
                 continue
             sizes, axes = np.linalg.eigh(covariance / np.outer(size, size))
             for axis in (axes * np.sqrt(np.maximum(sizes, 0.0))).T:
-                step = dict(zip(orders, size * axis, strict=True))
+                step = dict(zip([*orders, *late], size * axis, strict=True))
                 moved = {
                     read: sum(slope * step[order] for order, slope in ways.items())
                     for read, ways in moves.items()
                 }
+                moved |= {read: np.array(step[read]) for read in late}
                 both = [
                     self.formed(
-                        {**self.values, **{r: self.values[r] + sign * one for r, one in moved.items()}}
+                        {**self.values, **{r: self.values.get(r, 0.0) + s * m for r, m in moved.items()}}
                     )
-                    for sign in (1.0, -1.0)
+                    for s in (1.0, -1.0)
                 ]
                 for key in found:
                     found[key] += 0.5 * (both[0][key] + both[1][key]) - here[key]

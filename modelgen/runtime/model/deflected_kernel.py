@@ -99,7 +99,7 @@ class DeflectedKernel:
     @property
     def lag(self) -> float:
         """By how many s the damping of springs delays their deflections at most, at the point."""
-        return max(abs(self._spring(row)[1]) for row in self.giving)
+        return max(abs(self.spring(row)[1]) for row in self.giving)
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -124,11 +124,11 @@ class DeflectedKernel:
         wanted = [self.reads_of[key] for key in keys if key in self.reads_of]
         wanted += [(key, 0) for key in self.inner.keys]
         for row in self.giving:
-            highest = self._orders(row)[1]
+            highest = self.orders_of(row)[1]
             for terms in (row.left, *row.columns.values()):
-                for _, key in _parts(terms, row.channel).rest:
+                for _, key in without_sought(terms, row.channel).rest:
                     if key != "1":
-                        source, order = self._read(key)
+                        source, order = self.read_of(key)
                         wanted += [(source, order + more) for more in range(highest + 1)]
         return tuple(dict.fromkeys(wanted))
 
@@ -137,7 +137,8 @@ class DeflectedKernel:
     ) -> Mapping[str, FloatArray]:
         """Return every feature, shape (N,) each, from what is read, shape (N,) each.
 
-        Where samples are no `succession`, what the damping of springs delays is a series, to second order.
+        Where samples are no `succession`, what the damping of springs delays is a series, to second order;
+        what `read` holds of a given position is added to it (`beyond_series`).
         """
         count = len(next(iter(read.values())))
         given: dict[str, FloatArray] = {}
@@ -169,23 +170,24 @@ class DeflectedKernel:
             found[shift_key(place)] = shift
         return found
 
-    def _read(self, key: str) -> Read:
+    def read_of(self, key: str) -> Read:
+        """Return the channel, or inner line, and the order that a signal is."""
         return (key, 0) if key in self.inner.keys else self.reads_of[key]
 
-    def _orders(self, row: GivingRow) -> tuple[int, int]:
+    def orders_of(self, row: GivingRow) -> tuple[int, int]:
         """Return the highest derivative of a given position that entries hold, and that is worked out."""
         highest = max(order for order in range(3) if _ordered(row.channel, order) in self.kernel.inputs)
-        damped = any(_parts(terms, row.channel).speed for terms in (row.left, *row.columns.values()))
+        damped = any(without_sought(terms, row.channel).speed for terms in (row.left, *row.columns.values()))
         return highest, highest + (FURTHER if damped else 0)
 
     def _given(
         self, row: GivingRow, read: Mapping[Read, FloatArray], count: int, succession: Succession | None
     ) -> tuple[list[FloatArray], dict[int, list[FloatArray]]]:
         """Return a position with its derivatives, and what a parameter of the row moves each of them by."""
-        kept, highest = self._orders(row)
-        left = _parts(row.left, row.channel)
-        columns = {column: _parts(terms, row.channel) for column, terms in row.columns.items()}
-        stiff, lag = self._spring(row)
+        kept, highest = self.orders_of(row)
+        left = without_sought(row.left, row.channel)
+        columns = {column: without_sought(terms, row.channel) for column, terms in row.columns.items()}
+        stiff, lag = self.spring(row)
 
         def values(terms: Sum) -> list[FloatArray]:
             return [self._sum(terms, order, read, count) for order in range(highest + 1)]
@@ -199,6 +201,9 @@ class DeflectedKernel:
         if succession and lag:
             exact = (lagging(right[order:], lag, succession.fs) for order in range(kept + 1))
             position[: kept + 1] = exact
+        for order in range(kept + 1):
+            if (row.channel, order) in read:
+                position[order] = position[order] + read[row.channel, order]
         slopes = {}
         for column, part in columns.items():
             acting = [
@@ -208,10 +213,12 @@ class DeflectedKernel:
             slopes[column] = series([-one / stiff for one in acting], lag)[: kept + 1]
         return position[: kept + 1], slopes
 
-    def _spring(self, row: GivingRow) -> tuple[float, float]:
+    def spring(self, row: GivingRow) -> tuple[float, float]:
         """Return what a position is multiplied by in the row that gives it, and by how many s it lags."""
-        parts = [(float(self.point[c]), _parts(terms, row.channel)) for c, terms in row.columns.items()]
-        parts.append((-1.0, _parts(row.left, row.channel)))
+        parts = [
+            (float(self.point[c]), without_sought(terms, row.channel)) for c, terms in row.columns.items()
+        ]
+        parts.append((-1.0, without_sought(row.left, row.channel)))
         stiff = sum(value * part.position for value, part in parts)
         return stiff, sum(value * part.speed for value, part in parts) / stiff
 
@@ -221,7 +228,7 @@ class DeflectedKernel:
             if key == "1":
                 total += 0.0 if more else weight
             else:
-                source, order = self._read(key)
+                source, order = self.read_of(key)
                 total += weight * read[source, order + more]
         return total
 
@@ -282,7 +289,8 @@ def _ordered(channel: str, order: int) -> str:
     return f"d{order}_{channel}" if order else channel
 
 
-def _parts(terms: Sum, channel: str) -> _Parts:
+def without_sought(terms: Sum, channel: str) -> _Parts:
+    """Return a sum without a position that is sought, and what that and its speed are multiplied by."""
     weights = {key: weight for weight, key in terms}
     position, speed = (weights.pop(_ordered(channel, order), 0.0) for order in (0, 1))
     return _Parts(tuple((weight, key) for key, weight in weights.items()), position, speed)

@@ -34,3 +34,6 @@ DIFFERENCE_MARGIN = 2
 # Behind a cut-off below this share of the sampling frequency what a force does within a sample is little of
 # what the low-pass spans: simulated drives at 5 kHz show no bias by it, at 500 Hz to 2 kHz they do.
 JUMPS_FELT = 0.1
+
+# Noise in front of lines is integrated over so many frequencies up to half of the sampling frequency.
+NOISE_LINES = 2000
