@@ -9,6 +9,7 @@ Björck, BIT 7, 1967, 257-278) wins them back. Products and sums keep what they 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from modelgen.runtime.numerics.regressor import Regressor, regressor
 
 Parts = Sequence[tuple[FloatArray | Regressor, FloatArray]]
 
+# Pieces that come to so many numbers are worked on as one: steps on short ones cost as much as on long ones.
+ONE_PIECE = 1 << 16
 SPLITTER = 2.0**27 + 1.0  # splits 53 bits into two halves whose products are exact
 ROUNDS = 2
 
@@ -33,6 +36,7 @@ def refined(parts: Parts, x: FloatArray, inverse: FloatArray) -> FloatArray:
     inverse : array, shape (c, c)
         (W^T W)^-1, to a few digits.
     """
+    parts = _joined(parts)
     residuals = [Y - regressor(W).times(x) for W, Y in parts]
     for _ in range(ROUNDS):
         gradient = np.zeros(len(x))
@@ -49,6 +53,22 @@ def refined(parts: Parts, x: FloatArray, inverse: FloatArray) -> FloatArray:
             for (W, _), residual, defect in zip(parts, residuals, defects, strict=True)
         ]
     return x
+
+
+def _joined(parts: Parts) -> Parts:
+    """Return few rows as one piece: columns that only some have are zero in the others."""
+    every, rows = list[tuple[Regressor, FloatArray]](), 0
+    for W, Y in parts:
+        every.append((regressor(W), Y))
+        mix, columns = every[0][0].mix, every[0][0].columns
+        lines, rows = columns if mix is None else len(mix), rows + len(Y)
+        if rows * lines > ONE_PIECE:
+            return parts
+    if len(every) < 2:
+        return parts
+    samples = [replace(of, mix=None, columns=lines).dense() for of, _ in every]
+    alike = Regressor(np.concatenate(samples), None, mix, columns)
+    return [(alike, np.concatenate([Y for _, Y in every]))]
 
 
 def _defect(W: FloatArray, Y: FloatArray, x: FloatArray, residual: FloatArray) -> FloatArray:

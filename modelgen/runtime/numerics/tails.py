@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import erfc, exp, lgamma, log, sqrt
 from statistics import NormalDist
 
@@ -34,6 +35,7 @@ def chi_square_tail(x: float, degrees: int) -> float:
     return min(total, 1.0)
 
 
+@lru_cache(maxsize=64)  # rows are tested with the same few
 def chi_square_beyond(p: float, degrees: int) -> float:
     """Return what a chi-square variable exceeds with the probability p, 0 < p < 1; by halving."""
     low, high = 0.0, 2.0 * degrees + 10.0
