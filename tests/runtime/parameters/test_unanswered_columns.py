@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from generated import emps_rigid_qm, three_mass_qa_qb_ac, two_mass_bench_qm_qc
+from generated import emps300_qm_qc, emps_rigid_qm, three_mass_qa_qb_ac, two_mass_bench_qm_qc
 from modelgen.cli.candidates import spec_model
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.least_squares.fit import Fit
@@ -67,6 +67,23 @@ def test_vibration_alone_does_not_tell_friction() -> None:
 def test_one_record_in_steady_motion_is_enough() -> None:
     records = [bench_record(0.0), bench_record(40.0)]
     assert friction_without_steady_motion(BENCH, records, choose_filter(BENCH, records)) == {}
+
+
+def test_no_spectrum_is_taken_of_a_body_without_friction_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, asked = model_from_module(emps300_qm_qc), []
+    record = Record(
+        {"q_m": np.arange(5000) / FS, "q_c": np.arange(5000) / FS, "Gamma_m": np.ones(5000)}, FS, "run"
+    )
+    power = record.facts.power
+
+    def spied(channel: str, *given: int, **named: bool) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(channel)
+        return power(channel, *given, **named)
+
+    monkeypatch.setattr(record.facts, "power", spied)
+    choice = FilterChoice(4, 100.0, 50.0, (5,), 100.0, None, (), (), ())
+    assert friction_without_steady_motion(model, [record], choice) == {}
+    assert asked == ["q_m"]
 
 
 def test_composites_vanish_with_their_friction_and_sums_do_not() -> None:
