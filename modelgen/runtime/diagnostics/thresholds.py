@@ -150,6 +150,8 @@ COHERENCE, BANDS = 0.9, 3
 FLAT = 3.0
 # A ratio in the lowest band that is off by so much (of its logarithm) is no sensor's gain and no backlash.
 OFF = 0.05
+# What chance moves of a ratio counts so many times.
+DEVIATIONS = 3.0
 # Every two of so many sensors are compared.
 FEW_SENSORS = 10
 

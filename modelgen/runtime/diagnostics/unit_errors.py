@@ -7,6 +7,7 @@ wrong sign that they move against each other then.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -17,6 +18,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     ALIKE,
     BANDS,
     COHERENCE,
+    DEVIATIONS,
     FEW_SENSORS,
     FIRST_BIN,
     FLAT,
@@ -46,11 +48,11 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
     pairs = combinations(sensors, 2) if len(sensors) <= FEW_SENSORS else pairwise(sensors)
     moves = rigid_motion(model) if len(sensors) > 1 and not model.is_arm else {}
     for one, other in pairs:
-        ratios = low_frequency_ratios(record, one, other)
-        if ratios is None:
+        found = low_frequency_ratios(record, one, other)
+        if found is None:
             continue
         # a body's lever is how far it moves when the chain moves as one
-        ratios = ratios * levers[str(one.body)] / levers[str(other.body)]
+        ratios = found.values * levers[str(one.body)] / levers[str(other.body)]
         ratio = float(np.median(ratios))
         where = f"{record.name}, channel {other.key}, samples 0 to {record.n - 1}"
         known = _known_factor(model, one, other, abs(ratio))
@@ -59,7 +61,7 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
             what = f"moves {_times(abs(ratio))} what {one.key} says at low frequencies: {other_unit}"
             meant = known or "mm for m?"
             yield Advice("unit", where, what, f"check the units of both ({meant}), and scale to SI")
-        elif (off := _off_ratio(ratios)) and _moves_as_one(model):
+        elif (off := _off_ratio(ratios, found.noise)) and _moves_as_one(model):
             what = f"moves {off:.4g} times as far at low frequencies as {one.key} and the spec's ratios say"
             yield Advice("unit", where, what, "check the ratios of links in the spec, and the scale of both")
         # gears may turn two bodies against each other
@@ -69,13 +71,16 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
             yield Advice("swapped", where, what, "check the signs of both (--map)")
 
 
-def _off_ratio(ratios: FloatArray) -> float | None:
-    """Return the ratio in the lowest band where neither a resonance above nor noise explains it."""
+def _off_ratio(ratios: FloatArray, noise: FloatArray) -> float | None:
+    """Return the ratio in the lowest band where neither a resonance above nor noise explains it.
+
+    `ratios` and `noise` as `Ratios` has them, shape (bands,).
+    """
     logs = np.log(np.abs(ratios))
     bent, above = np.abs(np.diff(logs))[:2].tolist()
     # a resonance bends it more the higher the bands are; noise bends the lowest of an acceleration
     explained = bent if bent <= above + OFF else np.inf
-    return float(np.exp(logs[0])) if abs(logs[0]) > OFF + explained else None
+    return float(np.exp(logs[0])) if abs(logs[0]) > OFF + explained + noise[0] else None
 
 
 def _known_factor(model: Model, one: Sensor, other: Sensor, ratio: float) -> str:
@@ -127,10 +132,22 @@ def _times(ratio: float) -> str:
     return f"{ratio:.4g} times" if ratio > 1.0 else f"1/{1.0 / ratio:.4g} of"
 
 
-def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> FloatArray | None:
-    """Return how many times as much as `one` says `other` moves, in the lowest bands where they are coherent.
+@dataclass(frozen=True, eq=False)
+class Ratios:
+    """How many times as much as one sensor says another moves, in the lowest bands where they are coherent.
 
-    Both in SI. Of shape (bands,), below zero where they move against each other. None where too few bands are
+    `values`, of SI units, below zero where they move against each other, and `noise`: by how much that may be
+    off in its logarithm because of noise; both of shape (bands,).
+    """
+
+    values: FloatArray
+    noise: FloatArray
+
+
+def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> Ratios | None:
+    """Return how many times as much as `one` says `other` moves, both in SI.
+
+    None where too few bands are
     coherent, or where the ratio changes with the frequency, or its sign: beyond an antiresonance.
     """
     # of a long record, the stretch that moves most
@@ -143,7 +160,7 @@ def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> FloatArr
         first = _derived(record, one.key, most, derivatives)
     elif derivatives < 0:
         second = _derived(record, other.key, most, -derivatives)
-    ratios, along = list[float](), list[float]()
+    ratios, along, noise = list[float](), list[float](), list[float]()
     low = FIRST_BIN
     while low < len(first) and len(ratios) < BANDS:
         band = slice(low, max(low + SMALLEST_BAND, int(THIRD_OCTAVE * low)))
@@ -154,10 +171,13 @@ def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> FloatArr
         if cross > COHERENCE * np.sqrt(power) * np.sqrt(powers):
             ratios.append(cross / power)
             along.append(product.real / cross)
+            # noise of the first sensor alone lowers the ratio by the square of the coherence
+            squared = cross**2 / (power * powers)
+            noise.append(-np.log(squared) + DEVIATIONS * np.sqrt((1.0 - squared) / (2.0 * squared * len(x))))
         low = band.stop
     if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios) or min(along) < 0.0 < max(along):
         return None
-    return np.asarray(np.copysign(ratios, np.median(along)), dtype=float)
+    return Ratios(np.copysign(ratios, np.median(along)), np.asarray(noise))
 
 
 def _derived(record: Record, key: str, part: int, order: int) -> ComplexArray:

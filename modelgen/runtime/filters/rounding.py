@@ -39,15 +39,28 @@ def rounding(samples: FloatArray) -> float:
     # where no reading repeats, rounding does not show
     again = np.flatnonzero(np.diff(first, prepend=-1) > 1)
     if not again.size:
-        return 0.0
+        return _rounding_at_turns(samples, least)
     parts = np.unique(again // NEIGHBOURS)
     some = parts[:: -(-len(parts) // MOST_PARTS)]
     near = [apart[part * NEIGHBOURS : (part + 1) * NEIGHBOURS] for part in some.tolist()]
     found = [_common_step(part[part > least]) for part in near]
-    if any(found):
-        return float(np.quantile(found, MOST, method="lower"))
+    step = float(np.quantile(found, MOST, method="lower"))
     # readings that are many steps apart have only steps in time as small as one
-    steps = np.unique(np.abs(np.diff(shown)))
+    return step or _step_in_time(shown, least)
+
+
+def _rounding_at_turns(samples: FloatArray, least: float) -> float:
+    """Return the same where a motion is so fast that readings repeat next to its turning points only."""
+    repeated = np.flatnonzero(samples[1:] == samples[:-1])
+    some = repeated[:: max(-(-len(repeated) // MOST_PARTS), 1)].tolist()
+    near = [samples[max(place - NEIGHBOURS, 0) : place + NEIGHBOURS] for place in some]
+    found = [_step_in_time(part, least) for part in near]
+    return float(np.quantile(found, MOST, method="lower")) if found else 0.0
+
+
+def _step_in_time(samples: FloatArray, least: float) -> float:
+    """Return the step of which the changes from sample to sample, all above `least`, are multiples, or 0."""
+    steps = np.unique(np.abs(np.diff(samples)))
     return _common_step(steps[steps > least])
 
 
