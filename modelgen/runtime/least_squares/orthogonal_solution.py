@@ -78,13 +78,16 @@ def polished(
     triangle: FloatArray,
     parts: Sequence[tuple[FloatArray | Regressor, FloatArray]],
     tolerance: float = RANK_TOLERANCE,
+    alike: float = 0.0,
 ) -> LeastSquares:
     """Return the solution of R = `triangle` of [W Y], freed of what rounding has moved.
 
     `parts` are W and Y themselves, cut into pieces of n rows, (n, c) and (n,); none where rounding is no
-    matter. Singular values below the share `tolerance` of the largest count as zero.
+    matter. Singular values below the share `tolerance` of the largest count as zero, and columns of W that
+    differ by no more than the share `alike` of their length, but for a factor, as equal.
     """
     c = triangle.shape[1] - 1
+    triangle = _with_equal_columns(triangle, alike)
     x, inner, scale = _solved(triangle, tolerance)
     inverse = inner.inverse @ inner.inverse.T / np.outer(scale, scale)
     null = inner.null
@@ -116,6 +119,22 @@ def _solved(triangle: FloatArray, tolerance: float) -> tuple[FloatArray, Triangl
     scale = _lengths(triangle[:c, :c])
     inner = inverse_of(triangle[:c, :c] / scale, tolerance)
     return inner.inverse @ triangle[:c, c] / scale, inner, scale
+
+
+def _with_equal_columns(triangle: FloatArray, alike: float) -> FloatArray:
+    """Return the triangle of [W Y], (m, c + 1), with one direction for columns that nearly have the same."""
+    c = triangle.shape[1] - 1
+    lengths = _lengths(triangle[:, :c])
+    units = triangle[:, :c] / lengths
+    cosines = units.T @ units
+    same = np.triu(1.0 - np.abs(cosines) < 0.5 * alike**2, 1)
+    if not same.any():
+        return triangle
+    found = triangle.copy()
+    for first, second in np.argwhere(same).tolist():
+        ratio = np.sign(cosines[first, second]) * lengths[second] / lengths[first]
+        found[:, second] = ratio * found[:, first]
+    return found
 
 
 def _lengths(triangle: FloatArray) -> FloatArray:

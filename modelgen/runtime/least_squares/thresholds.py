@@ -28,6 +28,9 @@ RANK_TOLERANCE = 1e-10
 # those of projected rows below this: filters and masks leave so much of what is left out, and rounds along it
 # would wander,
 SIMULATED_TOLERANCE = 1e-7
+# columns that differ by less than this are equal: what a filter leaves of masked samples is up to this share,
+# and two bodies that reverse together differ in nothing else,
+ALIKE = 1e-5
 # and columns with more than this share in such a direction cannot be told from others.
 NULL_SHARE = 1e-4
 # A solution is refined where rounding may exceed this share of it, and wherever that costs next to nothing;

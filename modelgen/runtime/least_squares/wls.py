@@ -30,6 +30,7 @@ from modelgen.runtime.least_squares.orthogonal_solution import (
     rough_solution,
 )
 from modelgen.runtime.least_squares.thresholds import (
+    ALIKE,
     LOAD_ROW_SHARE,
     RUNAWAY_SHRINKAGE,
     SMALLEST_RESIDUAL,
@@ -82,7 +83,7 @@ def solve_matched(
     """
     used, columns, _ = _used_with_force([row.summary for row in rows], names)
     weights, _ = _matched_weights(used, len(columns), load_row_share)
-    return MatchedSolution(columns, polished(_triangle(used, weights, len(columns)), ()))
+    return MatchedSolution(columns, polished(_triangle(used, weights, len(columns)), (), alike=ALIKE))
 
 
 def _matched_weights(
@@ -223,7 +224,7 @@ def _solve(
     else:
         rows, parts = triangle_rows(blocks, weights, c), _Weighted(blocks, weights, c)
     triangle = triangle_of(rows)
-    solution = polished(triangle, parts if polish else ())
+    solution = polished(triangle, parts if polish else (), alike=ALIKE)
     residuals = residuals_of(blocks, solution.x)
     return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modelgen.runtime.least_squares.orthogonal_solution import inverse_of, least_squares
+from modelgen.runtime.least_squares.orthogonal_solution import inverse_of, least_squares, polished
+from modelgen.runtime.numerics.qr_triangle import triangle_of
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -30,3 +31,16 @@ def test_a_large_triangle_is_inverted_by_halves() -> None:
     found = inverse_of(triangle, 1e-10)
     assert found.inverse @ triangle == pytest.approx(np.eye(131), abs=1e-12)
     assert not found.inverse[np.tril_indices(131, -1)].any()
+
+
+def test_columns_that_differ_by_what_masks_leave_are_equal() -> None:
+    """Two bodies that reverse together: their directions differ in the tails of the filter only."""
+    rng = np.random.default_rng(5)
+    signs, speed = np.sign(rng.normal(size=4000)), rng.normal(size=4000)
+    W = np.column_stack([speed, 2.0 * signs, -(signs + 3e-7 * rng.normal(size=4000))])
+    Y = W @ [1.0, 0.4, -0.2] + 1e-3 * rng.normal(size=4000)
+    solution = polished(triangle_of(np.column_stack([W, Y])), [(W, Y)], alike=1e-5)
+    assert solution.undetermined.tolist() == [False, True, True]
+    assert 2.0 * solution.x[1] - solution.x[2] == pytest.approx(1.0, rel=1e-3)
+    assert np.max(np.abs(solution.x)) < 2.0
+    assert np.max(np.abs(least_squares(W, Y).x)) > 10.0
