@@ -159,7 +159,7 @@ def test_what_a_method_hardly_determines_contradicts_nothing() -> None:
     noise = 1e-3 * np.std(rows.blocks[0].Y) * rng.standard_normal(rows.blocks[0].Y.shape)
     W = rows.blocks[0].W.copy()
     plain = fit_matched(replace(rows, blocks=(replace(rows.blocks[0], Y=W @ NUMBERS + noise),)))
-    W[:, 4] = 0.3 * W[:, 3] + 1e-7 * W[:, 4]
+    W[:, 4] = 0.3 * W[:, 3] + 0.2 * W[:, 2] + 1e-7 * W[:, 4]
     wild = fit_matched(replace(rows, blocks=(replace(rows.blocks[0], W=W, Y=W @ NUMBERS + noise),)))
     assert np.max(np.abs(wild.solution.x / plain.solution.x)) > 100.0
     assert not np.any(contradiction(plain, wild))
