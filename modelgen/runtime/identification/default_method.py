@@ -239,7 +239,11 @@ def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataErr
     except (IdentifiabilityError, DataError):
         if all_from_composites(task.model):
             raise
-        found = _tried(replace(task, job=replace(task.job, reversing=True)), method)
+        task = replace(task, job=replace(task.job, reversing=True))
+        found = _tried(task, method)
+        if found is not None:
+            run = partial(_instrumental, method=method.instrumental)
+            found = with_held_commands(task, found, method.held, run)
         if found is None or _unexplained(found) or negative_columns(task.model, found.found.fit):
             raise
     return with_note(found, "method iv, samples that feel a reversal included: others tell nothing")

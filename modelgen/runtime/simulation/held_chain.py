@@ -51,8 +51,10 @@ class HeldChain:
         s = 1j * self.omega[:, None]
         whole = s * (s - 2.0 * swings.real) + np.abs(swings) ** 2
         found = np.concatenate([whole, s - single], axis=1)
-        # a division of complex numbers takes several times as long
-        return np.asarray(found.conj() / (found.real**2 + found.imag**2))
+        # a division of complex numbers takes several times as long; what nothing holds, a body on a spring of
+        # no stiffness, has no answer to a constant push
+        size = found.real**2 + found.imag**2
+        return np.divide(found.conj(), size, out=np.zeros_like(found), where=size > 0.0)
 
     def _excited(self, push: FloatArray) -> ComplexArray:
         return np.asarray(self.entering @ (push / self.plant.inertia))
