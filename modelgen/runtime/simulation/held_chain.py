@@ -54,7 +54,7 @@ class HeldChain:
         # a division of complex numbers takes several times as long; what nothing holds, a body on a spring of
         # no stiffness, has no answer to a constant push
         size = found.real**2 + found.imag**2
-        return np.divide(found.conj(), size, out=np.zeros_like(found), where=size > 0.0)
+        return np.asarray(np.divide(found.conj(), size, out=np.zeros_like(found), where=size > 0.0))
 
     def _excited(self, push: FloatArray) -> ComplexArray:
         return np.asarray(self.entering @ (push / self.plant.inertia))
