@@ -6,10 +6,11 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.noise_bias import takes_instruments
-from modelgen.runtime.diagnostics.row_noise import row_noise
+from modelgen.runtime.diagnostics.noise_bias import significant_bias, takes_instruments
+from modelgen.runtime.diagnostics.row_noise import hardly_weighed, row_noise
 from modelgen.runtime.diagnostics.thresholds import (
     LARGEST_NOISE,
     LEAST_SNR_DB,
@@ -28,6 +29,7 @@ from modelgen.runtime.parameters.dependence import Dependence
 from modelgen.runtime.parameters.parameter import Parameter, may_be_zero
 from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.row_block import RowBlock
 
 REMEDIES = {
     "inertia": "accelerate harder",
@@ -59,17 +61,21 @@ def slowest_mode_hz(model: Model, physical: Mapping[str, float]) -> float | None
 
 
 def null_solution(
-    fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice
+    fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice, bias: FloatArray | None = None
 ) -> tuple[Advice, ...]:
     """Return the rows that the estimate leaves without meaning: run away to zero, or explaining nothing.
 
     A row whose force is hardly more than noise of the sensors has nothing to explain: it weighs next to
-    nothing and does no harm; nor does one without a force if another record explains that row. With
-    instruments noise biases no row: one that leaves nothing else is right.
+    nothing and does no harm; nor does one without a force if another record explains that row, or values
+    within the intervals do. Noise is named as the cause where `bias`, shape (c,) in SI, what it shifts each
+    column by, is significant for one of the row, or not known. With instruments noise biases no row: one that
+    leaves nothing else is right.
     """
     found, by_instruments = [], bool(fit.projected)
     for index, left in _null_rows(fit, model, records, choice):
         block = fit.blocks[index]
+        if hardly_weighed(fit, index):
+            continue
         where = f"{block.record_name}, row {block.row_name}"
         if block.has_force:
             what = f"leaves {100.0 * left:.0f} % of its force unexplained"
@@ -78,12 +84,22 @@ def null_solution(
             unexplained = f"leaves {100.0 * left:.0f} % of its largest term"
             what = f"has no force and {unexplained}"
             remedy = "lower the noise, or sense a force in that row"
-            if not by_instruments:
+            if not by_instruments and not _pulled(fit, block, bias):
+                remedy = f"check channels and signs, {remedy}"
+            elif not by_instruments:
                 what = f"{what}: noise biases it towards zero"
                 other = "method iv" if takes_instruments(model) else "a lower cut-off"
                 remedy = f"use {other}, {remedy}"
         found.append(Advice("null solution", where, what, remedy))
     return tuple(found)
+
+
+def _pulled(fit: Fit, block: RowBlock, bias: FloatArray | None) -> bool:
+    """Return whether noise is known, or may be taken, to pull some column of a row."""
+    if bias is None:
+        return True
+    told = significant_bias(fit, bias, hac_covariance(fit)) != 0.0
+    return bool(np.any(block.own(told | ~np.isfinite(bias))))
 
 
 def _null_rows(
@@ -93,8 +109,10 @@ def _null_rows(
     shares = [1.0 if share is None else share for share in map(fit.unexplained, range(len(fit.blocks)))]
     explained = {block.row for block, left in zip(fit.blocks, shares, strict=True) if left < NULL_SHARE}
     for index, (block, left) in enumerate(zip(fit.blocks, shares, strict=True)):
+        if left < NULL_SHARE:
+            continue
         harmless = block.has_force or bool(fit.projected) or block.row in explained
-        if left < NULL_SHARE or (harmless and _drowned(fit, index, model, records[block.record], choice)):
+        if harmless and _drowned(fit, index, model, records[block.record], choice):
             continue
         yield index, left
 

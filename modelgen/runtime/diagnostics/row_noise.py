@@ -19,11 +19,15 @@ from modelgen.runtime.diagnostics.thresholds import (
     LARGEST_NOISE,
     LONGEST_ROUNDED,
     NOISE_LINES,
+    NULL_SHARE,
+    WITHIN_INTERVAL,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import gain
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.tails import chi_square_tail
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock
 
@@ -119,6 +123,36 @@ def exceeding_noise(
         if left > share and fit.rms(index) > multiple * noise:
             found.append((block, left))
     return found
+
+
+def hardly_weighed(fit: Fit, index: int) -> bool:
+    """Return whether some values within the intervals explain a row without a force, which the fit does not.
+
+    Such a row weighs no more than those with forces, and what it says of the ratios of its parameters is lost
+    where these leave more: the estimate may lie many times its terms beside what would balance it. The ratios
+    that balance it best are those of the smallest singular value; of what is proportional to them the joint
+    95 % interval must hold some, and not because it holds zero, which balances every row.
+    """
+    block, width = fit.blocks[index], len(fit.columns)
+    if block.has_force:
+        return False
+    at = np.arange(width) if block.touched is None else block.touched
+    entries = block.triangle[:, 1:-1]
+    length = np.linalg.norm(entries, axis=0)
+    at, entries, length = at[length > 0.0], entries[:, length > 0.0], length[length > 0.0]
+    if len(at) < 2:
+        return False
+    least, ratios = (one[-1] for one in np.linalg.svd(entries / length)[1:])
+    if least >= NULL_SHARE * np.max(np.abs(ratios)):
+        return False
+    covariance = hac_covariance(fit)[np.ix_(at, at)]
+    deviation = np.sqrt(np.maximum(np.diag(covariance), float(np.finfo(float).tiny)))
+    inverse = np.linalg.pinv(covariance / np.outer(deviation, deviation), hermitian=True)
+    found, along = fit.solution.x[at] / deviation, ratios / length / deviation
+    zero, explained = float(found @ inverse @ found), float(along @ inverse @ found) ** 2
+    explained /= float(along @ inverse @ along)
+    near = chi_square_tail(zero - explained, len(at) - 1) >= WITHIN_INTERVAL
+    return near and chi_square_tail(explained, 1) < WITHIN_INTERVAL
 
 
 def drowned_friction(

@@ -44,6 +44,8 @@ NULL_SHARE = 0.9
 # Zero solves a row without a force as well as its parameters do where chance puts them as far from it as they
 # are with at least this probability: it lies within the joint 95 % interval.
 ZERO_LIKELY = 0.05
+# Values lie within the joint 95 % interval if chance puts an estimate as far from them with this probability.
+WITHIN_INTERVAL = 0.05
 # A residual below this multiple of what noise of the sensors gives its row is noise.
 LARGEST_NOISE = 1.5
 # Friction in vibration counts where it is so many times what the model, beyond noise, leaves of its rows.

@@ -220,7 +220,7 @@ def examine(
         *one_way_advice(model, one_way, refused),
         *short_records(records, choice, fit, slowest_hz),
         *(() if method.matched else band_above_filter(records, choice)),
-        *null_solution(fit, model, records, choice),
+        *null_solution(fit, model, records, choice, left),
         *negative_values(model, identified),
         *dependence_advice(
             dependences(fit, noise + drift),

@@ -17,7 +17,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import ModelgenError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.row_noise import exceeding_noise
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise, hardly_weighed
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.choose_cutoff import part_tried
 from modelgen.runtime.identification.job import Job
@@ -154,9 +154,11 @@ def _changed(job: Job, change: _Change) -> Job:
 
 
 def _beyond_noise(job: Job, fit: Fit) -> frozenset[tuple[int, int]]:
-    """Return which (record, row) leave more than noise of the sensors."""
+    """Return which (record, row) leave more than noise of the sensors, and than other values might leave."""
     beyond = exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE)
-    return frozenset((block.record, block.row) for block, _ in beyond)
+    found = {(block.record, block.row) for block, _ in beyond}
+    light = {(b.record, b.row) for index, b in enumerate(fit.blocks) if hardly_weighed(fit, index)}
+    return frozenset(found - light)
 
 
 def _sense(job: Job, fit: Fit, rows: Container[tuple[int, int]] | None = None) -> _Sense:
