@@ -19,8 +19,8 @@ COUNT, TRUTH = 2000, {"J": 0.4, "I": 0.06, "m": 0.05, "K": 8000.0}
 def fit_of(seed: int, right: bool = True, weight: float = 0.05) -> Fit:
     """Return a fit of y = J a + I e + m f + K d, and 0 = I a + m b - K d, the second row of `weight`.
 
-    That of a link behind its spring, of which the first row knows little. Where it is not `right`, deflections
-    of the second row are none of this motion.
+    That of a link behind its spring, of which the first row knows little. Where it is not `right`,
+    deflections of the second row are none of this motion.
     """
     rng, t = np.random.default_rng(seed), 0.01 * np.arange(COUNT)
     a, b, none = np.sin(2.0 * t), np.sin(5.0 * t), np.zeros(COUNT)
