@@ -34,6 +34,7 @@ from modelgen.runtime.iv.held_motion import (
 )
 from modelgen.runtime.iv.thresholds import (
     AT_REST,
+    FOLLOWED_AGAIN,
     HIGHEST_LED,
     LEAST_INERTIA,
     LED,
@@ -159,6 +160,8 @@ def simulated_beside(
         true = true_signals(plant, _closed(plant, record, choice, loop))
     else:
         true = HeldMotion(plant, record, choice, true_signals, close).whole()
+        for _ in range(FOLLOWED_AGAIN if close else 0):
+            true = HeldMotion(plant, record, choice, true_signals, close, true).whole()
     keys = [entry.key for entry in model.actuators] + [entry.key for entry in model.sensors]
     read = {key: true[key] for key in keys}
     return _as_moved(Simulated(plant, _as_read(record, read), true, index), record, choice)

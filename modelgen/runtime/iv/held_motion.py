@@ -63,14 +63,23 @@ class HeldMotion:
     """
 
     def __init__(
-        self, plant: Plant, record: Record, choice: FilterChoice, seen: Seen, close: bool = False
+        self,
+        plant: Plant,
+        record: Record,
+        choice: FilterChoice,
+        seen: Seen,
+        close: bool = False,
+        near: Mapping[str, FloatArray] | None = None,
     ) -> None:
-        """Take what to follow, and whether as `close` as the dynamics let a simulation."""
+        """Take what to follow, and whether as `close` as the dynamics let a simulation.
+
+        `near` are the true signals of a motion near to the record's, see `SlowPart`.
+        """
         refuse_lacking_forces(plant, record)
         self._plant, self._record, self._seen = plant, record, seen
         driven = plant.bodies[plant.driven]
         hz = followed_hz(plant, record, choice) if close else feedback_hz(choice)
-        self._slow = SlowPart.of(plant, driven, record, smoothing_hz(record, hz))
+        self._slow = SlowPart.of(plant, driven, record, smoothing_hz(record, hz), near)
         self._starts = [_Start(initial_state(plant, record, choice), None, (0.0, 0.0))]
         further = [key for key in plant.further if record.facts.extent(key).peak > 0.0]
         rate, inertia = 2.0 * pi * hz, vibration(plant).drive_inertia
@@ -157,10 +166,22 @@ class HeldChannels:
 
 
 class SlowPart:
-    """Slow part of a body's position and velocity (SI), from what a sensor reads of it or its derivatives."""
+    """Slow part of a body's position and velocity (SI), from what a sensor reads of it or its derivatives.
 
-    def __init__(self, record: Record, key: str, gear: float, order: int, cutoff_hz: float) -> None:
-        self._record, self._key, self._gear = record, key, gear
+    A low-pass bends a velocity where friction jumps, and it turns late. With `near`, a motion near to the
+    record's as (what the sensor reads of it, its velocity), shape (n,) each, only what differs is low-passed.
+    """
+
+    def __init__(
+        self,
+        record: Record,
+        key: str,
+        gear: float,
+        order: int,
+        cutoff_hz: float,
+        near: tuple[FloatArray, FloatArray] | None = None,
+    ) -> None:
+        self._record, self._key, self._gear, self._near = record, key, gear, near
         self._order, self._cutoff_hz = order, cutoff_hz
         reach = support_samples(SMOOTHING_ORDER, cutoff_hz, record.fs, 0, START_TOLERANCE)
         self._margin = reach + len(EIGHTH_ORDER)
@@ -173,10 +194,17 @@ class SlowPart:
             self._mean = sum(sums) / n
 
     @staticmethod
-    def of(plant: Plant, body: str, record: Record, cutoff_hz: float) -> SlowPart:
-        """Return that of a body, of the sensor that shows it best."""
+    def of(
+        plant: Plant,
+        body: str,
+        record: Record,
+        cutoff_hz: float,
+        near: Mapping[str, FloatArray] | None = None,
+    ) -> SlowPart:
+        """Return that of a body, of the sensor that shows it best; `near` are true signals of a motion."""
         sensor, gear = nearest_sensor(plant, body, record)
-        return SlowPart(record, sensor.key, gear, sensor.order, cutoff_hz)
+        beside = (near[sensor.key], near[f"v_{body}"]) if near is not None and sensor.order < 2 else None
+        return SlowPart(record, sensor.key, gear, sensor.order, cutoff_hz, beside)
 
     def between(
         self, start: int, stop: int, sums: tuple[float, float], counted: int | None = None
@@ -201,10 +229,16 @@ class SlowPart:
         """Return low-passed readings, and of positions their derivative; shape (stop - start,) each."""
         record = self._record
         low, high = max(start - self._margin, 0), min(stop + self._margin, record.n)
-        raw = self._gear * np.asarray(record.read(self._key, low, high), dtype=float)
-        smooth = zero_phase(raw, SMOOTHING_ORDER, self._cutoff_hz, record.fs)
+        raw = np.asarray(record.read(self._key, low, high), dtype=float)
+        if self._near is not None:
+            raw = raw - self._near[0][low:high]
+        smooth = zero_phase(self._gear * raw, SMOOTHING_ORDER, self._cutoff_hz, record.fs)
         velocity = differentiate(smooth, record.dt) if self._order == 0 else smooth
-        return smooth[start - low : stop - low], velocity[start - low : stop - low]
+        smooth, velocity = smooth[start - low : stop - low], velocity[start - low : stop - low]
+        if self._near is None:
+            return smooth, velocity
+        reading, speed = (self._gear * self._near[0][start:stop], self._near[1][start:stop])
+        return smooth + reading, velocity + (speed if self._order == 0 else reading)
 
 
 def initial_state(plant: Plant, record: Record, choice: FilterChoice) -> FloatArray:

@@ -7,7 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.iv.companion_simulation import simulated_beside
+from modelgen.runtime.iv.physical.friction_rows import directions
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from tests.runtime.iv.physical.swinging_servo import FS, SERVO, TRUTH, swung
@@ -42,6 +46,23 @@ def test_friction_at_reversals_is_known_from_a_simulation() -> None:
     assert spread["F_sm"] < 0.05
     assert spread["D"] < 0.01
     assert spread["K"] < 0.001
+
+
+def test_friction_that_is_followed_closely_does_not_turn_late() -> None:
+    """Beside a velocity that a low-pass bends at every reversal it had been late by 0.4 ms."""
+    record = swung(servo(), TRUTH, [(1.3, 0.05, 0.0), (3.1, 0.02, 1.0), (5.3, 0.01, 2.0)], 5)
+    q_m, q_l = record.signals["q_m"], record.signals["q_l"]
+    v_m, v_l = (np.gradient(q, record.dt) for q in (q_m, q_l))
+    moved = TRUTH["J_m"] * np.gradient(v_m, record.dt) + TRUTH["F_vm"] * v_m
+    spring = TRUTH["K"] * (q_m - q_l) + TRUTH["D"] * (v_m - v_l)
+    friction = (record.signals["T"] - spring - moved) / TRUTH["F_sm"]
+    choice = FilterChoice(4, 30.0, 100.0, (10,), 25.0, 30.0, (), (), ())
+    simulated = simulated_beside(servo(), TRUTH, record, choice, close=True)
+    found = directions(simulated, ["m"], record)["direction of m"]
+    seen, true = (zero_phase(one, 4, 40.0, FS)[400:-400] for one in (found, friction))
+    slope = np.gradient(true, record.dt)
+    late_s = -np.vdot(slope, seen - true) / np.vdot(slope, slope)
+    assert abs(late_s) < 0.2e-3
 
 
 def test_instruments_are_not_run_again_where_rows_hold_no_sign(monkeypatch: pytest.MonkeyPatch) -> None:
