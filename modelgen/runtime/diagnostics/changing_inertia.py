@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +36,8 @@ from modelgen.runtime.rows.row_block import STRETCH
 Factors = Callable[[int, IntArray], FloatArray]
 
 OVER_RECORDS = "over the records"
+# Of so many bodies the angles of a stretch are kept, for its other rows.
+ANGLES_KEPT = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,13 +114,19 @@ def _ways(fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoic
             found.append(2.0 * found[1] * found[-1] - found[-2])
         return np.array(found[1:])
 
+    @lru_cache(maxsize=ANGLES_KEPT)
+    def turned(key: str, record: int, first: int, factor: int, count: int) -> FloatArray:
+        at = np.minimum(first + factor * np.arange(count), records[record].n - 1)
+        q = records[record].read(key, first, int(at[-1]) + 1)[at - first]
+        return np.array([np.cos(q), np.sin(q)])
+
     def with_angle(key: str, index: int, place: IntArray) -> FloatArray:
         if not place.size:
             return np.zeros((2, 0))
-        at = sample(index, place)
-        first = int(at[0])
-        q = records[fit.blocks[index].record].read(key, first, int(at[-1]) + 1)[at - first]
-        return np.array([np.cos(q), np.sin(q)])
+        record, begin = fit.blocks[index].record, int(place[0])
+        first, count = int(sample(index, place[:1])[0]), int(place[-1]) - begin + 1
+        found = turned(key, record, first, choice.decimation[record], count)
+        return found if count == place.size else found[:, place - begin]
 
     for column, name in enumerate(fit.columns):
         if name not in model.roles or model.roles[name].role != "inertia":
@@ -155,21 +163,29 @@ class _Sums(NamedTuple):
 def _all_sums(fit: Fit, ways: Sequence[_Changing]) -> list[_Sums]:
     """Return the sums of all inertias with their factors; several have the same factors."""
     found = [_Sums(*(np.zeros(()) for _ in _Sums._fields)) for _ in ways]
-    for index, block in enumerate(fit.blocks):
+    # all rows of a stretch one after the other: most have the same factors
+    for index, start in _pieces(fit):
         square = fit.weights[index] ** 2
-        for start in range(0, block.grid, STRETCH):
-            part, R, e = fit.between(index, start, start + STRETCH)
-            left, made = R.across(e), dict[Factors, FloatArray]()
-            for place, one in enumerate(ways):
-                if one.factors not in made:
-                    made[one.factors] = one.factors(index, part.place)
-                factors = made[one.factors]
-                added = R.chosen(np.array([one.column])).T * factors
-                more = (R.across(added.T), added @ added.T, added @ e, left)
-                weighted = [square * product for product in more]
-                steps = (*weighted, factors @ factors.T / fit.count)
-                found[place] = _Sums(*(a + b for a, b in zip(found[place], steps, strict=True)))
+        part, R, e = fit.between(index, start, start + STRETCH)
+        left, made = R.across(e), dict[Factors, FloatArray]()
+        for place, one in enumerate(ways):
+            if one.factors not in made:
+                made[one.factors] = one.factors(index, part.place)
+            factors = made[one.factors]
+            added = R.chosen(np.array([one.column])).T * factors
+            more = (R.across(added.T), added @ added.T, added @ e, left)
+            weighted = [square * product for product in more]
+            steps = (*weighted, factors @ factors.T / fit.count)
+            found[place] = _Sums(*(a + b for a, b in zip(found[place], steps, strict=True)))
     return found
+
+
+def _pieces(fit: Fit) -> Iterator[tuple[int, int]]:
+    """Yield the blocks of each record, stretch by stretch: which one, and the first point of its grid."""
+    for indices in fit.by_record.values():
+        for start in range(0, fit.blocks[indices[0]].grid, STRETCH):
+            for index in indices:
+                yield index, start
 
 
 @dataclass(frozen=True, eq=False)

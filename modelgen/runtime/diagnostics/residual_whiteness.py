@@ -93,8 +93,12 @@ def whiteness(found: Coloured, tests: int = 1) -> tuple[float, float]:
     lines = found.whitened
     m = len(lines)
     lags = min(WHITENESS_LAGS, m // 4)
-    place = (np.arange(m) + 0.5) / m
-    correlation = np.cos(np.pi * np.outer(np.arange(1, lags + 1), place)) @ lines / m
+    # cosines of multiples of an angle, as Chebyshev's polynomials follow from each other
+    cosine = np.cos(np.pi * (np.arange(m) + 0.5) / m)
+    before, now, correlation = np.ones(m), cosine, np.empty(lags)
+    for lag in range(lags):
+        correlation[lag] = now @ lines / m
+        before, now = now, 2.0 * cosine * now - before
     return float(2.0 * m * np.sum(correlation**2)), chi_square_beyond((1.0 - CONFIDENCE) / tests, lags)
 
 

@@ -48,9 +48,8 @@ def first_lag(record: Channels, key: str, mean: float) -> int | None:
     low = every * (lag - 1)
     m = min(WHOLE, record.n - low - 2 * every)
     before, after = record.read(key, 0, m) - mean, record.read(key, low, low + m + 2 * every) - mean
-    size = quick_length(len(after) + m)
-    products = np.fft.irfft(np.conj(np.fft.rfft(before, size)) * np.fft.rfft(after, size), size)
-    return low + int(np.argmax(products[: 2 * every + 1]))
+    # of few lags: a transform would give all
+    return low + int(np.argmax(np.correlate(after, before, "valid")))
 
 
 def _means(record: Channels, key: str, every: int) -> Iterator[FloatArray]:
@@ -69,7 +68,8 @@ def _first_peak(samples: FloatArray) -> int | None:
     most = n // FEWEST_PERIODS
     if most < 3:
         return None
-    size = quick_length(2 * n)
+    # longer lags may come round
+    size = quick_length(n + most + 1)
     spectrum = np.fft.rfft(samples, size)
     products = np.fft.irfft(np.abs(spectrum) ** 2, size)[: most + 1]
     energy = np.cumsum(np.concatenate([[0.0], samples**2]))

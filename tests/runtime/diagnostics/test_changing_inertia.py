@@ -1,10 +1,14 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from generated import emps300_qm_qc
 from modelgen.array_types import FloatArray
 from modelgen.cli.candidates import spec_model
+from modelgen.runtime.diagnostics import changing_inertia as changing_inertia_module
 from modelgen.runtime.diagnostics.changing_inertia import (
     ChangingInertia,
     changing_inertia,
@@ -16,6 +20,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.spec.load import parse_spec
 from tests.runtime.measured_records import AXIS
@@ -23,6 +28,7 @@ from tests.runtime.measured_records import AXIS
 MODEL = spec_model(parse_spec(AXIS, "axis.toml"), "q")
 FS, N = 500.0, 5000
 T = np.arange(N) / FS
+RNG = np.random.default_rng(8)
 
 
 def moved(inertia: FloatArray, seed: int = 0) -> Record:
@@ -70,6 +76,28 @@ def test_an_inertia_that_changes_with_the_angle() -> None:
     assert one.along == "with the angle of a"
     assert changing_inertia_advice(one)[0].where == "J"
     assert changing_inertia_advice(None) == ()
+
+
+@pytest.mark.parametrize("place", [np.arange(40, 80), np.array([40, 43, 79])], ids=["all", "masked"])
+def test_rows_of_a_stretch_share_the_angles(place: np.ndarray) -> None:
+    model, q = model_from_module(emps300_qm_qc), RNG.uniform(-9.0, 9.0, 1000)
+    asked: list[tuple[str, int, int]] = []
+
+    def read(key: str, start: int, stop: int) -> FloatArray:
+        asked.append((key, start, stop))
+        return q[start:stop]
+
+    record = SimpleNamespace(n=1000, dt=1e-3, read=read)
+    blocks = [SimpleNamespace(record=0, grid=90)] * 2
+    fit = SimpleNamespace(blocks=blocks, columns=("J_m", "K"), by_record={0: [0, 1]})
+    choice = FilterChoice(4, 20.0, 20.0, (10,), 20.0, None, (), (), ())
+    _, turning = changing_inertia_module._ways(fit, model, [record], choice)
+    both = [turning.factors(index, place) for index in range(2)]
+    at = 54 + 10 * place  # the filter's reach is left out at both ends alike
+    assert np.array_equal(both[0], np.array([np.cos(q[at]), np.sin(q[at])]))
+    assert np.array_equal(*both)
+    assert asked == [("q_m", 454, 845)]
+    assert list(changing_inertia_module._pieces(fit)) == [(0, 0), (1, 0)]
 
 
 def test_the_interval_holds_the_mean_and_says_so() -> None:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from modelgen.runtime.diagnostics.residual_tests import repeated_share, residual_advice, residual_tests
-from modelgen.runtime.diagnostics.residual_whiteness import coloured, whiteness
+from modelgen.runtime.diagnostics.residual_whiteness import Coloured, coloured, whiteness
+from modelgen.runtime.diagnostics.thresholds import WHITENESS_LAGS
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
@@ -142,3 +143,11 @@ def test_the_bench_shows_more_than_noise_and_the_same_in_every_period(shared_dat
     # and nothing else is found fault with
     assert {advice.kind for advice in estimate.checks.advice} == {"more than noise"}
     assert choose_filter(model, [record]) == estimate.fit.filtering
+
+
+def test_whiteness_sums_the_squared_autocorrelations_of_the_whitened_lines() -> None:
+    lines = np.random.default_rng(4).exponential(size=3000)
+    statistic, _ = whiteness(Coloured(np.arange(3000.0), lines, np.ones(3000)))
+    angles = np.pi * (np.arange(3000) + 0.5) / 3000
+    shares = [np.mean(np.cos(lag * angles) * lines) / lines.mean() for lag in range(1, WHITENESS_LAGS + 1)]
+    assert statistic == pytest.approx(6000.0 * np.sum(np.square(shares)), rel=1e-9)
