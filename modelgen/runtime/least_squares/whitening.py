@@ -12,12 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.filters.block_numpy import product
 from modelgen.runtime.least_squares.thresholds import LEAST_POWER, SAMPLES_A_COEFFICIENT, WHITENING_ORDER
 from modelgen.runtime.rows.row_block import runs_of
+
+# Samples that are foretold by one product.
+BLOCK = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,20 +51,49 @@ class Whitener:
 
         The first samples after a gap are predicted from the fewer that there are.
         """
-        order = self.order
-        white = np.empty(samples.shape)
+        order, white, roots = self.order, np.empty(samples.shape), np.sqrt(self.variances)
         for run in runs_of(place):
-            x = samples[run]
-            y = x.copy()
-            for known in range(1, min(order, len(x))):
-                y[known] -= self.predictors[known] @ x[known - 1 :: -1][:known]
-            if len(x) > order:
-                for lag, share in enumerate(self.predictors[order], start=1):
-                    y[order:] -= share * x[order - lag : len(x) - lag]
-            spread = np.sqrt(np.full(len(x), self.variances[order]))
-            spread[:order] = np.sqrt(self.variances[: min(order, len(x))])
-            white[run] = (y.T / spread).T
+            if not len(run):
+                continue
+            one = slice(int(run[0]), int(run[-1]) + 1)
+            x, y, few = samples[one], white[one], min(order, len(run))
+            begun = x[:few] - self._begun[:few, :few] @ x[:few]
+            y[:few] = (begun.T / roots[:few]).T
+            if len(run) > order:
+                y[order:] = (x[order:] - self._foretold(x)) / roots[order]
         return white
+
+    @cached_property
+    def _begun(self) -> FloatArray:
+        """What the first samples are predicted from, those before each of them, shape (order, order)."""
+        found = np.zeros((self.order, self.order))
+        for known in range(1, self.order):
+            found[known, :known] = self.predictors[known][::-1]
+        return found
+
+    @cached_property
+    def _table(self) -> FloatArray:
+        """What a block and the `order` samples before it foretell of it, shape (order + BLOCK, BLOCK)."""
+        found = np.zeros((self.order + BLOCK, BLOCK))
+        for place in range(BLOCK):
+            found[place : place + self.order, place] = self.predictors[self.order][::-1]
+        return found
+
+    def _foretold(self, x: FloatArray) -> FloatArray:
+        """Return what is predicted of samples, shape (n, ...), from the `order`-th on, (n - order, ...).
+
+        Block by block: a product of few matrices takes a fifth of the time of a sum over lags.
+        """
+        count, wide = len(x) - self.order, len(self._table)
+        lines = x.reshape(len(x), -1).T
+        blocks, step = -(-count // BLOCK), lines.itemsize
+        padded = np.zeros((len(lines), blocks * BLOCK + self.order))
+        padded[:, : len(x)] = lines
+        strides = (padded.strides[0], BLOCK * step, step)
+        # lines that overlap are no matrix
+        windows = np.ndarray((len(lines), blocks, wide), float, padded, strides=strides).copy()
+        found = product(windows.reshape(-1, wide), self._table).reshape(len(lines), -1)
+        return found[:, :count].T.reshape(count, *x.shape[1:])
 
 
 def whiteners(
@@ -109,26 +143,32 @@ def whitener(
     Burg's method over all stretches together (de Waele and Broersen 2000): sums of products would lose the
     more at every lag, the shorter the stretches are, and leave colour where reversals cut a record to pieces.
     """
-    stretches = [e[run] for e, place in zip(residuals, places, strict=True) for run in runs_of(place)]
-    longest, count = max(len(one) for one in stretches), sum(len(e) for e in residuals)
+    runs = [run for place in places for run in runs_of(place)]
+    lengths = np.array([len(run) for run in runs])
+    longest, count = int(lengths.max()), sum(len(e) for e in residuals)
     order = max(0, min(most, count // SAMPLES_A_COEFFICIENT, longest - 1))
     power = sum(float(e @ e) for e in residuals)
     power = max((1.0 + LEAST_POWER) * power, float(np.finfo(float).tiny))
     predictor, variance = np.zeros(0), power
     predictors, variances = [predictor], [variance]
-    # errors of prediction forward and of the sample before backward, a pair of series for every stretch
-    errors = [(one[1:], one[:-1]) for one in stretches]
-    for _ in range(order):
-        reflection = _reflection(errors, LEAST_POWER * power)
-        errors = [((f - reflection * b)[1:], (b - reflection * f)[:-1]) for f, b in errors]
+    # errors of prediction forward, and of the sample before backward; all stretches one after the other, with
+    # zeros where too few samples of a stretch lie before
+    forward = backward = np.concatenate(residuals)
+    starts = np.cumsum(lengths)[:-1]
+    for known in range(1, order + 1):
+        forward, backward = forward[1:], backward[:-1]
+        if starts.size:
+            if known == 1:
+                forward, backward = forward.copy(), backward.copy()
+            forward[starts[starts <= len(forward)] - 1] = 0.0
+            first = starts - known
+            backward[first[(first >= 0) & (first < len(backward))]] = 0.0
+        product = float(forward @ backward)
+        both = float(forward @ forward + backward @ backward)
+        reflection = 2.0 * product / (both + LEAST_POWER * power)
+        forward, backward = forward - reflection * backward, backward - reflection * forward
         predictor = np.append(predictor - reflection * predictor[::-1], reflection)
         variance *= 1.0 - reflection**2
         predictors.append(predictor)
         variances.append(variance)
     return Whitener(tuple(predictors), tuple(v / count for v in variances), len(residuals))
-
-
-def _reflection(errors: Sequence[tuple[FloatArray, FloatArray]], least: float) -> float:
-    """Return the coefficient that makes both errors of all stretches together smallest; less than 1."""
-    product = sum(float(f @ b) for f, b in errors)
-    return 2.0 * product / (sum(float(f @ f + b @ b) for f, b in errors) + least)

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import cholesky, toeplitz
 from scipy.signal import lfilter
 
-from modelgen.runtime.least_squares.thresholds import WHITENING_ORDER
+from modelgen.runtime.least_squares.thresholds import LEAST_POWER, WHITENING_ORDER
 from modelgen.runtime.least_squares.whitening import Whitener, whitener
 
 RNG = np.random.default_rng(3)
@@ -58,3 +58,30 @@ def test_a_short_or_silent_residual_is_only_scaled() -> None:
     np.testing.assert_allclose(short(np.array([2.0, 4.0, 6.0]), np.arange(3)), [1.0, 2.0, 3.0])
     silent = whitener([np.zeros(500)], [np.arange(500)])
     assert np.all(np.isfinite(silent(np.ones(500), np.arange(500))))
+
+
+@pytest.mark.parametrize("gaps", [0, 3, 90])
+@pytest.mark.parametrize("columns", [(), (3,)])
+def test_blocks_and_stretches_at_once_give_the_sums_over_lags(gaps: int, columns: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(gaps)
+    place = np.setdiff1d(np.arange(700), rng.choice(700, gaps, replace=False))
+    residual = np.convolve(rng.standard_normal(len(place) + 4), np.ones(5), "valid")
+    found = whitener([residual], [place])
+    stretches = np.split(residual, np.flatnonzero(np.diff(place) != 1) + 1)
+    least = LEAST_POWER * float(residual @ residual)
+    pairs, predictor = [(one[1:], one[:-1]) for one in stretches], np.zeros(0)
+    for _ in range(found.order):
+        product = sum(f @ b for f, b in pairs)
+        reflection = 2.0 * product / (sum(f @ f + b @ b for f, b in pairs) + least)
+        pairs = [((f - reflection * b)[1:], (b - reflection * f)[:-1]) for f, b in pairs]
+        predictor = np.append(predictor - reflection * predictor[::-1], reflection)
+    assert np.allclose(found.predictors[-1], predictor, rtol=0.0, atol=1e-11)
+    samples, first = rng.standard_normal((len(place), *columns)), 0
+    white = found(samples, place)
+    for stretch in stretches:
+        for k in range(len(stretch)):
+            known = min(k, found.order)
+            lags = samples[first + k - known : first + k][::-1]
+            left = samples[first + k] - found.predictors[known] @ lags
+            assert white[first + k] == pytest.approx(left / np.sqrt(found.variances[known]), rel=1e-9)
+        first += len(stretch)
