@@ -113,13 +113,8 @@ CLEARLY_LESS = 0.9
 # Residuals of instruments up to this multiple of the sensors' noise raise no alarm by their colour alone.
 CALM = 1.5
 
-# Samples of a record in which effects are looked for; of a longer one so many in all, in so many stretches.
-# Each effect that is tried costs the time of several filters, and what is found is estimated on all samples.
-# Half as many as in a short record decided alike on records of 300,000 (chirps, trapezoids, encoders out of
-# step, zeros, loud noise); half as many stretches missed what tells friction apart.
-SEARCHED, IN_STRETCHES, STRETCHES = 1 << 16, 1 << 15, 4
-# As many as in a short record where stretches would be shorter than so many times the filters' reach.
-LEAST_REACHES = 16
+# Samples of a record in which effects are looked for, in so many stretches where there are more.
+SEARCHED, STRETCHES = 1 << 16, 4
 
 # Limits of memory are stated in these.
 MEGABYTE = 1e6

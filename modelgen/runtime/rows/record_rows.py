@@ -216,22 +216,18 @@ def unmasked_rows(
     """
     fast = None if source.n >= COMPILED_SAMPLES else False
     plan = signal_plan(model, matched_filtering(choice, source.fs, factor), fast)
-    edge = edge_samples(model, choice, source.fs)
+    deepest = deepest_derivative(model)
+    order, cutoff_hz = choice.filter_order, choice.cutoff_hz
+    edge = max(support_samples(order, cutoff_hz, source.fs, k, SUPPORT_TOLERANCE) for k in range(deepest + 1))
     start = max(edge, drop)
     needed = start + edge + factor * (len(model.base_parameters) + 1)
     if source.n < needed:
         raise DataError.at(
             source.name,
-            f"has {source.n} samples; a filter of {choice.cutoff_hz:.4g} Hz needs at least {needed}",
+            f"has {source.n} samples; a filter of {cutoff_hz:.4g} Hz needs at least {needed}",
             "give a longer record, one that moves faster, or a higher cutoff_hz",
         )
     return RecordRows(source, plan, range(start, source.n - edge, factor))
-
-
-def edge_samples(model: Model, choice: FilterChoice, fs: float) -> int:
-    """Return how many samples at both ends of a record, at `fs` in Hz, the filters reach: no row is there."""
-    order, cutoff_hz, deepest = choice.filter_order, choice.cutoff_hz, deepest_derivative(model)
-    return max(support_samples(order, cutoff_hz, fs, k, SUPPORT_TOLERANCE) for k in range(deepest + 1))
 
 
 def full_rate(plan: SignalPlan) -> SignalPlan:

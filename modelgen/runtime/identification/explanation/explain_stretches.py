@@ -1,7 +1,7 @@
 """What becomes of the default is decided on stretches of long records, and estimated on all of their samples.
 
 Which method, what the model lacks, and what that may move: effects that all of a record has,
-its stretches have as well, and 33,000 samples show them as a million do.
+its stretches have as well, and 65,000 samples show them as a million do.
 """
 
 from __future__ import annotations
@@ -23,18 +23,12 @@ from modelgen.runtime.identification.explanation.explained import Begun, Explain
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, WLS, Method
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import (
-    IN_STRETCHES,
-    LEAST_REACHES,
-    SEARCHED,
-    STRETCHES,
-)
+from modelgen.runtime.identification.thresholds import SEARCHED, STRETCHES
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.iv.shaped_effects import fit_in_shape
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.record_rows import edge_samples
 
 
 def long(job: Job) -> bool:
@@ -168,7 +162,7 @@ def _task_of_stretches(task: Task) -> tuple[Task, list[int]]:
 
 def _in_stretches(job: Job) -> tuple[Job, list[int]]:
     """Return the job of stretches of long records, and the record that each is of."""
-    stretches = [_stretches(record, edge_samples(job.model, job.choice, record.fs)) for record in job.records]
+    stretches = [_stretches(record) for record in job.records]
     factors = tuple(factor for factor, one in zip(job.choice.decimation, stretches, strict=True) for _ in one)
     records, choice = (
         tuple(part for one in stretches for part in one),
@@ -216,18 +210,14 @@ def _of_records(effects: tuple[Effect, ...], record_of: list[int], records: int)
     return tuple(found.values())
 
 
-def _stretches(record: Record, reach: int = 0) -> tuple[Record, ...]:
-    """Return a short record, or stretches spread over a long one, or over where a very long one is active.
-
-    The filters reach so many samples, of which there are few in a stretch.
-    """
+def _stretches(record: Record) -> tuple[Record, ...]:
+    """Return a short record, or stretches spread over a long one, or over where a very long one is active."""
     if record.n <= SEARCHED:
         return (record,)
     parts = record.facts.parts
     if parts == (slice(0, record.n),):
         edges = [k * (record.n // STRETCHES) for k in range(STRETCHES + 1)]
         parts = tuple(slice(start, stop) for start, stop in pairwise(edges))
-    enough = LEAST_REACHES * reach * len(parts) <= IN_STRETCHES
-    length = (IN_STRETCHES if enough else SEARCHED) // len(parts)
+    length = SEARCHED // len(parts)
     starts = [part.start + (part.stop - part.start - length) // 2 for part in parts]
     return tuple(record.part(start, start + length, f"{record.name} from sample {start}") for start in starts)

@@ -30,7 +30,6 @@ RIGID = model_from_module(emps_rigid_qm)
 @pytest.fixture(autouse=True)
 def stretches(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(explain_stretches, "SEARCHED", 8192)
-    monkeypatch.setattr(explain_stretches, "IN_STRETCHES", 8192)
     monkeypatch.setattr(explain_stretches, "STRETCHES", 2)
 
 
@@ -86,26 +85,11 @@ def test_stretches_lie_where_a_very_long_record_is_active(monkeypatch: pytest.Mo
     assert sum(np.ptp(one.signals["q_m"]) > 1.9 for one in active) == len(active) - 2
 
 
-@pytest.mark.parametrize(
-    ("reach", "lengths"), [(64, [1024] * 2), (65, [4096] * 2)], ids=["short filter", "long filter"]
-)
-def test_stretches_hold_fewer_samples_than_a_short_record_where_filters_leave_most_of_them(
-    monkeypatch: pytest.MonkeyPatch, reach: int, lengths: list[int]
-) -> None:
-    monkeypatch.setattr(explain_stretches, "IN_STRETCHES", 2048)
-    samples = np.arange(20_000.0)
-    record = Record({"q_m": samples, "F": samples}, 1000.0, "log")
-    assert [one.n for one in explain_stretches._stretches(record, reach)] == lengths
-    short = record.part(0, 8192, "short")
-    assert explain_stretches._stretches(short, reach) == (short,)
-
-
 @pytest.mark.slow
 def test_a_command_that_stretches_show_to_be_held_is_so_in_all_of_its_record(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(explain_stretches, "SEARCHED", 4096)
-    monkeypatch.setattr(explain_stretches, "IN_STRETCHES", 4096)
     drive, options = Drive(rate_hz=2000.0), {"fs": 2000.0, "duration_s": 3.0}
     record = simulate(SMALL, TRUTH, "chirp", drive=drive, noise=NOISE, seed=3, **options).record
     estimate = identify(SMALL, record)
