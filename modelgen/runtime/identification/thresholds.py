@@ -114,8 +114,8 @@ CLEARLY_LESS = 0.9
 CALM = 1.5
 
 # Samples of a record in which effects are looked for, in so many stretches where there are more. With half as
-# many samples intervals of noisy records of 1e6 came out up to twelve times as wide, with half as many stretches
-# those of long chirps, of which two show one band each.
+# many samples intervals of noisy records of 1e6 came out up to twelve times as wide; with half as many
+# stretches those of long chirps did, of which each shows one band.
 SEARCHED, STRETCHES = 1 << 16, 4
 
 # Limits of memory are stated in these.
