@@ -201,7 +201,7 @@ class SlowPart:
         cutoff_hz: float,
         near: Mapping[str, FloatArray] | None = None,
     ) -> SlowPart:
-        """Return that of a body, of the sensor that shows it best; `near` is a motion's signals, (n,) each."""
+        """Return that of a body, of the sensor that shows it best; `near` are signals of a motion, (n,)."""
         sensor, gear = nearest_sensor(plant, body, record)
         beside = (near[sensor.key], near[f"v_{body}"]) if near is not None and sensor.order < 2 else None
         return SlowPart(record, sensor.key, gear, sensor.order, cutoff_hz, beside)
