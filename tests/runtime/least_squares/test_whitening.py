@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import cholesky, toeplitz
 from scipy.signal import lfilter
 
+from modelgen.runtime.least_squares import whitening
 from modelgen.runtime.least_squares.thresholds import LEAST_POWER, WHITENING_ORDER
 from modelgen.runtime.least_squares.whitening import Whitener, whitener
 
@@ -62,7 +63,10 @@ def test_a_short_or_silent_residual_is_only_scaled() -> None:
 
 @pytest.mark.parametrize("gaps", [0, 3, 90])
 @pytest.mark.parametrize("columns", [(), (3,)])
-def test_blocks_and_stretches_at_once_give_the_sums_over_lags(gaps: int, columns: tuple[int, ...]) -> None:
+def test_blocks_and_stretches_at_once_give_the_sums_over_lags(
+    monkeypatch: pytest.MonkeyPatch, gaps: int, columns: tuple[int, ...]
+) -> None:
+    monkeypatch.setattr(whitening, "PART", 128)
     rng = np.random.default_rng(gaps)
     place = np.setdiff1d(np.arange(700), rng.choice(700, gaps, replace=False))
     residual = np.convolve(rng.standard_normal(len(place) + 4), np.ones(5), "valid")
