@@ -1,11 +1,12 @@
 """What springs cost: six joints with encoders at motors and on links, against six rigid ones.
 
-    python benchmarks/elastic_arm.py
+    python benchmarks/elastic_arm.py [--samples 250000 1000000] [--by-default]
 
 The PUMA 560 of the catalogue with made masses and springs follows a periodic motion, exactly: links, springs,
 motors, torques, with noise of encoders and drives. Records of 2.5e5 to 1e6 samples are written to .npy files
 (here, deleted afterwards) and identified from these by `modelgen.identify`, by weighted least squares with a
-limit of 20 MB for rows, in processes of their own with one thread that have loaded compiled filters before.
+limit of 20 MB for rows (with `--by-default` by the method, filters and limit that are the default), in
+processes of their own with one thread that have loaded compiled filters before.
 Printed are processor time a sample, how far memory rises that is no file's (pages of mapped files are
 anybody's), and the ratio to the arm without springs; then how many times real time the closed loop of either
 takes.
@@ -94,21 +95,23 @@ def write(folder: Path, samples: int, elastic: bool) -> None:
         target.flush()
 
 
-def identified(folder: Path, elastic: bool) -> modelgen.Estimate:
-    """Identify from the files."""
+def identified(folder: Path, elastic: bool, by_default: bool) -> modelgen.Estimate:
+    """Identify from the files, as given here or by default."""
     threads.usable_threads = lambda: 1
     model, _ = made(elastic)
     source = open_npy({key: folder / f"{key}.npy" for key in model.channels}, FS)
+    if by_default:
+        return modelgen.identify(model, source)
     return modelgen.identify(model, source, method="wls", filters=FILTERS)
 
 
-def cost(folder: Path, warm: Path, elastic: bool) -> tuple[float, float, float]:
+def cost(folder: Path, warm: Path, elastic: bool, by_default: bool) -> tuple[float, float, float]:
     """Return processor time in s, memory in MB, and errors of parameters in standard deviations (rms)."""
     # what long records load, compiled filters, is there before
     record_rows.COMPILED_SAMPLES = 0
-    identified(warm, elastic)
+    identified(warm, elastic, by_default)
     begun, found = time.process_time(), []
-    rise = private_rise_mb(lambda: found.append(identified(folder, elastic)))
+    rise = private_rise_mb(lambda: found.append(identified(folder, elastic, by_default)))
     took = time.process_time() - begun
     model, values = made(elastic)
     truth = dict(zip(model.base_parameters, model.base_from_physical(values), strict=True))
@@ -121,16 +124,18 @@ def main() -> None:
     raw = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
     parser.add_argument("--samples", type=int, nargs="+", default=[250_000, 500_000, 1_000_000])
+    parser.add_argument("--by-default", action="store_true")
     given = parser.parse_args()
     for samples in given.samples:
         took = {}
         for elastic in (False, True):
+            asked = {"elastic": elastic, "by_default": given.by_default}
             with tempfile.TemporaryDirectory() as name:
                 folder, warm = Path(name) / "long", Path(name) / "short"
                 for place, n in ((folder, samples), (warm, 20_000)):
                     place.mkdir()
                     write(place, n, elastic)
-                took[elastic], rise, off = fresh(partial(cost, elastic=elastic), folder, warm)
+                took[elastic], rise, off = fresh(partial(cost, **asked), folder, warm)
             arm, cost_us = "elastic" if elastic else "rigid", 1e6 * took[elastic] / samples
             print(f"{samples:9,d} samples, {arm:7s}: {cost_us:6.2f} us a sample,", end=" ")
             print(f"{rise:6.1f} MB, errors {off:.2f} sd (rms)", flush=True)
