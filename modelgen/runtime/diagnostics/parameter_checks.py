@@ -136,14 +136,12 @@ def null_columns(fit: Fit, model: Model, records: Sequence[Record], choice: Filt
 
 
 def zero_columns(fit: Fit, model: Model) -> dict[str, str]:
-    """Return the columns of a chain's rows without a force that are zero within noise, with the reason.
+    """Return the columns of rows without a force that are zero within noise, with the reason.
 
     Zero solves such a row, too: it leaves nothing there, weighs the more for it, and decides what other rows
     have in common with it. A body without inertia that nothing moves is none. Rows that share a column
     with it have taken over what is missing: the inertia of one body is then that of both.
     """
-    if model.is_arm:
-        return {}
     found: dict[str, str] = {}
     shared: dict[str, str] = {}
     forced = {block.row for block in fit.blocks if block.has_force}

@@ -6,6 +6,7 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -210,15 +211,18 @@ def test_one_elastic_joint_without_gravity_is_the_chain_of_the_paper() -> None:
         assert [ours[name] for name in names] == pytest.approx([*theirs.values()], rel=1e-9)
 
 
-@pytest.mark.parametrize("side", ["link", "motor"])
-def test_damping_of_springs_that_place_is_exact(side: str) -> None:
-    """A joint that turns by tones: each is ahead of its link by what stiffness and damping let through."""
+def turning(
+    truth: dict[str, float], sizes: dict[float, float], seconds: float, *sides: Literal["link", "motor"]
+) -> tuple[Model, dict[str, FloatArray]]:
+    """Return one elastic joint without gravity, and its signals: it turns by tones of those sizes (Hz, rad).
+
+    The motor is ahead of its link by what stiffness and damping let through.
+    """
     named = {"stiffness": "K", "damping": "D", "rotor_inertia": "J", "viscous": "F"}
     spec = arm([joint("1", None, (), **named)], gravity=(Fraction(0),) * 3)
-    spec = replace(spec, sensor_sets={"s": (ArmSensor("q", "1", side, "position"),)})
+    spec = replace(spec, sensor_sets={"s": tuple(ArmSensor(side, "1", side, "position") for side in sides)})
     model = model_from_text(arm_module(arm_base_model(arm_rows(spec, sensor_set="s"))), "arm")
-    truth = {"Izz1": 0.3, "J": 0.2, "F": 1.0, "K": 1000.0, "D": 1.5}
-    t, sizes = np.arange(0.0, 6.0, 1.0 / FS), {1.0: 0.3, 5.0: 0.1, 12.0: 0.01}
+    t = np.arange(0.0, seconds, 1.0 / FS)
     signals = {key: np.zeros(len(t)) for key in ("link", "motor", "tau_1")}
     for f_hz, size in sizes.items():
         s = 2j * np.pi * f_hz
@@ -227,9 +231,26 @@ def test_damping_of_springs_that_place_is_exact(side: str) -> None:
         force = (truth["J"] * s**2 + truth["F"] * s) * motor + torque
         for key, gain in (("link", 1.0), ("motor", motor), ("tau_1", force)):
             signals[key] += size * np.real(gain * np.exp(s * t + 1j * f_hz))
-    record = Record({"q": signals[side], "tau_1": signals["tau_1"]}, FS, "tones")
-    found = identify(model, record, "wls", checks=QUICK).params
+    return model, {key: signals[key] for key in (*sides, "tau_1")}
+
+
+@pytest.mark.parametrize("side", ["link", "motor"])
+def test_damping_of_springs_that_place_is_exact(side: Literal["link", "motor"]) -> None:
+    truth = {"Izz1": 0.3, "J": 0.2, "F": 1.0, "K": 1000.0, "D": 1.5}
+    model, signals = turning(truth, {1.0: 0.3, 5.0: 0.1, 12.0: 0.01}, 6.0, side)
+    found = identify(model, Record(signals, FS, "tones"), "wls", checks=QUICK).params
     assert [found[name] for name in truth] == pytest.approx([*truth.values()], rel=1e-3)
+
+
+def test_a_link_whose_motion_noise_hides_has_no_stiffness() -> None:
+    """Zero solves its row, which holds no force: K had been -0.2 +- 72, and J that of both bodies."""
+    truth = {"Izz1": 0.3, "J": 0.2, "F": 1.0, "K": 8000.0, "D": 4.0}
+    model, signals = turning(truth, {0.1: 0.3, 0.23: 0.2}, 20.0, "motor", "link")
+    rng, level = np.random.default_rng(1), {"motor": 1e-5, "link": 1e-5, "tau_1": 0.1}
+    read = {key: line + level[key] * rng.standard_normal(len(line)) for key, line in signals.items()}
+    with pytest.raises(IdentifiabilityError, match="row 1 link has no force, and zero solves it") as told:
+        identify(model, Record(read, FS, "slow"))
+    assert "J, F: takes over what is lost" in str(told.value)
 
 
 def test_a_spring_that_is_known_leaves_the_rest() -> None:
