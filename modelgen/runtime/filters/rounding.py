@@ -6,10 +6,12 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.thresholds import (
+    ENOUGH_STEPS,
     EXCERPT,
     EXCERPTS,
     MOST,
     MOST_PARTS,
+    MOST_STEPS,
     NEARLY,
     NEIGHBOURS,
     REACHES,
@@ -65,13 +67,18 @@ def _step_in_time(samples: FloatArray, least: float) -> float:
 
 
 def _common_step(apart: FloatArray) -> float:
-    """Return the least of differences if most of them are multiples of it, otherwise 0."""
+    """Return the largest step of which most differences are multiples, among them the least; otherwise 0."""
     if not apart.size:
         return 0.0
-    step = float(np.min(apart))
-    for reach in REACHES:
-        # the larger multiples tell the step more exactly
-        near = apart[apart < reach * step]
-        step = float(np.sum(near)) / float(np.sum(np.round(near / step)))
-    multiples = np.abs(apart / step - np.round(apart / step)) < NEARLY
-    return step if float(np.mean(multiples)) > MOST else 0.0
+    least = float(np.min(apart))
+    # few differences are multiples of some part of the least by chance
+    for part in range(1, 1 + (MOST_STEPS if apart.size >= ENOUGH_STEPS else 1)):
+        step = least / part
+        for reach in REACHES:
+            # the larger multiples tell the step more exactly
+            near = apart[apart < reach * step]
+            step = float(np.sum(near)) / float(np.sum(np.round(near / step))) if near.size else step
+        multiples = np.abs(apart / step - np.round(apart / step)) < NEARLY
+        if float(np.mean(multiples)) > MOST:
+            return step
+    return 0.0

@@ -71,6 +71,8 @@ BEND, BEND_APART, BEND_STEPS, BEND_NEAR = 5.0, 5, (1, 3), 2
 EXCERPTS, EXCERPT = 16, 1 << 12
 # Readings are rounded to a step where most of their differences are nearly integer multiples of the least.
 ROUNDING, NEARLY, MOST = 1e-12, 0.1, 0.8
+# The least difference may be up to so many steps, where so many differences or more tell.
+MOST_STEPS, ENOUGH_STEPS = 4, 12
 # The step is looked for among so many neighbouring readings, in so many places, and made exact by differences
 # of so many steps.
 NEIGHBOURS, MOST_PARTS, REACHES = 32, 64, (4.0, 30.0, 200.0)

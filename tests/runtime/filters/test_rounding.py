@@ -21,6 +21,18 @@ def test_the_step_shows_where_a_fast_motion_turns(count: float, n: int) -> None:
     assert rounding(read) == pytest.approx(count, rel=1e-6)
 
 
+def test_the_least_change_may_be_several_steps() -> None:
+    counts = np.array([0, 0, 0, 2, 9, 22, 46, 82, 134, 204, 293, 402, 532, 681, 848, 1029, 1221, 1422, 1627])
+    assert rounding(1.7e-5 * counts) == pytest.approx(1.7e-5, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_few_readings_that_repeat_in_noise_have_no_step(seed: int) -> None:
+    readings = np.cumsum(np.random.default_rng(seed).standard_normal(60))
+    readings[:5] = readings[0]
+    assert rounding(readings) == 0.0
+
+
 def test_noise_that_repeats_by_chance_has_no_step() -> None:
     noisy = fast_motion() + 1e-4 * np.random.default_rng(0).standard_normal(40_000)
     noisy[20_000:20_006] = noisy[20_000]  # a sensor that stuck
