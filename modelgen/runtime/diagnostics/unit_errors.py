@@ -168,11 +168,12 @@ def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> Ratios |
         power, product = float(np.vdot(x, x).real), complex(np.vdot(x, y))
         cross = abs(product)
         powers = float(np.vdot(y, y).real)
-        if cross > COHERENCE * np.sqrt(power) * np.sqrt(powers):
+        largest = float(np.sqrt(power) * np.sqrt(powers))
+        if power > 0.0 and cross > COHERENCE * largest > 0.0:
             ratios.append(cross / power)
             along.append(product.real / cross)
             # noise of the first sensor alone lowers the ratio by the square of the coherence
-            squared = cross**2 / (power * powers)
+            squared = min(cross / largest, 1.0) ** 2
             noise.append(-np.log(squared) + DEVIATIONS * np.sqrt((1.0 - squared) / (2.0 * squared * len(x))))
         low = band.stop
     if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios) or min(along) < 0.0 < max(along):

@@ -120,15 +120,24 @@ class Scan:
         return min((step for step, calm in kept.items() if calm >= CALM_SHARE), default=max(kept))
 
     def _walk(self, way: int) -> None:
-        """Try one step after the other while they gain, or nothing is known yet."""
-        step, vain, top = 0, 0, self.worth()[0]
+        """Try one step after the other while they gain, or something is not known at all yet.
+
+        Where noise drowns a column at the best of them, it may be known much further on only.
+        """
+        step, vain, top, known = 0, 0, self.worth()[0], self._all_known(0)
         while vain < STEPS_IN_VAIN and abs(step) < CUTOFF_STEPS:
             step += way
             if self.at(step) is None:
                 return
             now = self.worth()[step]
-            vain = vain + 1 if now <= top and top > 0.0 else 0
-            top = max(top, now)
+            vain = vain + 1 if now <= top and top > 0.0 and (known or way > 0) else 0
+            if now > top:
+                top, known = now, self._all_known(step)
+
+    def _all_known(self, step: int) -> bool:
+        """Tell whether noise drowns no column at a step that has been tried."""
+        one = self.at(step)
+        return one is not None and bool(np.all(np.isfinite(one.square_error)))
 
     def worth(self) -> dict[int, float]:
         """Return the digits of every step that gave an estimate, none of those that are of no use.
