@@ -61,9 +61,11 @@ def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
     consistent : bool
         Whether noise of the sensors leaves the method that is to follow unbiased.
     """
-    # directions that were made of other channels belong to the first cut-off; rows with given positions are
-    # linear about an estimate only, which there is none of yet
-    given = task.filters.cutoff_hz is not None or task.job.share < 1.0 or task.filters.directions
+    # directions that were made of channels that the user names belong to the first cut-off (guessed ones are
+    # what an estimate begins with); rows with given positions are linear about an estimate only, which there
+    # is none of yet
+    named = task.filters.directions.keys() - task.job.guessed
+    given = task.filters.cutoff_hz is not None or task.job.share < 1.0 or named
     if given or isinstance(task.model.kernel, DeflectedKernel):
         return task
     scan = Scan(task, consistent)

@@ -165,8 +165,16 @@ class Model:
         return cast(FloatArray, self.module.regressor(signals))
 
     def base_from_physical(self, parameters: Mapping[str, float]) -> FloatArray:
-        """Return the base parameters, shape (columns,), from physical ones (name to value, SI)."""
-        return cast(FloatArray, self.module.base_from_physical(parameters))
+        """Return the base parameters, shape (columns,), from physical ones (name to value, SI).
+
+        Raises IdentifiabilityError where a composite divides by one that is zero.
+        """
+        try:
+            return cast(FloatArray, self.module.base_from_physical(parameters))
+        except ZeroDivisionError:
+            zero = ", ".join(name for name, value in parameters.items() if value == 0.0)
+            what, remedy = f"has no rows where {zero} is zero", "give values above zero, or sense more"
+            raise IdentifiabilityError.at(self.chain, what, remedy) from None
 
     def base_jacobian(self, parameters: Mapping[str, float]) -> FloatArray:
         """Return d base / d parameters, shape (columns, parameters), at physical parameters (SI)."""

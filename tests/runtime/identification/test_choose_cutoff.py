@@ -11,12 +11,18 @@ import pytest
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.identification import choose_cutoff
 from modelgen.runtime.identification.choose_cutoff import Scan, with_predicted_cutoff
+from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import IV, Auto, run_iv
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.identification.task import Task, prepared
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.iv.physical.swinging_servo import SERVO
+from tests.runtime.iv.physical.swinging_servo import TRUTH as SERVO_TRUTH
+from tests.runtime.iv.physical.test_composite_iv import model_of as chain_of
 from tests.runtime.made_arm_records import catalogued, model_of, record_of, values_of
 from tests.runtime.two_mass_records import SMALL
 
@@ -117,3 +123,31 @@ def test_directions_of_joints_follow_their_motion_however_low_the_cut_off_is() -
 
 def test_least_squares_of_an_arm_keep_turns_and_need_no_higher_cut_off() -> None:
     assert predicted(False).choice.cutoff_hz < 0.6 * predicted(True).choice.cutoff_hz
+
+
+@pytest.mark.parametrize("load", ["", ', coulomb = "F_sl"'])
+def test_a_cutoff_far_below_the_band_of_a_random_force_is_found(load: str) -> None:
+    """Between both noise drowns everything; a guessed direction of the load's friction is no hindrance."""
+    speed = SERVO.replace('measures = "position"', 'measures = "velocity"')
+    model = chain_of(speed.replace('inertia = "J_l"', f'inertia = "J_l"{load}'), "motor")
+    truth = SERVO_TRUTH | ({"F_sl": 0.02} if load else {})
+    fs, n = 4000.0, 24_000
+    t, rng = np.arange(n) / fs, np.random.default_rng(1)
+    back = np.where(t < 3.5, 1.0, np.maximum(1.0 - (t - 3.5) / 0.3, -1.0))
+    rate = 8.0 * np.minimum(t / 0.4, 1.0) * back
+    binary = 0.6 * np.repeat(rng.choice([-1.0, 1.0], n // 8), 8)
+    moved = simulate(model, truth, Excitation(np.cumsum(rate) / fs, rate, binary, fs, "binary"), fs=fs).record
+    rms = {"q_m": 0.02, "T": 1e-3}
+    noisy = {key: moved.signals[key] + level * rng.standard_normal(n) for key, level in rms.items()}
+    found = identify(model, Record(noisy, fs, "binary"))
+    told = {entry.name: entry for entry in found.parameters.physical}
+    for name in ("J_m", "J_l", "K", "D"):
+        error = told[name].value - truth[name]
+        assert abs(error) < 3.0 * told[name].std < 0.02 * truth[name]
+
+
+def test_a_spring_of_no_stiffness_has_no_composites() -> None:
+    model = chain_of(SERVO, "motor")
+    assert any("/K" in one.replace(" ", "") for one in model.composites.values())
+    with pytest.raises(IdentifiabilityError, match="has no rows where K is zero"):
+        model.base_from_physical({**SERVO_TRUTH, "K": 0.0})

@@ -134,6 +134,8 @@ def _recorded_speed(
     turning = float(np.median(np.abs(simulated.motion[f"a_{body}"][turns])))
     noise, times = gear**2 * record.facts.spectrum(sensor.key).noise, 1 - sensor.order
     wide_hz = min(turning_band_hz(turning, noise, times, record.fs), simulated.led_hz)
+    if wide_hz * record.n < record.fs:  # not a period of what noise leaves lies in the record
+        return speed, change
     smooth = zero_phase(further, LED_ORDER, wide_hz, record.fs)
     slow = speed + (smooth if times == 0 else differentiate(smooth, record.dt))
     inertia = simulated.plant.inertia[simulated.plant.bodies.index(body)]
