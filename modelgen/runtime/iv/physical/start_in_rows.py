@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.thresholds import LATE_ROUNDS, ROW_EVALUATIONS
 from modelgen.runtime.least_squares.delays import delay_rates
@@ -51,7 +52,7 @@ def start_in_rows(
                 for _ in range(LATE_ROUNDS if late else 1):
                     R = _triangle(first, setting, values, late, sample)
                     left, values, delays = _searched(setting.model, R, values, delays)
-        except (ValueError, ArithmeticError):  # it leaves the numbers that composites have
+        except (ValueError, ArithmeticError, IdentifiabilityError):  # where composites have no numbers
             continue
         found.append((left, values, delays))
     if not found:
