@@ -147,8 +147,8 @@ class Ratios:
 def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> Ratios | None:
     """Return how many times as much as `one` says `other` moves, both in SI.
 
-    None where too few bands are
-    coherent, or where the ratio changes with the frequency, or its sign: beyond an antiresonance.
+    None where too few bands are coherent, or where the ratio changes with the frequency, or its sign: beyond
+    an antiresonance.
     """
     # of a long record, the stretch that moves most
     parts = record.facts.stretches(one.key)

@@ -97,7 +97,7 @@ def _of_chain(task: Task, method: Auto) -> Begun:
         if found is None:
             return _last_resort(task, method, error)
         first = found
-    first = with_held_commands(task, first, method.held, lambda to: _instrumental(to, method.instrumental))
+    first = _with_holds(task, method, first)
     task = first.task
     if first.found.fit.carried is not None:
         return with_note(first, "method iv, in the physical parameters")
@@ -105,6 +105,11 @@ def _of_chain(task: Task, method: Auto) -> Begun:
         return _less_driven(task, method, first)
     found = least_squares_instead(task, method, first)
     return found or with_note(first, "method iv; the residual is more than noise of the sensors")
+
+
+def _with_holds(task: Task, method: Auto, first: Begun) -> Begun:
+    """Return instruments with commands as a drive holds them, where these leave no more."""
+    return with_held_commands(task, first, method.held, partial(_instrumental, method=method.instrumental))
 
 
 def _below(one: Begun) -> float:
@@ -241,9 +246,7 @@ def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataErr
             raise
         task = replace(task, job=replace(task.job, reversing=True))
         found = _tried(task, method)
-        if found is not None:
-            run = partial(_instrumental, method=method.instrumental)
-            found = with_held_commands(task, found, method.held, run)
+        found = found and _with_holds(task, method, found)
         if found is None or _unexplained(found) or negative_columns(task.model, found.found.fit):
             raise
     return with_note(found, "method iv, samples that feel a reversal included: others tell nothing")

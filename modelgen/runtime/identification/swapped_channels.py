@@ -157,7 +157,12 @@ def _beyond_noise(job: Job, fit: Fit) -> frozenset[tuple[int, int]]:
     """Return which (record, row) leave more than noise of the sensors, and than other values might leave."""
     beyond = exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE)
     found = {(block.record, block.row) for block, _ in beyond}
-    light = {(b.record, b.row) for index, b in enumerate(fit.blocks) if hardly_weighed(fit, index)}
+    # only of those: it takes a covariance, and many exchanges are tried
+    light = {
+        (block.record, block.row)
+        for index, block in enumerate(fit.blocks)
+        if (block.record, block.row) in found and hardly_weighed(fit, index)
+    }
     return frozenset(found - light)
 
 

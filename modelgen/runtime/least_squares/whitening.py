@@ -164,9 +164,9 @@ def whitener(
             forward[starts[starts <= len(forward)] - 1] = 0.0
             first = starts - known
             backward[first[(first >= 0) & (first < len(backward))]] = 0.0
-        product = float(forward @ backward)
+        crossed = float(forward @ backward)
         both = float(forward @ forward + backward @ backward)
-        reflection = 2.0 * product / (both + LEAST_POWER * power)
+        reflection = 2.0 * crossed / (both + LEAST_POWER * power)
         forward, backward = forward - reflection * backward, backward - reflection * forward
         predictor = np.append(predictor - reflection * predictor[::-1], reflection)
         variance *= 1.0 - reflection**2

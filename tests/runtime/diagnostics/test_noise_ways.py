@@ -9,7 +9,6 @@ import pytest
 
 from modelgen import CheckOptions, Filters, identify
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
-from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.methods import WLS
@@ -19,6 +18,7 @@ from modelgen.runtime.model.power.power_model import power_model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
 from tests.runtime.made_arm_records import catalogued, model_of, record_of, values_of
+from tests.runtime.mirrored_noise import lifted_and_expected
 
 
 @cache
@@ -91,19 +91,6 @@ def test_noise_lifts_what_a_row_leaves_on_average_as_predicted() -> None:
         keys = [key for key in clean.signals if key.startswith("q_")]
         return clean.edited({k: clean.signals[k] + level * rng.standard_normal(clean.n) for k in keys})
 
-    def left(level: float, seed: int = 0) -> np.ndarray:
-        block = observe(model, [read(level, seed)], choice).blocks[1]
-        found = np.full(block.grid, np.nan)
-        found[block.place] = block.Y - block.W @ truth
-        return found
-
-    # what is odd in the noise is gone from the mean of a record and its mirror image
-    pairs = [left(1e-4, seed) + left(-1e-4, seed) for seed in range(3)]
-    factor, start = choice.decimation[0], observe(model, [clean], choice).blocks[1].start
-    ways = noise_ways(model, read(1e-4, 5), choice, factor)[1]
-    at = (np.concatenate([*ways.at]) - start) // factor
-    lifted, expected = (0.5 * np.mean(pairs, axis=0) - left(0.0))[at], ways.of_residual(truth).means[0]
-    used = np.isfinite(lifted)
-    lifted, expected = lifted[used], expected[used]
+    lifted, expected = lifted_and_expected(model, choice, read, 1e-4, truth)
     assert len(lifted) > 200
     assert float(lifted @ expected) / float(expected @ expected) == pytest.approx(1.0, abs=0.15)

@@ -7,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.given_directions import Succession
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.noise_in_front import beyond_series
-from modelgen.runtime.rows.observation import observe
 from tests.runtime.made_arm_records import catalogued, model_of
+from tests.runtime.mirrored_noise import lifted_and_expected
 from tests.symbolic.arms.elastic_arms import with_sensors
 from tests.symbolic.arms.test_elastic_rows import both
 
@@ -78,18 +77,6 @@ def test_noise_lifts_what_a_row_of_late_positions_leaves_as_predicted() -> None:
         noise = {key: NOISE[units[key]] * rng.standard_normal(clean.n) for key in clean.keys}
         return clean.edited({key: clean.signals[key] + level * one for key, one in noise.items()})
 
-    def left(level: float, seed: int = 0) -> np.ndarray:
-        block = observe(model, [read(level, seed)], choice).blocks[1].dense(len(point))
-        found = np.full(block.grid, np.nan)
-        found[block.place] = block.Y - block.W @ point
-        return found
-
-    pairs = [left(1.0, seed) + left(-1.0, seed) for seed in range(3)]
-    factor, start = choice.decimation[0], observe(model, [clean], choice).blocks[1].start
-    ways = noise_ways(model, read(1.0, 5), choice, factor)[1]
-    at = (np.concatenate([*ways.at]) - start) // factor
-    lifted, expected = (0.5 * np.mean(pairs, axis=0) - left(0.0))[at], ways.of_residual(point).means[0]
-    used = np.isfinite(lifted)
-    lifted, expected = lifted[used], expected[used]
+    lifted, expected = lifted_and_expected(model, choice, read, 1.0, point)
     assert len(lifted) > 200
     assert float(lifted @ expected) / float(expected @ expected) == pytest.approx(1.0, abs=0.15)
