@@ -135,40 +135,44 @@ def null_columns(fit: Fit, model: Model, records: Sequence[Record], choice: Filt
     return found
 
 
-def zero_columns(fit: Fit, model: Model) -> dict[str, str]:
-    """Return the columns of rows without a force that are zero within noise, with the reason.
+def zero_columns(
+    fit: Fit, model: Model, drift: FloatArray | float = 0.0, lost: Container[str] = ()
+) -> dict[str, str]:
+    """Return the columns of rows without a force that are zero within their intervals, with the reason.
 
     Zero solves such a row, too: it leaves nothing there, weighs the more for it, and decides what other rows
     have in common with it. A body without inertia that nothing moves is none. Rows that share a column
-    with it have taken over what is missing: the inertia of one body is then that of both.
+    with it have taken over what is missing: the inertia of one body is then that of both. `drift`, in SI,
+    shape (c, c), is what moves the estimate besides, squared; values of columns that are `lost` say nothing.
     """
+    covariance = hac_covariance(fit) + drift
     found: dict[str, str] = {}
     shared: dict[str, str] = {}
     forced = {block.row for block in fit.blocks if block.has_force}
     for row in dict.fromkeys(block.row for block in fit.blocks if block.row not in forced):
         names = [model.base_parameters[column] for column in model.regressor_columns[row]]
-        at = [fit.columns.index(name) for name in names if name in fit.columns]
-        if not at or chi_square_tail(_from_zero(fit, at), len(at)) < ZERO_LIKELY:
+        there = [name for name in names if name in fit.columns]
+        at = [fit.columns.index(name) for name in there if name not in lost]
+        far = _from_zero(fit.solution.x[at], covariance[np.ix_(at, at)]) if at else 0.0
+        if not there or (at and chi_square_tail(far, len(at)) < ZERO_LIKELY):
             continue
         row_name = next(block.row_name for block in fit.blocks if block.row == row)
         why = (
             f"row {row_name} has no force, and zero solves it as well: noise of the sensors hides its motion"
         )
         found |= dict.fromkeys(names, why)
-        columns = set(model.regressor_columns[row])
-        beside = [own for own in model.regressor_columns if columns & {*own}]
+        beside = [own for own in model.regressor_columns if {*own} & {*model.regressor_columns[row]}]
         taken = f"takes over what is lost where {why}"
         shared |= {model.base_parameters[column]: taken for own in beside for column in own}
     return {name: why for name, why in shared.items() if name in fit.columns} | found
 
 
-def _from_zero(fit: Fit, at: Sequence[int]) -> float:
-    """Return the squared distance of some columns from zero in standard deviations (Wald)."""
-    values, covariance = fit.solution.x[at], hac_covariance(fit)[np.ix_(at, at)]
+def _from_zero(values: FloatArray, covariance: FloatArray) -> float:
+    """Return the squared distance of values from zero in standard deviations (Wald); shapes (n,), (n, n)."""
     deviation = np.sqrt(np.maximum(np.diag(covariance), float(np.finfo(float).tiny)))
     variances, directions = np.linalg.eigh(covariance / np.outer(deviation, deviation))
     # what rounding has left of a variance is no distance
-    known = variances > len(at) * float(np.finfo(float).eps)
+    known = variances > len(values) * float(np.finfo(float).eps)
     moved = directions.T @ (values / deviation)
     return float(np.sum(moved[known] ** 2 / variances[known]))
 

@@ -87,18 +87,33 @@ def late_refusals(
     bias: tuple[FloatArray, FloatArray] | None = None,
     model: Model | None = None,
 ) -> dict[str, str]:
-    """Return what is refused once drift and bias are known: not all that is left, though.
+    """Return what is refused once drift and bias are known: not all that is left of a chain, though.
 
+    A link of an arm whose spring is lost moves with its motor, which takes over its inertia with a small
+    interval; of a chain trapezoids tell friction all the same, and its interval holds what is not known.
     `drift` is the mean square by which settings move the estimate, shape (c, c), `bias` the bias by
     noise and what of it is left in the estimate, shape (c,) each; all in the order of the columns of the fit
     and in their units.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When noise leaves nothing of an arm.
     """
-    found = dependent_columns(fit, refused, drift, model) | (
-        lost_in_noise(fit, *bias) if bias is not None else {}
-    )
-    late = {name: reason for name, reason in found.items() if name not in refused and name not in keep}
-    left = [name for name in fit.columns if name not in refused and name not in late]
-    return {**refused, **late} if left else dict(refused)
+    lost = lost_in_noise(fit, *bias) if bias is not None else {}
+    arm = model if model is not None and model.is_arm else None
+    if arm is not None:
+        lost = zero_columns(fit, arm, drift, lost) | lost
+    told = {name: why for name, why in lost.items() if name not in refused and name not in keep}
+    lost = {**refused, **told}
+    if arm is not None and told and all(name in lost for name in fit.columns):
+        raise all_refused(lost, arm)
+    found = dependent_columns(fit, lost, drift, model)
+    late = {name: reason for name, reason in found.items() if name not in lost and name not in keep}
+    left = [name for name in fit.columns if name not in lost and name not in late]
+    if left:
+        return {**lost, **late}
+    return dict(refused) if arm is None else lost
 
 
 def all_refused(refused: Mapping[str, str], model: Model) -> IdentifiabilityError:

@@ -242,15 +242,37 @@ def test_damping_of_springs_that_place_is_exact(side: Literal["link", "motor"]) 
     assert [found[name] for name in truth] == pytest.approx([*truth.values()], rel=1e-3)
 
 
+def slow_joint(K: float, sizes: dict[float, float], seconds: float, noise: float, seed: int) -> None:
+    """Identify a slow elastic joint whose deflection is less than the noise of its encoders (rad)."""
+    truth = {"Izz1": 0.3, "J": 0.2, "F": 1.0, "K": K, "D": 4.0}
+    model, signals = turning(truth, sizes, seconds, "motor", "link")
+    rng, level = np.random.default_rng(seed), {"motor": noise, "link": noise, "tau_1": 0.1}
+    read = {key: line + level[key] * rng.standard_normal(len(line)) for key, line in signals.items()}
+    identify(model, Record(read, FS, "slow"))
+
+
 def test_a_link_whose_motion_noise_hides_has_no_stiffness() -> None:
     """Zero solves its row, which holds no force: K had been -0.2 +- 72, and J that of both bodies."""
-    truth = {"Izz1": 0.3, "J": 0.2, "F": 1.0, "K": 8000.0, "D": 4.0}
-    model, signals = turning(truth, {0.1: 0.3, 0.23: 0.2}, 20.0, "motor", "link")
-    rng, level = np.random.default_rng(1), {"motor": 1e-5, "link": 1e-5, "tau_1": 0.1}
-    read = {key: line + level[key] * rng.standard_normal(len(line)) for key, line in signals.items()}
     with pytest.raises(IdentifiabilityError, match="row 1 link has no force, and zero solves it") as told:
-        identify(model, Record(read, FS, "slow"))
+        slow_joint(8000.0, {0.1: 0.3, 0.23: 0.2}, 20.0, 1e-5, 1)
     assert "J, F: takes over what is lost" in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "sizes", "seconds", "noise", "seed"),
+    [
+        # noise had left nothing, so that all was kept: K = 103 +- 120, and J = 0.495 +- 0.003, that of both
+        (12000.0, {0.2: 0.3, 0.5: 0.1}, 12.0, 1e-4, 0),
+        # K was refused once other cut-offs had moved it, and J = 0.502 +- 0.006 stayed
+        (8000.0, {0.1: 0.3, 0.23: 0.2}, 20.0, 2e-5, 1),
+        (16000.0, {0.4: 0.3, 1.0: 0.1}, 16.0, 5e-5, 5),
+    ],
+)
+def test_what_other_rows_take_over_is_refused_late_as_well(
+    stiffness: float, sizes: dict[float, float], seconds: float, noise: float, seed: int
+) -> None:
+    with pytest.raises(IdentifiabilityError):
+        slow_joint(stiffness, sizes, seconds, noise, seed)
 
 
 def test_a_spring_that_is_known_leaves_the_rest() -> None:
