@@ -168,8 +168,9 @@ def quiet_cutoff(
     that a derivative has up to `within_hz` is kept. Only derivatives of sensors count: noise of a reading
     itself is white, and noise of a force is in no column of W; for both a wider band gives more information.
     """
-    # a derivative that no record shows is warned of: no cut-off brings it back
-    asking = [one for one in highest if one.order > 0 and not one.force and one.power(within_hz) > 0.0]
+    # a derivative that no record shows, or only by lines beyond, is warned of: no cut-off brings it back
+    sensed = [one for one in highest if one.order > 0 and not one.force and one.power(within_hz) > 0.0]
+    asking = [one for one in sensed if one.snr_db(ceiling_hz, order)[0] > -inf]
     loud = [one for one in asking if one.snr_db(ceiling_hz, order)[0] < LEAST_SNR_DB]
     if not loud:
         return ceiling_hz, None

@@ -48,6 +48,19 @@ def white(noise: float) -> np.ndarray:
     return noise * np.random.default_rng(5).standard_normal(T.size)
 
 
+def test_a_sensor_that_stands_still_takes_nothing_off_the_cutoff() -> None:
+    """Noise that a cut-off leaves of it has no signal at any: a joint held still had ended at a tenth."""
+    moving = sweep(1e-10)
+    loud = 1e-6 * np.random.default_rng(3).standard_normal(T.size)
+    record = Record({**moving.signals, "q_c": loud}, FS, "held")
+    # by chance a line far beyond the dynamics stands out of it
+    hum = Record({**record.signals, "q_c": loud + 1e-6 * np.sin(2.0 * np.pi * 800.0 * T)}, FS, "held")
+    for one in (record, hum):
+        choice = choose_filter(CHAIN, [one])
+        assert choice.dynamics_hz is not None
+        assert choice.cutoff_hz == distortion_bound_hz(choice.dynamics_hz, choice.filter_order)
+
+
 def test_a_quiet_record_gets_what_its_dynamics_ask_for() -> None:
     choice = choose_filter(CHAIN, [sweep(1e-10)])
     assert choice.dynamics_hz is not None
