@@ -8,7 +8,7 @@ covariance, what noise of the sensors does to it, and how far it moves from what
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -73,13 +73,26 @@ def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
     found = scan.at(best)
     if best == 0 or found is None:
         return task
-    choice, before = found.choice, task.choice
-    sentence = (
-        f"Cut-off {choice.cutoff_hz:.4g} Hz in place of {before.cutoff_hz:.4g} Hz: least squares, tried at "
-        f"{len(scan.worth())} cut-offs, predicts that most is known there."
+    tried = len(scan.worth())
+    return _at(
+        task, found.choice, f": least squares, tried at {tried} cut-offs, predicts that most is known there."
     )
+
+
+def higher_cutoffs(task: Task, most: int) -> Iterator[Task]:
+    """Yield a task at cut-offs above its own, so many at most; none if one is given."""
+    for number in range(1, 1 if task.filters.cutoff_hz is not None else most + 1):
+        choice = choice_at(task, task.choice.cutoff_hz * 2.0 ** (0.5 * number))
+        if choice is None:
+            return
+        yield _at(task, choice, ", at which the records do not tell how far springs deflect.")
+
+
+def _at(task: Task, choice: FilterChoice, why: str) -> Task:
+    """Return a task with other filters, which say why."""
+    front = f"Cut-off {choice.cutoff_hz:.4g} Hz in place of {task.choice.cutoff_hz:.4g} Hz"
     kept = tuple(one for one in choice.sentences if not one.startswith("Cut-off"))
-    choice = replace(choice, bands=before.bands, sentences=(sentence, *kept))
+    choice = replace(choice, bands=task.choice.bands, sentences=(f"{front}{why}", *kept))
     return replace(task, choice=choice, job=replace(task.job, choice=choice))
 
 

@@ -9,16 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import IdentifiabilityError
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
+from modelgen.runtime.identification.choose_cutoff import higher_cutoffs
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
+    CUTOFFS_WITHOUT_ESTIMATE,
     DEFLECTIONS,
     HELD_STEPS,
     LONGEST_LAG,
@@ -68,12 +71,14 @@ class Rest:
 def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
     """Return the task with rows that are linear about their estimate, and where that rests.
 
-    The same task, and None, where rows are linear.
-
-    Where no start leads to an estimate, rows without given positions are left, if there are any.
+    The same task, and None, where rows are linear. Where no start leads to an estimate, or the records are
+    too short, higher cut-offs are tried unless one is given: slow motion has little below the first one.
+    Where none leads anywhere, rows without given positions are left, if there are any.
 
     Raises
     ------
+    DataError
+        If the records are too short at every cut-off.
     IdentifiabilityError
         If no start leads to an estimate, the steps do not come to rest, and all rows hold given positions.
     """
@@ -81,6 +86,31 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
     if not isinstance(kernel, DeflectedKernel):
         return task, None
     step("finding how far springs deflect")
+    short: DataError | None = None
+    for one in chain([task], higher_cutoffs(task, CUTOFFS_WITHOUT_ESTIMATE)):
+        try:
+            found = _about(one, kernel)
+        except DataError as error:
+            short = short or error
+            continue
+        if found is not None:
+            return found
+    if short is not None:
+        raise short
+    if len(kernel.rows) < len(task.model.rows):
+        model = rows_without(task.model, kernel)
+        return replace(task, model=model, job=replace(task.job, model=model, rows_for_tag=None)), None
+    names = ", ".join(record.name for record in task.records)
+    raise IdentifiabilityError.at(
+        names,
+        "does not tell how far the springs deflect: no stiffness that was tried led to an estimate",
+        "move faster, towards the modes of the arm, give near values as a parameter set, or add encoders on "
+        "links",
+    )
+
+
+def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
+    """Return the task about its estimate, and where that rests; None where no start leads there."""
     job = replace(task.job, late=(), rows_for_tag=None)
     settled: list[tuple[float, int, FloatArray]] = []
     for start in _starts(task.model, kernel, task.records):
@@ -92,16 +122,7 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
         if found is not None:
             model = replace(task.model, kernel=kernel.at(found.point, sampled=True))
             return replace(task, model=model, job=replace(task.job, model=model)), found
-    if len(kernel.rows) < len(task.model.rows):
-        model = rows_without(task.model, kernel)
-        return replace(task, model=model, job=replace(task.job, model=model, rows_for_tag=None)), None
-    names = ", ".join(record.name for record in task.records)
-    raise IdentifiabilityError.at(
-        names,
-        "does not tell how far the springs deflect: no stiffness that was tried led to an estimate",
-        "move faster, towards the modes of the arm, give near values as a parameter set, or add encoders on "
-        "links",
-    )
+    return None
 
 
 def rows_without(model: Model, kernel: DeflectedKernel) -> Model:

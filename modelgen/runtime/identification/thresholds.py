@@ -82,6 +82,8 @@ MOST_WHITENED, COPIES_OF_WHITE_ROWS = 5e6, 80.0
 # Other cut-offs are tried in steps of the root of two, so many at most; so many in vain end it. Lower ones
 # are where noise biases a parameter by more than this share.
 CUTOFF_STEPS, STEPS_IN_VAIN = 13, 2
+# So many higher ones where springs give no positions at the first: they gave what slow arms tell.
+CUTOFFS_WITHOUT_ESTIMATE = 3
 LITTLE_BIAS = 0.1
 # Biases by noise come out as predicted to 5 %, so that this share may be left where they are taken off.
 LEFT_BIAS = 0.1

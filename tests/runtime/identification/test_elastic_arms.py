@@ -305,6 +305,23 @@ def test_slow_motion_gives_no_stiffness_from_motors_alone() -> None:
     assert all(abs(value - truth[name]) < 3.0 * found.bse[name] for name, value in found.params.items())
 
 
+@pytest.mark.slow
+def test_slow_motion_tells_a_spring_at_a_higher_cutoff() -> None:
+    """At 4.3 Hz no stiffness led to an estimate: it had been refused; a cut-off that is given stays."""
+    truth = {"Izz1": 0.3, "J": 0.2, "F": 1.0, "K": 1000.0, "D": 1.5}
+    model, signals = turning(truth, {0.3: 0.4, 0.7: 0.2}, 10.0, "link")
+    rng, level = np.random.default_rng(1), {"link": 1e-6, "tau_1": 0.01}
+    read = {key: line + level[key] * rng.standard_normal(len(line)) for key, line in signals.items()}
+    record = Record(read, FS, "slow")
+    found = identify(model, record, checks=QUICK)
+    assert found.params["K"] == pytest.approx(truth["K"], abs=2.0 * found.bse["K"])
+    assert 0.0 < found.bse["K"] < 0.15 * truth["K"]
+    said = [one for one in found.fit.filtering.sentences if one.startswith("Cut-off")]
+    assert len(said) == 1 and said[0].endswith("at which the records do not tell how far springs deflect.")
+    with pytest.raises(IdentifiabilityError, match="how far the springs deflect"):
+        identify(model, record, filters=Filters(cutoff_hz=4.3), checks=QUICK)
+
+
 def test_links_are_found_where_springs_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
     """Torques behind the springs: rows of links need no deflection."""
     model, record, truth = made("torques at links")
