@@ -28,6 +28,7 @@ from modelgen.runtime.identification.explanation.explained import Begun, begun_w
 from modelgen.runtime.identification.explanation.from_starts import with_starts
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.explanation.least_squares_instead import least_squares_instead
+from modelgen.runtime.identification.explanation.less_driven import drives
 from modelgen.runtime.identification.explanation.simulated_directions import with_simulated_directions
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
@@ -169,21 +170,16 @@ def _exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> 
 
 
 def _less_driven(task: Task, method: Auto, first: Begun) -> Begun:
-    """Return instruments; least squares where noise of the forces biases these, and of the sensors not it.
-
-    Where both noises matter, what that of the forces moves widens the intervals.
-    """
-    fit, note = first.found.fit, "method iv: noise of the sensors does not bias instruments"
-    driven = drive_bias(task.model, task.records, task.choice, fit)
-    spread = np.sqrt(first.task.job.share * np.maximum(np.diag(hac_covariance(fit)), 0.0))
-    if not np.any(np.abs(driven) > BIAS_SHARE * spread):
-        return with_note(first, note)
-    found = least_squares_instead(task, method, first, driven)
-    if found is not None:
-        return found
-    most = int(np.argmax(np.abs(driven) / np.maximum(spread, np.finfo(float).tiny)))
-    note += f"; that of the forces does (most in {fit.columns[most]}), and the intervals are widened by that"
-    return with_note(first, note, first.found.drift + np.outer(driven, driven))
+    """Return instruments; least squares where noise of the forces biases these, and of the sensors not it."""
+    fit, job = first.found.fit, first.task.job
+    if drives(job, method.instrumental, fit):
+        driven = drive_bias(job, fit).shift
+        spread = np.sqrt(job.share * np.maximum(np.diag(hac_covariance(fit)), 0.0))
+        if np.any(np.abs(driven) > BIAS_SHARE * spread):
+            found = least_squares_instead(task, method, first, driven)
+            if found is not None:
+                return found
+    return with_note(first, "method iv: noise of the sensors does not bias instruments")
 
 
 def _instrumental(task: Task, method: IV) -> Begun:

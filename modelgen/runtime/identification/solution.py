@@ -35,7 +35,7 @@ from modelgen.runtime.identification.contradiction import with_impossible_signs
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.memory_limit import beyond_limit
-from modelgen.runtime.identification.methods import IV, WLS, Auto
+from modelgen.runtime.identification.methods import IV, WLS, Auto, Method
 from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.robust_and_bounded import Treatment, treat, unweighted
 from modelgen.runtime.identification.task import Task
@@ -77,6 +77,8 @@ class Solution:
         Mean square of what effects would move that the residual shows and that were not estimated.
     bias : array, shape (c,), optional
         What noise of the sensors gives least squares, where it was taken off the fits.
+    driven : bool
+        Whether what noise of the forces does to instruments is taken off fits where it matters.
     """
 
     observation: Observation
@@ -91,6 +93,7 @@ class Solution:
     job: Job
     drift: FloatArray
     bias: FloatArray | None = None
+    driven: bool = False
 
     @property
     def delays(self) -> dict[str, float]:
@@ -111,6 +114,10 @@ class Solution:
         fit = task.method.run(job)[1]
         if self.bias is not None:
             fit, _ = less_noise(job.model, job.records, other, fit)
+        if self.driven:
+            from modelgen.runtime.identification.explanation.less_driven import less_driven
+
+            fit = less_driven(job, task.method, fit, again=True)[0]
         return self.treatment(fit)
 
     def found_at(self, task: Task, other: FilterChoice) -> SolvedColumns:
@@ -151,7 +158,12 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         told = with_impossible_signs(model, told, refused)
     said, notes = noted(told.advice)
     plain = replace(plain, notes=plain.notes + notes)
-    bias = None
+    bias, driven, drift = None, False, told.drift
+    if isinstance(method, IV):  # least squares does not load what simulates
+        from modelgen.runtime.identification.explanation.less_driven import less_driven
+
+        plain, left, notes = less_driven(job, method, plain)
+        plain, drift, driven = replace(plain, notes=plain.notes + notes), drift + left, bool(notes)
     if _bias_counts(task):
         freed, effect = less_noise(model, job.records, job.choice, plain)
         if effect.most < FIRST_ORDER:
@@ -169,8 +181,9 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         treatment,
         cost,
         treatment.job(job),
-        told.drift[np.ix_(kept, kept)],
+        drift[np.ix_(kept, kept)],
         bias,
+        driven,
     )
 
 
@@ -214,12 +227,7 @@ def settings_drift(
     ----------
     again : callable
         The fit with other filters.
-
-    Returns
-    -------
-    array, shape (c, c)
-        In SI, for `solution.fit`.
-    tuple of str
+    The mean square, (c, c) in SI, is that of `solution.fit`.
     """
     method, choice, fit = task.method, task.choice, solution.fit
     lowest_fs = min(record.fs for record in task.records)

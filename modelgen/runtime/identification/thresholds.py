@@ -87,6 +87,10 @@ CUTOFFS_WITHOUT_ESTIMATE = 3
 LITTLE_BIAS = 0.1
 # Biases by noise come out as predicted to 5 %, so that this share may be left where they are taken off.
 LEFT_BIAS = 0.1
+# What noise of the forces does to instruments is known up to this share of these along a direction; it came
+# out to the next share, in simulations with up to an eighth, and of friction to half where rows use samples
+# near reversals.
+MOST_DRIVEN, LEFT_DRIVEN, LEFT_TURNING = 0.25, 0.05, 0.5
 # Where noise is more of a direction of the columns, its second order counts, and no bias is taken off.
 FIRST_ORDER = 0.1
 # A row without a force may leave this share of its largest term; more where it did so at first.

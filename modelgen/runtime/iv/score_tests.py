@@ -137,8 +137,8 @@ def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]]) -> FloatArra
         if power > LEAST_OWN_SHARE * float(told.whole[place]):
             (std,) = _deviations(fit, r, span.apart(stacked(fit, column)), size, power, (USUAL,))
             share = 1.0 / (1.0 + std**2)
-        if fit.moved is not None:
-            move = fit.moved(column)[: len(fit.columns)]
+        if fit.white is not None:
+            move = fit.white.moved(column)[: len(fit.columns)]
         else:
             move = told.share[:, place] if slope is None else slope @ told.share[:, place]
         if np.all(np.abs(move) <= LEAST_DRIFT * spread):

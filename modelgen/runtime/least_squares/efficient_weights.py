@@ -9,66 +9,17 @@ close to the Cramer-Rao bound. The residuals that are looked at stay those of th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.fit import Fit, residuals_of
 from modelgen.runtime.least_squares.hac_covariance import influence
-from modelgen.runtime.least_squares.joint_whitening import JointWhitener, joint_whiteners
+from modelgen.runtime.least_squares.joint_whitening import WhiteFit, WhiteRows, joint_whiteners
 from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.row_prediction import RowResiduals
 from modelgen.runtime.least_squares.thresholds import LEAST_NOISE, SAME_STEP
 from modelgen.runtime.least_squares.whitening import Whitener, whiteners
-from modelgen.runtime.numerics.regressor import Regressors
-
-
-@dataclass(frozen=True, eq=False)
-class WhiteRows:
-    """Makes what stands in the rows of a fit white; `parts` are each record's blocks and whitener."""
-
-    parts: tuple[tuple[tuple[int, ...], JointWhitener], ...]
-
-    @property
-    def lost(self) -> int:
-        """Coefficients that were estimated."""
-        return round(sum(white_of.lost for _, white_of in self.parts))
-
-    def columns(
-        self, samples: Sequence[FloatArray], places: Sequence[IntArray]
-    ) -> list[tuple[FloatArray, IntArray]]:
-        """Return samples with the residuals' colour taken off, and which columns those of each block are.
-
-        Parameters
-        ----------
-        samples : sequence of array
-            Of every block, in any unit, shape (n, k) each.
-        places : sequence of array
-            Which of all columns these are, shape (k,) each, in their order; the others are zero.
-        """
-        found = [(samples[0], places[0])] * len(samples)
-        for ours, white_of in self.parts:
-            own, at = [samples[index] for index in ours], [places[index] for index in ours]
-            for index, white in zip(ours, white_of.columns(own, at), strict=True):
-                found[index] = white
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class WhiteFit:
-    """What makes rows white, what white Y is regressed on, and the inverse of its products."""
-
-    rows: WhiteRows
-    regressors: Regressors
-    inverse: FloatArray
-
-    def moved(self, change: Sequence[FloatArray]) -> FloatArray:
-        """Return what X grows by, shape (columns,), when Y grows: an array a block, (n,), both in SI."""
-        only = np.zeros(1, dtype=np.int64)
-        white = self.rows.columns([part[:, None] for part in change], [only] * len(change))
-        across = sum(one.across(part[:, 0]) for one, (part, _) in zip(self.regressors, white, strict=True))
-        return np.asarray(self.inverse @ across)
 
 
 def white_rows(fit: Fit, steps_s: Sequence[float] | None = None) -> WhiteRows:
@@ -158,5 +109,5 @@ def efficient(fit: Fit, steps_s: Sequence[float] | None = None) -> Fit:
         residuals=residuals_of(fit.blocks, solution.x),
         lost=lost,
         series=tuple(influence(found)),
-        moved=WhiteFit(white_of, found.regressors, solution.inverse).moved,
+        white=WhiteFit(white_of, found.regressors, solution.inverse),
     )

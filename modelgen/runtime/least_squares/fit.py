@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.least_squares.joint_whitening import WhiteFit
 from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares
 from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
 from modelgen.runtime.numerics.regressor import Regressor, Regressors, WeightedPieces
@@ -84,8 +85,8 @@ class Fit:
     series : tuple of array, optional
         What each instant of each record contributes to X's error, shape (grid, columns), where X comes from
         other weights of the same rows (`efficient`).
-    moved : callable, optional
-        Takes what Y grows by, shape (n,) a block, to what X, and columns that are gone, grow by with these.
+    white : WhiteFit, optional
+        These weights, and what X and columns that are gone follow from with them.
     """
 
     columns: tuple[str, ...]
@@ -101,7 +102,7 @@ class Fit:
     carried: CarriedOver | None = None
     simulated: Mapping[int, Record] | None = None
     series: tuple[FloatArray, ...] | None = None
-    moved: Callable[[Sequence[FloatArray]], FloatArray] | None = None
+    white: WhiteFit | None = None
 
     @property
     def regressors(self) -> Regressors:

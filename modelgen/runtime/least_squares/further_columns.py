@@ -42,7 +42,7 @@ def with_columns(
         Z = Regressors(tuple(Z), tuple(block.touched for block in fit.blocks), None, c)
     elif Z.mix is not None and len(Z.mix) == c:
         # as many columns as are mixed: what they span, and the solution, is the same
-        Z = replace(Z, mix=None)
+        Z = replace(Z, mix=None, made=None)
     joined = Z.joined(further or extra)
     return two_stage(replace(fit, columns=fit.columns + names, blocks=joined_blocks(fit, extra)), joined)
 
@@ -71,7 +71,7 @@ def without_columns(larger: Fit, fit: Fit) -> Fit:
         residuals=residuals_of(found.blocks, x),
         lost=larger.lost,
         series=tuple(psi[:, :c] for psi in larger.series),
-        moved=larger.moved,
+        white=larger.white,
     )
 
 

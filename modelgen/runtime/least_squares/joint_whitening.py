@@ -25,6 +25,7 @@ from modelgen.runtime.least_squares.thresholds import (
     MOST_RELATED,
 )
 from modelgen.runtime.least_squares.whitening import Whitener, whiteners
+from modelgen.runtime.numerics.regressor import Regressors
 from modelgen.runtime.rows.row_block import runs_of
 
 # Samples that are predicted at a time: they stay in the processor's cache.
@@ -109,6 +110,53 @@ class JointWhitener:
     def _rows(self, row: int, instant: int, count: int) -> slice:
         start = int(np.searchsorted(self.places[row], instant))
         return slice(start, start + count)
+
+
+@dataclass(frozen=True, eq=False)
+class WhiteRows:
+    """Makes what stands in the rows of a fit white; `parts` are each record's blocks and whitener."""
+
+    parts: tuple[tuple[tuple[int, ...], JointWhitener], ...]
+
+    @property
+    def lost(self) -> int:
+        """Coefficients that were estimated."""
+        return round(sum(white_of.lost for _, white_of in self.parts))
+
+    def columns(
+        self, samples: Sequence[FloatArray], places: Sequence[IntArray]
+    ) -> list[tuple[FloatArray, IntArray]]:
+        """Return samples with the residuals' colour taken off, and which columns those of each block are.
+
+        Parameters
+        ----------
+        samples : sequence of array
+            Of every block, in any unit, shape (n, k) each.
+        places : sequence of array
+            Which of all columns these are, shape (k,) each, in their order; the others are zero.
+        """
+        found = [(samples[0], places[0])] * len(samples)
+        for ours, white_of in self.parts:
+            own, at = [samples[index] for index in ours], [places[index] for index in ours]
+            for index, white in zip(ours, white_of.columns(own, at), strict=True):
+                found[index] = white
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class WhiteFit:
+    """What makes rows white, what white Y is regressed on, and the inverse of its products."""
+
+    rows: WhiteRows
+    regressors: Regressors
+    inverse: FloatArray
+
+    def moved(self, change: Sequence[FloatArray]) -> FloatArray:
+        """Return what X grows by, shape (columns,), when Y grows: an array a block, (n,), both in SI."""
+        only = np.zeros(1, dtype=np.int64)
+        white = self.rows.columns([part[:, None] for part in change], [only] * len(change))
+        across = sum(one.across(part[:, 0]) for one, (part, _) in zip(self.regressors, white, strict=True))
+        return np.asarray(self.inverse @ across)
 
 
 def joint_whiteners(records: Sequence[RowResiduals], rises: Sequence[int]) -> tuple[JointWhitener, ...]:

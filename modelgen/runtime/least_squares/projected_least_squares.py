@@ -61,5 +61,5 @@ def _regressed(fit: Fit, projected: Regressors, triangle: FloatArray) -> Fit:
     parts = weighted_parts(fit.blocks, fit.weights, projected)
     solution = polished(triangle, parts, SIMULATED_TOLERANCE, ALIKE)
     residuals = residuals_of(fit.blocks, solution.x)
-    own = replace(fit, series=None, moved=None)
+    own = replace(fit, series=None, white=None)
     return replace(own, solution=solution, residuals=residuals, projected=projected)

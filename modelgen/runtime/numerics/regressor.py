@@ -89,12 +89,19 @@ def regressor(W: FloatArray | Regressor) -> Regressor:
 
 @dataclass(frozen=True, eq=False)
 class Regressors(Sequence[Regressor]):
-    """The regressors of several blocks of rows, with one mix for all; fields as those of `Regressor`."""
+    """The regressors of several blocks of rows, with one mix for all; fields as those of `Regressor`.
+
+    Attributes
+    ----------
+    made : array, shape (first, c), or None
+        What they were mixed of, from the first columns on: with instruments, these. None where nothing was.
+    """
 
     samples: tuple[FloatArray, ...]
     places: tuple[IntArray | None, ...]
     mix: FloatArray | None
     columns: int
+    made: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -129,10 +136,8 @@ class Regressors(Sequence[Regressor]):
                 before = np.arange(m) if own is None else own
                 places[index] = np.concatenate([before, np.array([*seen[index]], dtype=np.int64)])
                 samples[index] = np.column_stack([samples[index], *seen[index].values()])
-        mix = self.mix
-        if mix is not None:
-            mix = np.block([[mix, np.zeros((m, more))], [np.zeros((more, self.columns)), np.eye(more)]])
-        return Regressors(tuple(samples), tuple(places), mix, self.columns + more)
+        mix, made = (None if one is None else _bordered(one, more) for one in (self.mix, self.made))
+        return Regressors(tuple(samples), tuple(places), mix, self.columns + more, made)
 
     def weighted(self, weights: Sequence[float]) -> Regressors:
         """Return the columns with one weight a block."""
@@ -140,21 +145,32 @@ class Regressors(Sequence[Regressor]):
 
     def dense(self) -> Regressors:
         """Return the same with all columns worked out."""
-        return self if self.plain else plain_regressors(tuple(one.dense() for one in self))
+        if self.plain:
+            return self
+        return replace(plain_regressors(tuple(one.dense() for one in self)), made=self.made)
 
     def mixed(self, share: FloatArray) -> Regressors:
         """Return the columns R `share`, of which `share` has the shape (c, others)."""
+        made = share if self.made is None else self.made @ share
         if self.plain:
             # columns in lines, as those of W are
-            return plain_regressors(tuple((share.T @ part.T).T for part in self.samples))
+            return replace(plain_regressors(tuple((share.T @ part.T).T for part in self.samples)), made=made)
         mix = share if self.mix is None else self.mix @ share
-        return replace(self, mix=mix, columns=share.shape[1])
+        return replace(self, mix=mix, columns=share.shape[1], made=made)
 
     def chosen(self, columns: Sequence[int]) -> Regressors:
         """Return some of the columns, in their order."""
+        own = np.eye(self.columns)[:, list(columns)]
         if self.plain:
-            return plain_regressors(tuple(part[:, list(columns)] for part in self.samples))
-        return self.mixed(np.eye(self.columns)[:, list(columns)])
+            found = plain_regressors(tuple(part[:, list(columns)] for part in self.samples))
+            return replace(found, made=own if self.made is None else self.made @ own)
+        return self.mixed(own)
+
+
+def _bordered(share: FloatArray, more: int) -> FloatArray:
+    """Return shares, shape (m, c), with as many further ones that are their own, (m + more, c + more)."""
+    m, c = share.shape
+    return np.block([[share, np.zeros((m, more))], [np.zeros((more, c)), np.eye(more)]])
 
 
 def plain_regressors(samples: tuple[FloatArray, ...]) -> Regressors:

@@ -14,7 +14,7 @@ import numpy as np
 from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.simulation.closed_loop import vibration
 from modelgen.runtime.simulation.plant import Plant, felt_accelerations
-from modelgen.runtime.simulation.thresholds import HOLDING_SHARE
+from modelgen.runtime.simulation.thresholds import DAMPING_RATIO, HOLDING_SHARE
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,16 +102,19 @@ class HeldChain:
         return np.where(slope, 1j * omega * read, read), np.where(slope, omega * most, most)
 
 
-def held_chain(plant: Plant, omega: FloatArray) -> HeldChain:
-    """Return a chain held at its driven body; circular frequencies in rad/s, shape (frequencies,)."""
+def held_chain(plant: Plant, omega: FloatArray, rate: float | None = None) -> HeldChain:
+    """Return a chain held at its driven body; circular frequencies in rad/s, shape (frequencies,).
+
+    `rate`, in rad/s, is how fast it is held, by default a share of its lowest elastic frequency.
+    """
     n = len(plant.bodies)
     space = plant.space(tuple(1 for _ in plant.sticking))
     modes = vibration(plant)
     lowest = float(modes.elastic_hz[0] if modes.elastic_hz.size else 1.0 / omega[1])
-    rate = HOLDING_SHARE * 2.0 * np.pi * lowest
+    rate, damping = (HOLDING_SHARE * 2.0 * np.pi * lowest, 1.0) if rate is None else (rate, DAMPING_RATIO)
     gains = np.zeros(2 * n)
     gains[plant.driven] = modes.drive_inertia * rate**2
-    gains[n + plant.driven] = 2.0 * modes.drive_inertia * rate
+    gains[n + plant.driven] = 2.0 * damping * modes.drive_inertia * rate
     held = space.A - np.outer(space.B[:, plant.actuator], gains)
     rates, vectors = np.linalg.eig(held)
     entering = np.linalg.solve(vectors, np.vstack([np.zeros((n, n)), np.eye(n)]))

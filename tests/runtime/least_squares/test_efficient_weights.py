@@ -70,15 +70,15 @@ def test_rows_stay_as_they_were_and_residuals_are_those_of_the_solution(seed: in
 @pytest.mark.parametrize("seed", range(3))
 def test_what_rows_grow_by_moves_the_solution_as_white_rows_say(seed: int) -> None:
     fit, _ = fitted(seed)
-    assert fit.moved is None
+    assert fit.white is None
     found = efficient(fit)
-    assert found.moved is not None
+    assert found.white is not None
     for column in range(3):
-        moved = found.moved([row.W[:, column] for row in fit.blocks])
+        moved = found.white.moved([row.W[:, column] for row in fit.blocks])
         np.testing.assert_allclose(moved, np.eye(3)[column], atol=1e-8)
     # what noise of the rows does to the solution is what it moves
     noise = [row.Y - row.W @ TRUTH for row in fit.blocks]
-    np.testing.assert_allclose(found.moved(noise), found.solution.x - TRUTH, atol=1e-10)
+    np.testing.assert_allclose(found.white.moved(noise), found.solution.x - TRUTH, atol=1e-10)
 
 
 @pytest.mark.parametrize("seed", range(3))

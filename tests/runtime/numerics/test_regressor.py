@@ -64,3 +64,17 @@ def test_arrays_with_all_columns_stay_what_they_are() -> None:
     assert found.plain and found.dense() is found
     assert found.mixed(np.eye(C)[:, :2]).plain and found.joined([[R[:, 0] for R in dense]]).plain
     assert all(one.dense() is R for one, R in zip(found, dense, strict=True))
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_they_know_what_they_were_mixed_of(plain: bool) -> None:
+    first, dense = sparse(5, mixed=False)
+    first = plain_regressors(tuple(dense)) if plain else first
+    rng = np.random.default_rng(6)
+    further = [[rng.standard_normal(len(R)) for R in dense]]
+    shares = rng.standard_normal((C, C)), rng.standard_normal((C + 1, C))
+    assert first.made is None
+    found = first.mixed(shares[0]).joined(further).mixed(shares[1]).chosen([5, 0, 2])
+    assert found.made is not None
+    for one, R, more in zip(found, dense, further[0], strict=True):
+        np.testing.assert_allclose(one.dense(), np.column_stack([R, more]) @ found.made, atol=1e-12)

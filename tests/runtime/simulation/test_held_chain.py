@@ -18,3 +18,10 @@ def test_a_body_on_a_spring_of_no_stiffness_has_finite_answers() -> None:
     for push in ([1.0, 0.0], [0.0, 1.0]):
         read = chain.read([sensor.key for sensor in SMALL.sensors], np.array(push))
         assert all(np.all(np.isfinite(line)) for line in read.values())
+
+
+def test_it_is_held_as_fast_as_asked_for() -> None:
+    omega = 2.0 * np.pi * np.linspace(0.0, 50.0, 101)
+    plant = make_plant(SMALL, TRUTH)
+    slow, fast = (np.min(np.abs(held_chain(plant, omega, rate).rates)) for rate in (0.1, 10.0))
+    assert slow < 0.1 < 5.0 < fast

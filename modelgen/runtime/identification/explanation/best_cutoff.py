@@ -121,7 +121,7 @@ class _Scan:
         return worth
 
     def _try(self, step: int) -> bool:
-        """Tell whether a step gives the same columns."""
+        """Tell whether a step gives the same columns, of samples that feel no reversal."""
         begun = self._begun
         choice = choice_at(begun.task, begun.task.choice.cutoff_hz * 2.0 ** (0.5 * step))
         if choice is None:
@@ -132,7 +132,9 @@ class _Scan:
             found = run_method(task, begun.task.method)
         except (DataError, IdentifiabilityError):
             return False
-        if found.found.fit.columns != begun.found.fit.columns:
+        fit = found.found.fit
+        # where every sample feels a reversal, directions err by more than noise says
+        if fit.columns != begun.found.fit.columns or any(block.turning for block in fit.blocks):
             return False
         self.found[step], self._tried[step] = found, _tried(found)
         return True

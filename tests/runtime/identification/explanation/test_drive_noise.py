@@ -1,18 +1,16 @@
-"""Noise of a measured force pulls instruments that this force drives, as predicted; and not the default."""
+"""Noise of a measured force pulls instruments that this force drives, as predicted, and is taken off."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from modelgen.array_types import FloatArray
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification import default_method
-from modelgen.runtime.identification.explanation.drive_noise import drive_bias
+from modelgen.runtime.identification.explanation import less_driven
+from modelgen.runtime.identification.explanation.drive_noise import DriveBias, drive_bias
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.record import Record
 from tests.runtime.rigid_motion import RIGID, TRUTH, rigid_record, swings
 
 MOTION = swings((0.02, 1.3), (0.004, 4.1), (0.0005, 23.0))
@@ -24,32 +22,53 @@ def test_what_noise_of_a_force_moves_is_predicted_and_left_out(monkeypatch: pyte
     quiet = rigid_record(MOTION, n=8_000)
     size = 0.2 * float(np.std(quiet.signals["F"]))
     record = rigid_record(MOTION, n=8_000, force_noise=size)
-    predicted: dict[str, float] = {}
-
-    def kept(model: Model, records: tuple[Record, ...], choice: FilterChoice, fit: Fit) -> FloatArray:
-        driven = drive_bias(model, records, choice, fit)
-        predicted.update(zip(fit.columns, driven.tolist(), strict=True))
-        return driven
-
-    monkeypatch.setattr(default_method, "drive_bias", kept)
     estimate = identify(RIGID, record)
     assert estimate.bse["M"] < 0.01 * TRUTH["M"]
     assert all(abs(value - TRUTH[name]) < 3.0 * estimate.bse[name] for name, value in estimate.params.items())
     assert "noise of the forces biases instruments" in estimate.summary()
-    driven = identify(RIGID, record, method="iv").params["M"] - estimate.params["M"]
+
+    predicted: dict[str, float] = {}
+
+    def kept(job: Job, fit: Fit) -> DriveBias:
+        bias = drive_bias(job, fit)
+        predicted.update(zip(fit.columns, bias.shift.tolist(), strict=True))
+        return bias
+
+    monkeypatch.setattr(less_driven, "drive_bias", kept)
+    iv = identify(RIGID, record, method="iv")
+    driven = iv.params["M"] + predicted["M"] - estimate.params["M"]
     assert driven > 2.0 * estimate.bse["M"]
     assert 0.5 < driven / predicted["M"] < 2.0
 
 
-def test_where_encoders_are_noisy_as_well_intervals_hold_what_it_moves(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+@pytest.mark.slow
+def test_where_encoders_are_noisy_as_well_it_is_taken_off_instruments() -> None:
+    # of one motion: ten draws of the noise
+    found = [
+        identify(RIGID, rigid_record(MOTION, n=8_000, force_noise=10.0, noise=1e-6, seed=seed), method="iv")
+        for seed in range(10)
+    ]
+    assert all("which is taken off" in one.summary() for one in found)
+    off = np.array([one.params["M"] - TRUTH["M"] for one in found])
+    assert abs(off.mean()) < 0.7 * found[0].bse["M"]
+    assert np.sum(np.abs(off) < 2.0 * found[0].bse["M"]) >= 8
+
+
+def test_where_it_is_not_known_well_intervals_hold_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    record = rigid_record(MOTION, n=8_000, force_noise=10.0, noise=1e-6)
+    less = identify(RIGID, record, method="iv")
+    monkeypatch.setattr(less_driven, "MOST_DRIVEN", 0.0)
+    wider = identify(RIGID, record, method="iv")
+    shift = wider.params["M"] - less.params["M"]
+    assert shift > less.bse["M"]
+    assert "the intervals are widened by that" in wider.summary()
+    assert wider.bse["M"] == pytest.approx(np.hypot(less.bse["M"], shift), rel=0.1)
+
+
+def test_the_default_leaves_what_hardly_matters(monkeypatch: pytest.MonkeyPatch) -> None:
     record = rigid_record(MOTION, n=8_000, force_noise=0.5, noise=2e-5)
     plain = identify(RIGID, record)
     assert "noise of the forces" not in plain.summary()
-    monkeypatch.setattr(
-        default_method, "drive_bias", lambda *_: 3.0 * np.array([plain.bse[n] for n in plain.params])
-    )
-    monkeypatch.setattr(default_method, "least_squares_instead", lambda *_: None)
-    wider = identify(RIGID, record)
-    assert wider.bse["M"] / plain.bse["M"] == pytest.approx(np.sqrt(10.0), rel=0.2)
+    monkeypatch.setattr(default_method, "drives", lambda *_: False)
+    monkeypatch.setattr(less_driven, "drives", lambda *_: False)
+    assert identify(RIGID, record).params == plain.params

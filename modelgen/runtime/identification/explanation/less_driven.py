@@ -1,0 +1,73 @@
+"""Instruments less what noise of the forces that drive their simulation does to them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.identification.explanation.drive_noise import drive_bias
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import IV, Method
+from modelgen.runtime.identification.thresholds import BIAS_SHARE, LEFT_DRIVEN, LEFT_TURNING, MOST_DRIVEN
+from modelgen.runtime.least_squares.fit import Fit, residuals_of
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+
+
+def drives(job: Job, method: Method, fit: Fit) -> bool:
+    """Tell whether measured forces drive the simulation of a fit's instruments, those of a chain."""
+    plain = isinstance(method, IV) and method.robust is None and method.bounds is None
+    return (
+        plain and not job.model.is_arm and fit.projected is not None and fit.carried is None and not job.loop
+    )
+
+
+def less_driven(
+    job: Job, method: Method, fit: Fit, again: bool = False
+) -> tuple[Fit, FloatArray, tuple[str, ...]]:
+    """Return a fit less what noise of the forces shifts it by, what of that may be left, and what is said.
+
+    Returns
+    -------
+    Fit
+        As it is where that shift does not matter, or is not known: in first order in the noise's share.
+    array, shape (c, c)
+        A mean square in SI.
+    tuple of str
+
+    Raises
+    ------
+    IdentifiabilityError
+        Where the fit is another one `again`, for comparison, and the shift is not known.
+    """
+    x, none = fit.solution.x, np.zeros((len(fit.columns),) * 2)
+    if not drives(job, method, fit):
+        return fit, none, ()
+    try:
+        bias = drive_bias(job, fit)
+    except (DataError, IdentifiabilityError):
+        if again:
+            raise
+        return fit, none, ()
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), np.finfo(float).tiny))
+    if not np.any(np.abs(bias.shift) > BIAS_SHARE * spread):
+        return fit, none, ()
+    most = int(np.argmax(np.abs(bias.shift) / spread))
+    told = f"noise of the forces shifts instruments (most {fit.columns[most]}"
+    if bias.share > MOST_DRIVEN:
+        if again:
+            raise IdentifiabilityError.at("instruments", "are shifted by noise of the forces", "filter less")
+        return fit, np.outer(bias.shift, bias.shift), (f"{told}); the intervals are widened by that",)
+    shifted = x - bias.shift
+    with np.errstate(divide="ignore"):
+        size = 100.0 * abs(np.divide(bias.shift[most], shifted[most]))
+    solution = replace(fit.solution, x=shifted)
+    moved = [*bias.delays.tolist(), *[0.0] * (len(fit.delays) - len(bias.delays))]
+    late = tuple((key, late - by, std) for (key, late, std), by in zip(fit.delays, moved, strict=True))
+    found = replace(fit, solution=solution, residuals=residuals_of(fit.blocks, shifted), delays=late)
+    # at reversals noise turns friction as well, which moves instruments in another way
+    turning = any(block.turning for block in fit.blocks)
+    left = (LEFT_TURNING if turning else LEFT_DRIVEN) ** 2 * np.outer(bias.shift, bias.shift) + bias.spread
+    return found, left, (f"{told}, by {size:.2g} %), which is taken off",)
