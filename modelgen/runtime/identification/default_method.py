@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from modelgen.runtime.diagnostics.parameter_checks import zero_columns
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero
-from modelgen.runtime.identification.explanation.best_cutoff import at_best_cutoff, at_cutoff_of
+from modelgen.runtime.identification.explanation.best_cutoff import at_best_cutoff, at_cutoff_of, calmer
 from modelgen.runtime.identification.explanation.drive_noise import drive_bias
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import (
@@ -94,10 +95,11 @@ def _of_chain(task: Task, method: Auto) -> Begun:
         other = with_predicted_cutoff(given, consistent=False)
         left = {one.choice.cutoff_hz: one for one in (other, given)}
         left.pop(task.choice.cutoff_hz, None)
-        found, task = next(filter(None, (_tried(one, method) for one in left.values())), None), other
+        others = chain(left.values(), calmer(given))
+        found = next(filter(None, (_tried(one, method) for one in others)), None)
         if found is None:
-            return _last_resort(task, method, error)
-        first = found
+            return _last_resort(other, method, error)
+        first, task = found, at_cutoff_of(other, found.task)
     first = _with_holds(task, method, first)
     task = first.task
     if first.found.fit.carried is not None:

@@ -35,7 +35,7 @@ from modelgen.runtime.identification.contradiction import with_impossible_signs
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.memory_limit import beyond_limit
-from modelgen.runtime.identification.methods import IV, WLS, Auto, Method
+from modelgen.runtime.identification.methods import IV, WLS, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.robust_and_bounded import Treatment, treat, unweighted
 from modelgen.runtime.identification.task import Task

@@ -41,9 +41,6 @@ HELD_ROUNDS, HELD_SETTLED = 3, 1e-3
 KNOWN_INSTANT = 0.02
 # Directions are simulated so often, each time with the last estimate: the first is a few percent off.
 TURNED_ROUNDS = 2
-# Records with more samples together keep low-passed directions: reversals are few of so many samples, and
-# simulated directions are in memory, a number a body and sample.
-LONGEST_TURNED = 1 << 19
 # So many effects are estimated at most: the records do not hold more.
 MOST_EFFECTS = 3
 # Steps of a search, those counted that take one effect in place of another.

@@ -7,6 +7,7 @@ lower the cut-off is. Instruments say both themselves, from one simulation at al
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -68,6 +69,30 @@ def at_cutoff_of(task: Task, found: Task) -> Task:
     choice = found.choice
     filters = replace(task.filters, cutoff_hz=choice.cutoff_hz)
     return replace(task, choice=choice, filters=filters, job=replace(task.job, choice=choice))
+
+
+def calmer(task: Task) -> Iterator[Task]:
+    """Yield a task at the next higher cut-offs at which samples are free of reversals.
+
+    Where every sample feels one at its own cut-off: a trapezoid shows the mode of its link in the little that
+    rings behind each step, which a low-pass for the motion itself smears over all of them.
+    """
+    if task.filters.cutoff_hz is not None or not _turning(task):
+        return
+    tried = 0
+    for step in range(1, CUTOFF_STEPS):
+        choice = choice_at(task, task.choice.cutoff_hz * 2.0 ** (0.5 * step))
+        if choice is None or tried == STEPS_IN_VAIN:
+            return
+        higher = replace(task, choice=choice, job=replace(task.job, choice=choice, surveys=()))
+        if not _turning(higher):
+            tried += 1
+            yield higher
+
+
+def _turning(task: Task) -> bool:
+    """Tell whether some row has no sample that feels no reversal."""
+    return any(block.turning for block in task.job.calm(task.job.records).blocks)
 
 
 def _matters(job: Job, fit: Fit) -> bool:

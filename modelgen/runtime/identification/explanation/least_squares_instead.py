@@ -80,8 +80,8 @@ def _run(task: Task, job: Job, method: Method, fit: Fit) -> tuple[Job, Begun]:
     """Return least squares, and its job, with directions near reversals simulated at a fit.
 
     With low-passed directions where those leave more, as that of a wrong model knows none; without samples
-    near reversals where the simulation fails. Long records are as they are: reversals are few of their
-    samples, and simulated ones would stay in memory.
+    near reversals where the simulation fails. Long records keep those of low-passed speeds: to simulate all
+    of one takes as long as all else together, and what other directions move is in the intervals.
     """
     plain = run_method(replace(task, job=job), method)
     if job.share < 1.0 or not takes_directions(job):

@@ -15,7 +15,7 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explanation.explained import Begun, run_method, with_note
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.thresholds import LONGEST_TURNED, TURNED_ROUNDS
+from modelgen.runtime.identification.thresholds import TURNED_ROUNDS
 from modelgen.runtime.iv.companion_simulation import Loop, possible, simulated_beside
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.physical.friction_rows import directions
@@ -54,11 +54,8 @@ def with_simulated_directions(begun: Begun) -> Begun:
 
 
 def takes_directions(job: Job) -> bool:
-    """Tell whether rows take directions from a simulation: they hold signs, and records are short enough.
-
-    What is simulated of the records is in memory, wherever they are themselves.
-    """
-    return bool(bodies_with_signs(job.model)) and sum(one.n for one in job.records) <= LONGEST_TURNED
+    """Tell whether rows take directions from a simulation: whether they hold signs of speeds."""
+    return bool(bodies_with_signs(job.model))
 
 
 def directed(job: Job, fit: Fit) -> Job:

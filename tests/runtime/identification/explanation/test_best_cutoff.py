@@ -8,25 +8,29 @@ from functools import cache
 import numpy as np
 
 from modelgen.runtime.identification.choose_cutoff import choice_at
-from modelgen.runtime.identification.explanation.best_cutoff import at_best_cutoff
+from modelgen.runtime.identification.explanation.best_cutoff import at_best_cutoff, calmer
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
+from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import IV, Auto
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.identification.task import Task, prepared
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.simulation.simulate import simulate
-from tests.runtime.two_mass_records import SMALL
+from tests.runtime.two_mass_records import FS, NOISE, SMALL, TRUTH
 
 DRIVE = {"J_m": 1e-3, "F_vm": 5e-3, "F_sm": 0.02, "J_c": 1e-3, "F_vmc": 4e-3, "K": 8.0}
 
 
 @cache
 def begun_at(cutoff_hz: float, kind: str = "trapezoid", noise: float = 1e-4, given: bool = False) -> Begun:
+    return run_method(task_at(cutoff_hz, kind, noise, given), IV())
+
+
+def task_at(cutoff_hz: float, kind: str = "trapezoid", noise: float = 1e-4, given: bool = False) -> Task:
     rms = {"q_m": noise, "q_c": noise, "Gamma_m": 2e-3}
     record = simulate(SMALL, DRIVE, kind, fs=1000.0, duration_s=4.0, noise=rms).record
     filters = Filters(cutoff_hz=cutoff_hz) if given else Filters()
-    task = prepared(SMALL, record, Auto(), filters, CheckOptions())
-    return run_method(at(task, cutoff_hz), IV())
+    return at(prepared(SMALL, record, Auto(), filters, CheckOptions()), cutoff_hz)
 
 
 def at(task: Task, cutoff_hz: float) -> Task:
@@ -57,3 +61,20 @@ def test_a_cutoff_that_was_given_stays() -> None:
 def test_where_reversals_and_noise_take_little_the_cutoff_stays() -> None:
     first = begun_at(20.0, kind="chirp")
     assert at_best_cutoff(first) is first
+
+
+def test_a_trapezoid_shows_its_mode_at_cutoffs_at_which_reversals_leave_samples() -> None:
+    # at the cut-off for the motion itself every sample feels a reversal: the default had refused all of it
+    record = simulate(SMALL, TRUTH, "trapezoid", fs=FS, duration_s=4.0, noise=NOISE, seed=3).record
+    estimate = identify(SMALL, record)
+    assert set(estimate.params) == set(TRUTH)
+    assert all(abs(estimate.params[name] - value) < 3.5 * estimate.bse[name] for name, value in TRUTH.items())
+    assert estimate.bse["J_c"] < 0.03 * TRUTH["J_c"]
+
+
+def test_only_where_every_sample_feels_a_reversal_higher_cutoffs_are_yielded() -> None:
+    first = task_at(6.0)
+    found = [task.choice.cutoff_hz for task in calmer(first)]
+    assert len(found) == 2 and found[0] > first.choice.cutoff_hz
+    assert not list(calmer(task_at(30.0)))
+    assert not list(calmer(task_at(6.0, given=True)))

@@ -9,6 +9,7 @@ import pytest
 
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.identification.explanation import explain_stretches
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.iv.companion_simulation import simulated_beside
 from modelgen.runtime.iv.physical.friction_rows import directions
@@ -74,3 +75,16 @@ def test_instruments_are_not_run_again_where_rows_hold_no_sign(monkeypatch: pyte
     asymmetric = BOTH.replace('coulomb = "F_sm"', 'coulomb = "F_sm", friction = "asymmetric"')
     found = identify(model_of(asymmetric, "motor"), swinging(5))
     assert not any("directions near reversals" in note for note in found.fit.notes)
+
+
+def test_all_of_a_long_record_takes_the_directions_that_its_stretches_take(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    short = identify(servo(), swinging(5))
+    monkeypatch.setattr(explain_stretches, "SEARCHED", 1 << 12)
+    found = identify(servo(), swinging(5))
+    (record,) = found.source.records
+    assert record.n == swinging(5).n
+    assert "direction of m" in record.signals
+    # with low-passed ones F_sm has no number
+    assert abs(found.params["F_sm"] - short.params["F_sm"]) < 3.0 * short.bse["F_sm"]
