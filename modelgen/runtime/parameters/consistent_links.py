@@ -37,6 +37,19 @@ _PSEUDO_INERTIA: tuple[Mapping[str, float], ...] = (
 )
 
 
+def _matrix(quantity: str) -> FloatArray:
+    """Return what one of LINK adds to the pseudo-inertia, shape (4, 4), a unit of it (SI)."""
+    found = np.zeros((4, 4))
+    for column, row, entry in zip(*np.tril_indices(4), _PSEUDO_INERTIA, strict=True):
+        value = entry.get(quantity, 0.0)
+        found[row, column] = found[column, row] = value if row == column else value / _ROOT
+    return found
+
+
+#: What each of LINK adds to the pseudo-inertia of its link.
+PSEUDO_INERTIA: Mapping[str, FloatArray] = {quantity: _matrix(quantity) for quantity in LINK}
+
+
 @dataclass(frozen=True)
 class Bodies:
     """What is to be consistent: names of all parameters, ten of each link, and those no less than zero.
@@ -188,11 +201,8 @@ def _cones(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
 
 def _lift(values: dict[str, float], known: Mapping[str, float], names: Sequence[str]) -> None:
     """Add to a link's masses what the solver's rounding left below zero, if anything."""
-    own = {quantity: {**known, **values}[name] for quantity, name in zip(LINK, names, strict=True)}
-    matrix = np.zeros((4, 4))
-    for k, j, entry in zip(*np.tril_indices(4), _PSEUDO_INERTIA, strict=True):
-        value = sum(factor * own[quantity] for quantity, factor in entry.items())
-        matrix[j, k] = matrix[k, j] = value if j == k else value / _ROOT
+    every = {**known, **values}
+    matrix = sum(every[name] * PSEUDO_INERTIA[quantity] for quantity, name in zip(LINK, names, strict=True))
     below = max(0.0, -float(np.linalg.eigvalsh(matrix)[0]))
     for quantity, name in zip(LINK, names, strict=True):
         if name in values:

@@ -78,5 +78,15 @@ SOLVER_GAP = 1e-11
 # A bound holds a parameter, or a link, that it moves by so many standard deviations.
 HELD = 1e-2
 
+# Bodies are as likely as matrices made of seven random points, two more than make thin ones unlikely: each
+# further point is worth half the logarithm of the determinant.
+CENTRED = 1.0
+# They are looked for from inside, links enlarged by this share, by so many steps at most, until one promises
+# to gain less than this in log-likelihood; steps halved to less than the last number lead nowhere.
+LIFTED, CENTRING_STEPS, SMALLEST_GAIN, SHORTEST_STEP = 0.05, 100, 1e-3, 1e-12
+# What bends down counts in a step by the first of these shares that leaves a minimum; sizes that nothing
+# tells stay where they are.
+CONCAVE_SHARES = (0.98, 0.8, 0.5, 0.0)
+
 # A sum of inertias is given in place of those that are not known where its deviation is below this, in %.
 KNOWN_SUM_PERCENT = 5.0

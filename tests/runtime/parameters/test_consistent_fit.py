@@ -76,6 +76,9 @@ def test_links_of_noisy_records_become_bodies_and_the_price_is_told(elastic: boo
     assert 0.0 < cost.residual_increase < 0.05 and cost.deviations > 0.0
     assert all(name in found.params or name in found.not_identifiable for name in plain.params)
     assert all(found.params[name] >= 0.0 for name in bodies_of(model)[1] if name in found.params)
+    # the bound tells something, and the intervals know of it
+    widths = np.array([found.bse[name] / plain.bse[name] for name in plain.params if name in found.params])
+    assert np.exp(np.mean(np.log(widths))) < 0.97 and widths.min() < 0.8
     assert "moved onto what a body can have: link" in " ".join(found.summary().split())
 
 
