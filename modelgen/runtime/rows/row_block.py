@@ -172,11 +172,12 @@ class RowBlock:
 
     def longest_run(self, most: int) -> Stretch:
         """Return the longest stretch without a gap, or so many of its first samples."""
-        longest = max(runs_of(self.place), key=len)
-        if not longest.size:
+        if not len(self.place):
             return self.between(0, 0)
-        first = int(self.place[longest[0]])
-        return self.between(first, first + min(len(longest), most))
+        edges = _run_edges(self.place)
+        longest = int(np.argmax(np.diff(edges)))
+        first = int(self.place[edges[longest]])
+        return self.between(first, first + min(int(edges[longest + 1] - edges[longest]), most))
 
     def chosen(self, columns: Sequence[int]) -> RowBlock:
         """Return the block with these of all columns only, in their order; nothing is copied."""
@@ -276,4 +277,12 @@ class DrawnBlock(RowBlock):
 
 def runs_of(place: IntArray) -> list[IntArray]:
     """Return the indices of samples that are neighbours on the grid, gap by gap; `place` has shape (n,)."""
-    return np.split(np.arange(len(place)), np.flatnonzero(np.diff(place) != 1) + 1)
+    return np.split(np.arange(len(place)), _run_edges(place)[1:-1])
+
+
+def _run_edges(place: IntArray) -> IntArray:
+    """Return where runs of neighbours begin among places of a grid, shape (n,), and last n."""
+    # most rows leave nothing out: what stands between places is as long as these
+    whole = len(place) == 0 or int(place[-1]) - int(place[0]) + 1 == len(place)
+    inner = np.zeros(0, dtype=np.int64) if whole else np.flatnonzero(np.diff(place) != 1) + 1
+    return np.concatenate([[0], inner, [len(place)]]).astype(np.int64)
