@@ -31,6 +31,7 @@ from modelgen.runtime.identification.explanation.held_commands import with_held_
 from modelgen.runtime.identification.explanation.least_squares_instead import least_squares_instead
 from modelgen.runtime.identification.explanation.less_driven import drives
 from modelgen.runtime.identification.explanation.simulated_directions import with_simulated_directions
+from modelgen.runtime.identification.explanation.wider_directions import with_wider_directions
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals, refused_problems
@@ -230,7 +231,8 @@ def _explained(task: Task, method: IV) -> Begun:
     step("looking for what the model lacks")
     if long(task.job):
         return explained_by_stretches(task, method, partial(_explained, method=method))
-    begun = with_simulated_directions(at_best_cutoff(run_method(task, method)))
+    begun = with_wider_directions(at_best_cutoff(run_method(task, method)))
+    begun = with_simulated_directions(begun)
     fit, job = begun.found.fit, begun.task.job
     return begun_with(begun.task, explained(job, found_by(job, begun.found.observation, fit), fit))
 
