@@ -17,7 +17,6 @@ from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero
 from modelgen.runtime.identification.explanation.best_cutoff import at_best_cutoff, at_cutoff_of, calmer
-from modelgen.runtime.identification.explanation.drive_noise import drive_bias
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import (
     decided_by_stretches,
@@ -29,7 +28,7 @@ from modelgen.runtime.identification.explanation.explained import Begun, begun_w
 from modelgen.runtime.identification.explanation.from_starts import with_starts
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.explanation.least_squares_instead import least_squares_instead
-from modelgen.runtime.identification.explanation.less_driven import drives
+from modelgen.runtime.identification.explanation.less_driven import driven_by_noise
 from modelgen.runtime.identification.explanation.simulated_directions import with_simulated_directions
 from modelgen.runtime.identification.explanation.wider_directions import with_wider_directions
 from modelgen.runtime.identification.memory_limit import beyond_limit
@@ -175,11 +174,11 @@ def _exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> 
 def _less_driven(task: Task, method: Auto, first: Begun) -> Begun:
     """Return instruments; least squares where noise of the forces biases these, and of the sensors not it."""
     fit, job = first.found.fit, first.task.job
-    if drives(job, method.instrumental, fit):
-        driven = drive_bias(job, fit).shift
+    driven = driven_by_noise(job, method.instrumental, fit)
+    if driven is not None:
         spread = np.sqrt(job.share * np.maximum(np.diag(hac_covariance(fit)), 0.0))
-        if np.any(np.abs(driven) > BIAS_SHARE * spread):
-            found = least_squares_instead(task, method, first, driven)
+        if np.any(np.abs(driven.shift) > BIAS_SHARE * spread):
+            found = least_squares_instead(task, method, first, driven.shift)
             if found is not None:
                 return found
     return with_note(first, "method iv: noise of the sensors does not bias instruments")

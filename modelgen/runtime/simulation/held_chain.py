@@ -85,6 +85,21 @@ class HeldChain:
         found = np.vstack([level, rise]) @ self._answers.T
         return np.asarray(found[: len(shares)] + 1j * self.omega * found[len(shares) :])
 
+    def driven(self, forces: ComplexArray) -> dict[str, ComplexArray]:
+        """Return what the sensors read while these forces drive the bodies, (bodies, frequencies); 0 at 0 Hz.
+
+        All at once: a chain has as many forces as bodies.
+        """
+        swing = 1j * self.omega - self.rates[:, None]
+        swing[:, self.omega == 0.0] = np.inf
+        coordinates = (self.entering @ (forces / self.plant.inertia[:, None])) / swing
+        keys = [sensor.key for sensor in self.plant.model.sensors]
+        found = np.array([self.readings[key][0] for key in keys]) @ coordinates
+        return {
+            key: 1j * self.omega * line if self.readings[key][1] else line
+            for key, line in zip(keys, found, strict=True)
+        }
+
     def acceleration(self, push: FloatArray) -> ComplexArray:
         """Return the acceleration of what a unit of force is on, along it, shape (frequencies,)."""
         return np.asarray(1j * self.omega * self._answered((push @ self.speeds)[None], push)[0])

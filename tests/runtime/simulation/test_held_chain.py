@@ -25,3 +25,16 @@ def test_it_is_held_as_fast_as_asked_for() -> None:
     plant = make_plant(SMALL, TRUTH)
     slow, fast = (np.min(np.abs(held_chain(plant, omega, rate).rates)) for rate in (0.1, 10.0))
     assert slow < 0.1 < 5.0 < fast
+
+
+def test_forces_on_all_bodies_add_up() -> None:
+    omega = 2.0 * np.pi * np.linspace(0.0, 50.0, 101)
+    chain = held_chain(make_plant(SMALL, TRUTH), omega, 5.0)
+    lines = np.random.default_rng(0).standard_normal((2, 101)) + 0j
+    keys = [sensor.key for sensor in SMALL.sensors]
+    expected = {key: np.zeros(101, dtype=complex) for key in keys}
+    for push, line in zip(np.eye(2), lines, strict=True):
+        for key, answer in chain.read(keys, push).items():
+            expected[key] += answer * line
+    for key, found in chain.driven(lines).items():
+        np.testing.assert_allclose(found[1:], expected[key][1:], rtol=1e-9)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
@@ -30,10 +30,12 @@ from modelgen.runtime.simulation.held_chain import held_chain
 from modelgen.runtime.simulation.plant import Plant, make_plant
 
 # Noise is drawn in periods of so many samples at most, and of a multiple of so many that are kept: transforms
-# of other lengths take far longer.
-LONGEST_PERIOD, EVEN_LENGTH = 1 << 16, 1 << 10
-# So often: masks, and rows that begin anew behind them, see parts of it.
-DRAWS = 4
+# of other lengths take far longer. Periods of more than a few forces are shorter: all are in memory.
+LONGEST_PERIOD, EVEN_LENGTH, FEW_FORCES = 1 << 16, 1 << 10, 4
+# So often over all forces: masks, and rows that begin anew behind them, see parts of it.
+DRAWS, FEWEST_DRAWS = 4, 2
+# Steps in which the largest share comes out to some percent.
+POWER_STEPS = 20
 
 
 class DriveBias(NamedTuple):
@@ -67,82 +69,103 @@ def drive_bias(job: Job, fit: Fit) -> DriveBias:
     c = len(fit.columns)
     own = np.eye(c) if made is None else made[:c]
     plant = make_plant(job.model, possible(job.model, simulation_parameters(job.model, fit)))
-    pushes = plant.space(tuple(1 for _ in plant.sticking)).B[len(plant.bodies) :] * plant.inertia[:, None]
-    found, power = np.zeros((DRAWS, len(inverse))), np.zeros(inverse.shape)
-    for draw in range(DRAWS):
-        for actuator, push in zip(job.model.actuators, pushes.T, strict=True):
-            for part in _weighed(fit, _drawn(job, fit, plant, actuator.key, push, draw)):
-                along = own.T @ (part[:, :-1].T @ part)
-                found[draw] += inverse @ along[:, -1]
-                power += along[:, :-1] @ own / DRAWS
-    share = np.linalg.eigvals(inverse @ power).real.max(initial=0.0)
+    draws = max(FEWEST_DRAWS, DRAWS // len(job.model.actuators))
+    found, power = np.zeros((draws, len(inverse))), np.zeros((c + 1, c + 1))
+    for draw in range(draws):
+        products = np.zeros((c + 1, c + 1))
+        for part, places in _weighed(fit, _drawn(job, fit, plant, draw)):
+            products[np.ix_(places, places)] += part.T @ part
+        found[draw] = inverse @ (own.T @ products[:c, c])
+        power += products / draws
     shift = found.mean(axis=0)
     apart = (found - shift)[:, :c]
-    spread = apart.T @ apart / (DRAWS * (DRAWS - 1))
+    spread = apart.T @ apart / (draws * (draws - 1))
+    share = _largest(inverse, own.T @ power[:c, :c] @ own)
     # columns of delays stand behind the parameters'
-    return DriveBias(shift[:c], shift[c : c + len(fit.delays)], spread, float(share))
+    return DriveBias(shift[:c], shift[c : c + len(fit.delays)], spread, share)
 
 
-def _weighed(fit: Fit, tables: Sequence[FloatArray]) -> list[FloatArray]:
-    """Return rows of blocks as the fit weighs them, (n, columns), that repeat a table (period, columns)."""
-    repeated = [block.place % len(table) for block, table in zip(fit.blocks, tables, strict=True)]
+def _largest(inverse: FloatArray, power: FloatArray) -> float:
+    """Return the largest eigenvalue of the product of two that have none below zero, (c, c) each."""
+    scale = np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
+    inner, outer = inverse / np.outer(scale, scale), power * np.outer(scale, scale)
+    along, size = np.ones(len(scale)), 0.0
+    for _ in range(POWER_STEPS):
+        along = inner @ (outer @ along)
+        size = float(np.linalg.norm(along))
+        if size == 0.0:
+            break
+        along = along / size
+    return size
+
+
+def _weighed(
+    fit: Fit, tables: Sequence[tuple[FloatArray, IntArray]]
+) -> Sequence[tuple[FloatArray, IntArray]]:
+    """Return rows of blocks as the fit weighs them, and which columns these are, that repeat a table each."""
+    repeated = [block.place % len(table) for block, (table, _) in zip(fit.blocks, tables, strict=True)]
+    places = [own for _, own in tables]
     if fit.white is None:
         # what is alike counts as often as it is there
-        often = [np.bincount(at, minlength=len(table)) for at, table in zip(repeated, tables, strict=True)]
+        often = [np.bincount(at, minlength=len(t)) for at, (t, _) in zip(repeated, tables, strict=True)]
         each = zip(fit.weights, often, tables, strict=True)
-        return [weight * (np.sqrt(times) * table.T).T for weight, times, table in each]
-    parts, every = [t[at] for at, t in zip(repeated, tables, strict=True)], np.arange(tables[0].shape[1])
-    return [white for white, _ in fit.white.rows.columns(parts, [every] * len(parts))]
+        return [(weight * (np.sqrt(times) * t.T).T, own) for weight, times, (t, own) in each]
+    return fit.white.rows.columns([t[at] for at, (t, _) in zip(repeated, tables, strict=True)], places)
 
 
-def _drawn(job: Job, fit: Fit, plant: Plant, force: str, push: FloatArray, draw: int) -> list[FloatArray]:
-    """Return what a noise of a force adds to instruments and, last, to Y: (period, c + 1) a block, in SI."""
-    model, choice = job.model, job.choice
-    places = [model.base_parameters.index(name) for name in fit.columns]
-    x, found = fit.all_parameters(model.base_parameters), [np.zeros((0, 0))] * len(fit.blocks)
+def _drawn(job: Job, fit: Fit, plant: Plant, draw: int) -> list[tuple[FloatArray, IntArray]]:
+    """Return what noise of the forces adds to instruments and, last, to Y, and which columns these are.
+
+    One pair a block, (period, k + 1) in SI and (k + 1,); Y counts as the column behind all.
+    """
+    model, choice, c = job.model, job.choice, len(fit.columns)
+    position = np.full(len(model.base_parameters), -1)
+    position[[model.base_parameters.index(name) for name in fit.columns]] = np.arange(c)
+    x, forces = fit.all_parameters(model.base_parameters), {one.key for one in model.actuators}
+    found = [(np.zeros((0, 0)), np.zeros(0, dtype=np.int64))] * len(fit.blocks)
     for index, blocks in fit.by_record.items():
         record, factor = job.records[index], choice.decimation[index]
-        noise, period = _answered(plant, record, choice, factor, force, push, [draw, index])
-        rows = unmasked_rows(model, noise, choice, factor)
+        noise, period = _answered(plant, record, choice, factor, [draw, index])
+        rows, derivatives = unmasked_rows(model, noise, choice, factor), dict[str, FloatArray]()
         for number in blocks:
             row = fit.blocks[number].row
             ways = noise_ways(model, record, choice, factor)[row]
             expected = row_noise(model, record, choice, factor, row, x)
             seen = min(1.0, fit.rms(number) / expected) if expected else 0.0
-            lines = np.zeros((period, len(model.base_parameters) + 1))
+            lines = np.zeros((period, len(ways.columns) + 1))
             for channel, by_order in ways.slopes.items():
                 slopes = np.array([slope.mean(axis=1) for slope in by_order.values()])
-                moved = rows.derivatives(channel, [*by_order])[:period] @ slopes
-                if channel == force:
-                    lines[:, -1] += moved[:, -1]
-                else:
-                    lines[:, ways.columns] += moved[:, :-1]
-            found[number] = seen * lines[:, [*places, -1]]
+                key = f"{channel} {[*by_order]}"
+                if key not in derivatives:
+                    derivatives[key] = rows.derivatives(channel, [*by_order])[:period]
+                moved = derivatives[key] @ slopes
+                part = slice(-1, None) if channel in forces else slice(0, -1)
+                lines[:, part] += moved[:, part]
+            places = np.append(position[ways.columns], c)
+            kept = np.flatnonzero(places >= 0)
+            kept = kept[np.argsort(places[kept])]
+            found[number] = seen * lines[:, kept], places[kept]
     return found
 
 
 def _answered(
-    plant: Plant,
-    record: Record,
-    choice: FilterChoice,
-    factor: int,
-    force: str,
-    push: FloatArray,
-    seed: list[int],
+    plant: Plant, record: Record, choice: FilterChoice, factor: int, seed: list[int]
 ) -> tuple[Record, int]:
-    """Return two periods of a force's noise, and of what the held chain answers to it, in place of a record.
+    """Return two periods of the forces' noise, and of what the held chain answers to it, as a record.
 
-    Channels that answer nothing are zero; a period is as many samples kept.
+    A period is as many samples kept.
     """
-    step = EVEN_LENGTH * factor
-    n = -(-min(record.n, LONGEST_PERIOD) // step) * step
+    actuators, step = plant.model.actuators, EVEN_LENGTH * factor
+    longest = LONGEST_PERIOD // -(-len(actuators) // FEW_FORCES)
+    n = -(-min(record.n, longest) // step) * step
     omega = np.asarray(2.0 * pi * np.fft.rfftfreq(n, record.dt), dtype=float)
-    phase = 2.0 * pi * np.random.default_rng(seed).random(len(omega))
-    noise = np.sqrt(0.5 * record.facts.spectrum(force).noise * record.fs * n) * np.exp(1j * phase)
-    noise[0] = 0.0
+    phases = 2.0 * pi * np.random.default_rng(seed).random((len(actuators), len(omega)))
+    densities = np.array([record.facts.spectrum(one.key).noise for one in actuators])
+    noise = np.sqrt(0.5 * record.fs * n * densities)[:, None] * np.exp(1j * phases)
+    noise[:, 0] = 0.0
+    pushes = plant.space(tuple(1 for _ in plant.sticking)).B[len(plant.bodies) :] * plant.inertia[:, None]
     held = held_chain(plant, omega, 2.0 * pi * feedback_hz(choice))
-    read = [one.key for one in plant.model.sensors if one.key in record.signals]
-    lines = {one: answer * noise for one, answer in held.read(read, push).items()} | {force: noise}
-    signals = {one: np.tile(np.fft.irfft(line, n), 2) for one, line in lines.items()}
+    lines = held.driven(pushes @ noise) | {one.key: line for one, line in zip(actuators, noise, strict=True)}
+    signals = {key: np.tile(np.fft.irfft(line, n), 2) for key, line in lines.items() if key in record.signals}
     none = np.zeros(2 * n)
-    return Record({one: signals.get(one, none) for one in record.signals}, record.fs, "noise"), n // factor
+    return Record({key: signals.get(key, none) for key in record.signals}, record.fs, "noise"), n // factor

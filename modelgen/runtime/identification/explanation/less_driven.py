@@ -8,7 +8,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.identification.explanation.drive_noise import drive_bias
+from modelgen.runtime.identification.explanation.drive_noise import DriveBias, drive_bias
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, Method
 from modelgen.runtime.identification.thresholds import BIAS_SHARE, LEFT_DRIVEN, LEFT_TURNING, MOST_DRIVEN
@@ -16,12 +16,16 @@ from modelgen.runtime.least_squares.fit import Fit, residuals_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 
 
-def drives(job: Job, method: Method, fit: Fit) -> bool:
-    """Tell whether measured forces drive the simulation of a fit's instruments, those of a chain."""
+def driven_by_noise(job: Job, method: Method, fit: Fit) -> DriveBias | None:
+    """Return what noise of forces shifts instruments of a chain by; None if it does not, or is not known."""
     plain = isinstance(method, IV) and method.robust is None and method.bounds is None
-    return (
-        plain and not job.model.is_arm and fit.projected is not None and fit.carried is None and not job.loop
-    )
+    chain = not job.model.is_arm and fit.projected is not None and fit.carried is None
+    if not plain or not chain or job.loop:  # nor where a controller drives the simulation
+        return None
+    try:
+        return drive_bias(job, fit)
+    except (DataError, IdentifiabilityError):
+        return None
 
 
 def less_driven(
@@ -43,13 +47,8 @@ def less_driven(
         Where the fit is another one `again`, for comparison, and the shift is not known.
     """
     x, none = fit.solution.x, np.zeros((len(fit.columns),) * 2)
-    if not drives(job, method, fit):
-        return fit, none, ()
-    try:
-        bias = drive_bias(job, fit)
-    except (DataError, IdentifiabilityError):
-        if again:
-            raise
+    bias = driven_by_noise(job, method, fit)
+    if bias is None:
         return fit, none, ()
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), np.finfo(float).tiny))
     if not np.any(np.abs(bias.shift) > BIAS_SHARE * spread):

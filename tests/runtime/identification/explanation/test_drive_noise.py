@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modelgen.errors import DataError
 from modelgen.runtime.identification import default_method
-from modelgen.runtime.identification.explanation import less_driven
+from modelgen.runtime.identification.explanation import drive_noise, less_driven
 from modelgen.runtime.identification.explanation.drive_noise import DriveBias, drive_bias
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
@@ -69,6 +70,33 @@ def test_the_default_leaves_what_hardly_matters(monkeypatch: pytest.MonkeyPatch)
     record = rigid_record(MOTION, n=8_000, force_noise=0.5, noise=2e-5)
     plain = identify(RIGID, record)
     assert "noise of the forces" not in plain.summary()
-    monkeypatch.setattr(default_method, "drives", lambda *_: False)
-    monkeypatch.setattr(less_driven, "drives", lambda *_: False)
+    monkeypatch.setattr(default_method, "driven_by_noise", lambda *_: None)
+    monkeypatch.setattr(less_driven, "driven_by_noise", lambda *_: None)
     assert identify(RIGID, record).params == plain.params
+
+
+def test_what_is_not_known_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    record = rigid_record(MOTION, n=8_000, force_noise=10.0, noise=1e-6)
+
+    def fails(*_: object) -> None:
+        raise DataError.at("noise", "is too short", "give longer records")
+
+    monkeypatch.setattr(less_driven, "drive_bias", fails)
+    assert "noise of the forces" not in identify(RIGID, record).summary()
+
+
+def test_few_draws_say_what_many_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    record = rigid_record(MOTION, n=8_000, force_noise=10.0, noise=1e-6)
+    shifts = []
+
+    def kept(job: Job, fit: Fit) -> DriveBias:
+        for few in (1, 4):
+            monkeypatch.setattr(drive_noise, "DRAWS", 4 * few)
+            shifts.append(drive_bias(job, fit))
+        return shifts[0]
+
+    monkeypatch.setattr(less_driven, "drive_bias", kept)
+    identify(RIGID, record, method="iv")
+    few, many = (one.shift for one in shifts[:2])
+    assert few == pytest.approx(many, rel=0.1)
+    assert 0.0 < shifts[0].share < 0.1
