@@ -19,9 +19,10 @@ DYNAMICS_SHARE = 0.998
 DISTORTION = 0.05
 # Torques of an arm hold products of two and three motions, and friction: their band is so many times as wide.
 ARM_BAND = 5.0
-# What is nonlinear in the signals sees them behind a low-pass of so many times the band of their motion (it
-# would err by 0.004 % there, and by 24 % at 3.6 times), and of so many times the rows' own cut-off.
-SIGNAL_BAND = 12.0
+# What is nonlinear in the signals sees them behind a low-pass of so many times the band of their motion, of
+# which it takes less than 1e-5 there, and of so many times the rows' own cut-off. Where noise has lowered
+# that, products of noise up to twelve times the band biased damping by up to 2 %.
+SIGNAL_BAND = 6.0
 SIGNAL_CUTOFF = 4.0
 # Products of two signals of a chain, as rows of power have them, err less; noise times noise asks for less.
 POWER_BANDS = (5.0, 2.0)
