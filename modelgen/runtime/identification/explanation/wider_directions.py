@@ -6,6 +6,7 @@ speed turns at other instants than the body. A wider band has a hundredth of tha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,10 +15,15 @@ from modelgen.runtime.diagnostics.settings_drift import other_direction
 from modelgen.runtime.filter_choice.explain import direction_sentence
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import CLEARLY_LESS
+from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.given_directions import signs_of_rows
+
+# Instruments are run with the wider band where their solution already leaves less than this share with it.
+LESS_AT_ALL = 0.97
 
 
 def with_wider_directions(begun: Begun) -> Begun:
@@ -33,13 +39,15 @@ def with_wider_directions(begun: Begun) -> Begun:
 
     def again(choice: FilterChoice) -> Begun:
         job = replace(task.job, choice=choice, start=fit, surveys=())
+        if _left(_with_its_solution(job, fit), fit, task.model) > LESS_AT_ALL:
+            return begun  # a simulation less
         return run_method(replace(task, choice=choice, job=job), task.method)
 
     lowest_fs = min(record.fs for record in task.records)
     for choice, found in other_direction(task.choice, lowest_fs, again):
         other = found.found.fit
         alike = not _turning(other) and other.columns == fit.columns
-        if not alike or _left(other, fit, task.model) > CLEARLY_LESS:
+        if found is begun or not alike or _left(other.left_shares, fit, task.model) > CLEARLY_LESS:
             continue
         before, after = (direction_sentence(one.direction_cutoff_hz, False) for one in (task.choice, choice))
         after = f"{after[:-1]}: rows leave more with a narrower band."
@@ -54,12 +62,22 @@ def _turning(fit: Fit) -> bool:
     return any(block.turning for block in fit.blocks)
 
 
-def _left(other: Fit, fit: Fit, model: Model) -> float:
-    """Return the mean of what rows that hold directions leave with another fit, as a share of before."""
+def _with_its_solution(job: Job, fit: Fit) -> Sequence[float]:
+    """Return what the rows of a job leave with the solution of a fit, as shares of their largest terms."""
+    late = {channel: delay for channel, delay, _ in fit.delays}
+    rows = job.calm(tuple(advanced(record, late) for record in job.records))
+    x = fit.all_parameters(rows.columns)
+    blocks = {(block.record, block.row): block for block in rows.blocks}
+    found = [blocks[block.record, block.row] for block in fit.blocks]
+    return [float(np.linalg.norm(one.residual(x))) / (one.terms_norm(x) or 1.0) for one in found]
+
+
+def _left(left: Sequence[float], fit: Fit, model: Model) -> float:
+    """Return the mean of what is left of rows that hold directions, as a share of what a fit leaves."""
     signs = signs_of_rows(model)
     shares = [
         after / before if before > 0.0 else 1.0
-        for block, before, after in zip(fit.blocks, fit.left_shares, other.left_shares, strict=True)
+        for block, before, after in zip(fit.blocks, fit.left_shares, left, strict=True)
         if signs[block.row]
     ]
     return float(np.exp(np.mean(np.log(shares)))) if min(shares, default=0.0) > 0.0 else 1.0
