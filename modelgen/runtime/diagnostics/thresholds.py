@@ -150,6 +150,8 @@ THIRD_OCTAVE, SMALLEST_BAND, FIRST_BIN = 1.26, 8, 4
 COHERENCE, BANDS = 0.9, 3
 # The ratio may change so much from band to band; far above a resonance it falls with the frequency.
 FLAT = 3.0
+# Where it changes by more than this, the bands lie about a resonance or beyond, and say nothing of units.
+FALLING = 1.5
 # A ratio in the lowest band that is off by so much (of its logarithm) is no sensor's gain and no backlash.
 OFF = 0.05
 # What chance moves of a ratio counts so many times.

@@ -19,6 +19,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     BANDS,
     COHERENCE,
     DEVIATIONS,
+    FALLING,
     FEW_SENSORS,
     FIRST_BIN,
     FLAT,
@@ -55,18 +56,20 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
         ratios = found.values * levers[str(one.body)] / levers[str(other.body)]
         ratio = float(np.median(ratios))
         where = f"{record.name}, channel {other.key}, samples 0 to {record.n - 1}"
-        known = _known_factor(model, one, other, abs(ratio))
-        if known or not 1.0 / UNIT_FACTOR < abs(ratio) < UNIT_FACTOR:
+        # beyond a resonance a body moves the less the faster the motion is, and the other way
+        falls = float(np.ptp(np.log(np.abs(ratios)))) > np.log(FALLING)
+        known = "" if falls else _known_factor(model, one, other, abs(ratio))
+        if known or not (falls or 1.0 / UNIT_FACTOR < abs(ratio) < UNIT_FACTOR):
             other_unit = f"one of them may be in {known}" if known else "one of them has another unit"
             what = f"moves {_times(abs(ratio))} what {one.key} says at low frequencies: {other_unit}"
             meant = known or "mm for m?"
             yield Advice("unit", where, what, f"check the units of both ({meant}), and scale to SI")
-        elif (off := _off_ratio(ratios, found.noise)) and _moves_as_one(model):
+        elif not falls and (off := _off_ratio(ratios, found.noise)) and moves_as_one(model):
             what = f"moves {off:.4g} times as far at low frequencies as {one.key} and the spec's ratios say"
             yield Advice("unit", where, what, "check the ratios of links in the spec, and the scale of both")
         # gears may turn two bodies against each other
         turned = moves.get(str(one.body), 1.0) * moves.get(str(other.body), 1.0)
-        if 1.0 / REVERSED < abs(ratio) < REVERSED and ratio * turned < 0.0 and _moves_as_one(model):
+        if 1.0 / REVERSED < abs(ratio) < REVERSED and ratio * turned < 0.0 and moves_as_one(model):
             what = f"moves against {one.key} at low frequencies: one of them is reversed in sign"
             yield Advice("swapped", where, what, "check the signs of both (--map)")
 
@@ -85,14 +88,14 @@ def _off_ratio(ratios: FloatArray, noise: FloatArray) -> float | None:
 
 def _known_factor(model: Model, one: Sensor, other: Sensor, ratio: float) -> str:
     """Return in which unit one of two sensors is whose ratio only that accounts for, empty for none."""
-    alike = one.unit == other.unit and one.unit in TURNED_UNITS and _moves_as_one(model)
+    alike = one.unit == other.unit and one.unit in TURNED_UNITS and moves_as_one(model)
     for factor, unit in TURNED_UNITS[one.unit].items() if alike else ():
         if abs(abs(np.log(ratio)) - np.log(factor)) < UNIT_TOLERANCE:
             return unit
     return ""
 
 
-def _moves_as_one(model: Model) -> bool:
+def moves_as_one(model: Model) -> bool:
     """Return whether a chain moves as one where it moves slowly: no spring holds it to ground."""
     springs = (role for role in model.roles.values() if role.role in ("stiffness", "stiffness3"))
     return all(len(role.bodies) > 1 for role in springs)

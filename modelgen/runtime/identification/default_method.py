@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import chain
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from modelgen.runtime.diagnostics.parameter_checks import zero_columns
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero
+from modelgen.runtime.identification.explanation.averaged_forces import with_averaged_forces
 from modelgen.runtime.identification.explanation.best_cutoff import at_best_cutoff, at_cutoff_of, calmer
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import (
@@ -25,7 +27,11 @@ from modelgen.runtime.identification.explanation.explain_stretches import (
     timing_by_stretches,
 )
 from modelgen.runtime.identification.explanation.explained import Begun, begun_with, run_method, with_note
-from modelgen.runtime.identification.explanation.from_starts import with_starts
+from modelgen.runtime.identification.explanation.from_starts import (
+    with_carried_zeros,
+    with_starts,
+    with_zeros,
+)
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.explanation.least_squares_instead import least_squares_instead
 from modelgen.runtime.identification.explanation.less_driven import driven_by_noise
@@ -95,10 +101,14 @@ def _of_chain(task: Task, method: Auto) -> Begun:
         other = with_predicted_cutoff(given, consistent=False)
         left = {one.choice.cutoff_hz: one for one in (other, given)}
         left.pop(task.choice.cutoff_hz, None)
-        others = chain(left.values(), calmer(given))
-        found = next(filter(None, (_tried(one, method) for one in others)), None)
+        found = _first_of(left.values(), method)
         if found is None:
-            return _last_resort(other, method, error)
+            try:
+                return _last_resort(other, method, error)
+            except (IdentifiabilityError, DataError):
+                found = _first_of(calmer(given), method)
+                if found is None:
+                    raise
         first, task = found, at_cutoff_of(other, found.task)
     first = _with_holds(task, method, first)
     task = first.task
@@ -111,20 +121,21 @@ def _of_chain(task: Task, method: Auto) -> Begun:
 
 
 def _with_holds(task: Task, method: Auto, first: Begun) -> Begun:
-    """Return instruments with commands as a drive holds them, where these leave no more."""
-    return with_held_commands(task, first, method.held, partial(_instrumental, method=method.instrumental))
+    """Return instruments with commands as a drive holds them, and forces as it averages them."""
+    run = partial(_instrumental, method=method.instrumental)
+    return with_averaged_forces(with_held_commands(task, first, method.held, run), run)
 
 
 def _below(one: Begun) -> float:
     return max(below_zero(one.task.model, one.found.fit, one.found.drift).values(), default=0.0)
 
 
-def _tried(task: Task, method: Auto) -> Begun | None:
-    """Return instruments; None where they find nothing."""
-    try:
-        return _with_all_rows(_instrumental(task, method.instrumental))
-    except (IdentifiabilityError, DataError):
-        return None
+def _first_of(tasks: Iterable[Task], method: Auto) -> Begun | None:
+    """Return instruments of the first task in which they find something."""
+    for task in tasks:
+        with suppress(IdentifiabilityError, DataError):
+            return _with_all_rows(_instrumental(task, method.instrumental))
+    return None
 
 
 def _with_all_rows(found: Begun) -> Begun:
@@ -186,6 +197,9 @@ def _less_driven(task: Task, method: Auto, first: Begun) -> Begun:
 
 def _instrumental(task: Task, method: IV) -> Begun:
     """Return instruments; where a row is left unexplained, with zeros or delays of sensors as well."""
+    found = with_zeros(task, partial(_explained, method=method))
+    if found is not None:
+        return found
     try:
         plain = _explained(task, method)
     except IdentifiabilityError:
@@ -233,7 +247,8 @@ def _explained(task: Task, method: IV) -> Begun:
     begun = with_wider_directions(at_best_cutoff(run_method(task, method)))
     begun = with_simulated_directions(begun)
     fit, job = begun.found.fit, begun.task.job
-    return begun_with(begun.task, explained(job, found_by(job, begun.found.observation, fit), fit))
+    found = explained(job, found_by(job, begun.found.observation, fit), fit)
+    return begun_with(begun.task, with_carried_zeros(job, found))
 
 
 def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataError) -> Begun:
@@ -244,7 +259,7 @@ def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataErr
         if all_from_composites(task.model):
             raise
         task = replace(task, job=replace(task.job, reversing=True))
-        found = _tried(task, method)
+        found = _first_of((task,), method)
         found = found and _with_holds(task, method, found)
         if found is None or _unexplained(found) or negative_columns(task.model, found.found.fit):
             raise

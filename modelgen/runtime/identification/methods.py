@@ -35,6 +35,7 @@ def run_wls(job: Job) -> tuple[Observation, Fit]:
 
 def run_iv(job: Job) -> tuple[Observation, Fit]:
     """Instrumental variables on matched-filtered rows, without the samples near a reversal."""
+    from modelgen.runtime.iv.freed_effects import corrected
     from modelgen.runtime.iv.instrumental_variables import fit_iv, iv_round
     from modelgen.runtime.iv.physical.composite_iv import fit_composites_iv
     from modelgen.runtime.iv.physical.gauss_newton_step import Rules
@@ -51,6 +52,10 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
 
     if composites:  # physical parameters are in many columns
         rules = Rules(job.robust is not None, job.bounds is not None, job.at_zero)
+        if job.effects:  # zeros, of which most is known
+            sizes = (*job.sizes, *[0.0] * (len(job.effects) - len(job.sizes)))
+            apart = corrected(job.records, {}, job.effects, sizes)
+            setting = replace(setting, records=apart, zeros=job.effects)
         return fit_composites_iv(setting, dense, job.late, job.start, rules, job.begin)
 
     waiting = []

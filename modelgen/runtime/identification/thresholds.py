@@ -32,6 +32,13 @@ STANDS_IN = 0.3
 # A force is half a sample early to within this share of a sample: rounded encoders, and directions near
 # reversals, move its delay by a tenth. Nor is so short a delay told where rows use samples near reversals.
 HALF_SAMPLE = 0.2
+# A zero beyond this many standard deviations is told: of a few, none is so by chance.
+ZERO_APART = 3.0
+# Positions whose mean difference exceeds so many times what it changes by have zeros of their own.
+DEFLECTED = 3.0
+# Forces may be means over so many samples: shorter ones move nothing, and no drive reports longer ones; its
+# own delay adds a tenth.
+SHORTEST_MEAN, LONGEST_MEAN, WHOLE_SAMPLE = 0.2, 1.1, 0.1
 # No command acts before it is given: by more than this share of a sample it is another cause.
 LEAST_BEFORE = 0.2
 # Rounds in which a command is taken as held, at most; done when it moves by less than this share of a sample.

@@ -79,9 +79,12 @@ class Effect:
         """Return what is added to each channel per unit of further size, shape (n,) each."""
         return self.changes(simulated) if self.at is None or not size else self.at(simulated, size)
 
-    def corrected(self, record: Record, size: float) -> Record:
-        """Return a measured record without the effect, as far as its channels can be set right."""
-        if self.edit is None or not size:
+    def corrected(self, record: Record, index: int, size: float) -> Record:
+        """Return a measured record without the effect, as far as its channels can be set right.
+
+        `index` is its place among the records.
+        """
+        if self.edit is None or not size or self.record not in (None, index):
             return record
         return record.edited({self.channel: self.edit(self.channel, size, record)})
 
@@ -91,7 +94,7 @@ class Effect:
 
     def samples(self, size: float, fs: float) -> float:
         """Return the size of a delay or lag in samples at fs, in Hz; 0 for other effects."""
-        if self.edit is None or self.kind == "clock":
+        if self.edit is None or self.kind in ("clock", "zero"):
             return 0.0
         return fs * (abs(size) if self.kind == "delay" else self._width(size))
 

@@ -159,10 +159,10 @@ def corrected(
 ) -> tuple[Record, ...]:
     """Return the records with delays compensated, and what effects can be set right in their channels."""
     found = []
-    for record in records:
+    for index, record in enumerate(records):
         record = advanced(record, delays)
         for effect, size in zip(effects, sizes, strict=True):
-            record = effect.corrected(record, size)
+            record = effect.corrected(record, index, size)
         found.append(record)
     return tuple(found)
 

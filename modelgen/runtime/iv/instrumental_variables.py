@@ -18,6 +18,7 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
 from modelgen.runtime.iv.divergence import diverged, refuse_few, refuse_runaway, simulation_failed
+from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.thresholds import (
     EXACTNESS,
     FORESEEN,
@@ -45,6 +46,7 @@ class Setting:
     """The records, filters and controller that the model is simulated with.
 
     `guessed` are the directions of motion in the records that no sensor gives and no user: those of others.
+    `zeros` are those of positions, which steps in physical parameters estimate as well.
     """
 
     model: Model
@@ -53,6 +55,7 @@ class Setting:
     drop: int = 0
     loop: Loop | None = None
     guessed: tuple[str, ...] = ()
+    zeros: tuple[Effect, ...] = ()
 
 
 def fit_iv(start: Fit, setting: Setting) -> Fit:

@@ -58,9 +58,8 @@ def zero_effect(key: str, index: int | None, records: int) -> Effect:
     where = f" in record {index + 1}" if records > 1 and index is not None else ""
     zero = f"{key} has a zero of its own{where}"
     remedy = "subtract its reading at rest"
-    return Effect(
-        f"zero of {key}{where}", "zero", zero, zero, remedy, _constant(key, index), key, record=index
-    )
+    constant = _constant(key, index)
+    return Effect(f"zero of {key}{where}", "zero", zero, zero, remedy, constant, key, _less, record=index)
 
 
 def delay_effects(model: Model) -> tuple[Effect, ...]:
@@ -116,6 +115,10 @@ def _force_effects(key: str, late: bool) -> Iterator[Effect]:
 
 def _on_time(key: str, size: float, record: Record) -> Edit:
     return shift(key, size * record.fs)
+
+
+def _less(key: str, size: float, record: Record) -> Edit:
+    return Edit(key, lambda samples, start: samples - size)
 
 
 def _with(key: str, change: Callable[[FloatArray, float], FloatArray]) -> Callable[[Simulated], Changes]:

@@ -30,7 +30,7 @@ from modelgen.runtime.least_squares.thresholds import (
     SMALLEST_CHANGE,
     SMALLEST_STEP,
 )
-from modelgen.runtime.least_squares.time_shifts import hold, shift
+from modelgen.runtime.least_squares.time_shifts import hold, mean_undone, shift
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.block_column import BlockColumn, block_column
 from modelgen.runtime.records.record import Record
@@ -55,6 +55,16 @@ def advanced(record: Record, delays: Mapping[str, float]) -> Record:
             for key, delay in delays.items()
             if delay and key in record.signals
         }
+    )
+
+
+def with_means_undone(records: Sequence[Record], lengths: Mapping[str, float]) -> tuple[Record, ...]:
+    """Return the records with forces at their instants in the place of means over so many samples before."""
+    return tuple(
+        record.edited(
+            {key: mean_undone(key, length) for key, length in lengths.items() if key in record.signals}
+        )
+        for record in records
     )
 
 

@@ -26,17 +26,19 @@ class CarriedOver:
     Attributes
     ----------
     linear : Fit
-        That fit, in the physical parameters and without bounds.
+        That fit, without bounds.
     series : tuple of array
-        What each instant of each record contributes to X's error, shape (grid, columns): it follows from the
-        residuals of `linear`, not from those in base columns.
+        What each instant of each record adds to X's error, (grid, columns), by residuals of `linear`.
     unknown : tuple of str
         Physical parameters that cannot be told from the delays of forces.
+    zeros : tuple of (float, float)
+        Those of positions beyond what was taken off, and deviations.
     """
 
     linear: Fit
     series: tuple[FloatArray, ...]
     unknown: tuple[str, ...] = ()
+    zeros: tuple[tuple[float, float], ...] = ()
 
     def physical(self, names: Sequence[str]) -> dict[str, float]:
         """Return the physical parameters by name; what bounds hold at zero may be negative here."""
@@ -65,8 +67,7 @@ class Fit:
     blocks : tuple of RowBlock
         The blocks used, with the columns of the fit; `weights` holds one weight each.
     residuals : sequence of array
-        Unweighted Y - W X, one array a block; of rows that are not kept it is made whenever asked for: ask
-        `residual_norms`, or for stretches (`between`).
+        Unweighted Y - W X, one array a block; made anew of rows that are not kept: ask `residual_norms`.
     notes : tuple of str
         What the weighting met.
     projected : Regressors, optional

@@ -116,6 +116,18 @@ def test_bodies_that_move_against_each_other_beyond_an_antiresonance_are_not_tol
     assert said(moved) == []
 
 
+def test_a_load_far_above_its_resonance_has_no_other_unit() -> None:
+    """There it moves the less the faster the motor does; a unit is the same in every band."""
+    model, record = clean()
+    n = record.n
+    lines = np.fft.rfft(np.random.default_rng(0).standard_normal(n))
+    bands = np.maximum(np.arange(len(lines)), 1.0)
+    motor = {"q_m": np.fft.irfft(lines / bands, n)}
+    for gain, kinds in ((-0.5 / bands**2, []), (np.full(len(lines), 1e-3), ["unit"])):
+        moved = record.edited({**motor, "q_l": np.fft.irfft(lines / bands * gain, n)})
+        assert [one.kind for one in unlike_units(model, moved, ("q_m", "q_l"))] == kinds
+
+
 def test_a_motion_that_ends_elsewhere_is_not_told_to_be_reversed() -> None:
     # the transform of such a position is that of its drift, which (j omega)^2 made a motion of its own
     model = model_of(ACCELERATION, "motor")

@@ -98,12 +98,12 @@ def test_an_encoder_that_rows_differentiate_has_no_zero() -> None:
 @pytest.mark.parametrize("samples", [0.25, -0.25, 1.0])
 def test_a_late_channel_is_set_right_and_the_others_stay(samples: float) -> None:
     (late, _), (right, _) = two_mass_records(late={"q_c": samples}, noise=0.0), two_mass_records(noise=0.0)
-    found = EFFECTS["delay of q_c"].corrected(late, samples / FS)
+    found = EFFECTS["delay of q_c"].corrected(late, 0, samples / FS)
     np.testing.assert_allclose(found.signals["q_c"][20:-20], right.signals["q_c"][20:-20], atol=1e-8)
     np.testing.assert_array_equal(found.signals["q_m"], late.signals["q_m"])
-    assert EFFECTS["delay of q_c"].corrected(late, 0.0) is late
+    assert EFFECTS["delay of q_c"].corrected(late, 0, 0.0) is late
     # what has no edit stays in the rows
-    assert EFFECTS["gain of q_c"].corrected(late, 0.1) is late
+    assert EFFECTS["gain of q_c"].corrected(late, 0, 0.1) is late
 
 
 @settings(deadline=None)
@@ -113,7 +113,7 @@ def test_a_channel_of_another_clock_is_set_right(ppm: float, frequency: float, p
     samples = np.arange(n)
     wave = lambda at: np.cos(2.0 * np.pi * frequency * at + phase)  # noqa: E731
     read = Record({"q_c": wave(samples * (1.0 + size))}, 1000.0, "run")
-    found = EFFECTS["clock of q_c"].corrected(read, size).signals["q_c"]
+    found = EFFECTS["clock of q_c"].corrected(read, 0, size).signals["q_c"]
     middle = slice(30, n - 30)
     np.testing.assert_allclose(found[middle], wave(samples)[middle], atol=2e-4)
     assert not EFFECTS["clock of q_c"].runs_away(size, 1000.0)
@@ -164,7 +164,7 @@ def test_an_edit_reads_no_more_than_its_channel() -> None:
     record = Record({"q": np.arange(40.0), "r": np.zeros(40)}, 100.0, "run")
     lag = Effect("lag of q", "lag", "q is behind", "", "mend it", lambda simulated: {}, "q",
                  lambda key, size, record: without_lag(key, size, record.fs))  # fmt: skip
-    moved = lag.corrected(record, 0.5 * 0.02**2)
+    moved = lag.corrected(record, 0, 0.5 * 0.02**2)
     assert moved.n == record.n
     np.testing.assert_array_equal(moved.signals["r"], record.signals["r"])
     assert np.any(moved.signals["q"] != record.signals["q"])

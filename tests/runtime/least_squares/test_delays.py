@@ -36,12 +36,15 @@ def late(delay_s: float) -> list[Record]:
 
 
 def test_a_shift_is_exact_for_polynomials_and_good_for_slow_waves() -> None:
-    k = np.arange(40.0)
-    inside = slice(12, 28)
+    k = np.arange(80.0)
+    inside = slice(32, 48)
     np.testing.assert_allclose(shift("F", 0.3).whole(k**5)[inside], (k + 0.3)[inside] ** 5, rtol=1e-11)
     wave = np.sin(0.2 * np.pi * np.arange(200.0))
     moved = np.sin(0.2 * np.pi * (np.arange(200.0) - 2.5))
-    np.testing.assert_allclose(shift("F", -2.5).whole(wave)[20:-20], moved[20:-20], atol=1e-4)
+    np.testing.assert_allclose(shift("F", -2.5).whole(wave)[40:-40], moved[40:-40], atol=1e-10)
+    # of a force up to a quarter of the sampling frequency a delay makes no low-pass
+    fast, moved = (np.sin(0.5 * np.pi * (np.arange(200.0) - late)) for late in (0.0, 0.5))
+    np.testing.assert_allclose(shift("F", -0.5).whole(fast)[40:-40], moved[40:-40], atol=1e-5)
     np.testing.assert_array_equal(shift("F", 1.0).whole(wave)[10:-10], wave[11:-9])
 
 
@@ -54,10 +57,10 @@ def test_a_held_command_is_half_a_sample_late_and_a_little_weaker() -> None:
 
 
 def test_advanced_moves_only_what_is_named() -> None:
-    record = Record({"q_m": np.arange(30.0), "F": np.arange(30.0)}, 10.0, "run")
+    record = Record({"q_m": np.arange(80.0), "F": np.arange(80.0)}, 10.0, "run")
     moved = advanced(record, {"F": 0.05})
     np.testing.assert_array_equal(moved.signals["q_m"], record.signals["q_m"])
-    np.testing.assert_allclose(moved.signals["F"][10:20], np.arange(10.5, 20.0))
+    np.testing.assert_allclose(moved.signals["F"][20:60], np.arange(20.5, 60.0))
     assert advanced(record, {"F": 0.0}) is record
 
 

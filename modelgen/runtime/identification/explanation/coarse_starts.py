@@ -15,11 +15,14 @@ from math import log
 
 import numpy as np
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.diagnostics.unit_errors import moves_as_one
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
     CLEARLY_LESS,
     CLOCK_DRIFTS,
+    DEFLECTED,
     FINER,
     LARGEST_CLOCK_TRIED,
     LOOKED_AT,
@@ -28,6 +31,7 @@ from modelgen.runtime.identification.thresholds import (
     SENSOR_DELAYS,
 )
 from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.freed_effects import corrected
 from modelgen.runtime.iv.low_pass import low_pass
 from modelgen.runtime.iv.model_errors import clock_effects, delay_effect, delay_effects, zero_effects
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
@@ -35,6 +39,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.simulation.closed_loop import rigid_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +59,9 @@ def coarse_starts(job: Job) -> Iterator[Start]:
     IdentifiabilityError
         When least squares says nothing of the records as they are.
     """
-    zeros = zero_effects(job.model, len(job.records))
+    zeros, apart = zeros_apart(job)
     if zeros:
-        yield Start(zeros, (), _about_zeros(job))
+        yield Start(zeros, apart, _about_zeros(job))
     # clocks drift apart from the first sample on
     short = replace(
         job, records=tuple(one.part(0, min(LOOKED_AT, one.n), one.name) for one in job.records), surveys=()
@@ -69,7 +74,36 @@ def coarse_starts(job: Job) -> Iterator[Start]:
         start = _with_delays(job, one)
         yield start
         if zeros:
-            yield replace(start, effects=(*start.effects, *zeros))
+            yield replace(start, effects=(*start.effects, *zeros), sizes=(*start.sizes, *apart))
+
+
+def zeros_apart(job: Job) -> tuple[tuple[Effect, ...], tuple[float, ...]]:
+    """Return the zeros of positions, and those at which links are not deflected in the mean, in SI.
+
+    Zeros may differ by thousands of deflections: what moves by that has nothing to do with the records.
+    """
+    zeros = zero_effects(job.model, len(job.records))
+    apart = [_apart(job, effect) for effect in zeros]
+    return zeros, tuple(0.0 if one is None else float(np.median(one)) for one in apart)
+
+
+def zeros_differ(job: Job) -> bool:
+    """Tell whether zeros differ by more than links are deflected in the records."""
+    apart = [_apart(job, effect) for effect in zero_effects(job.model, len(job.records))]
+    return any(one is not None and abs(np.median(one)) > DEFLECTED * np.std(one) for one in apart)
+
+
+def _apart(job: Job, effect: Effect) -> FloatArray | None:
+    """Return by how much a position differs from the first one in a record, (n,); None for no such pair."""
+    moves = rigid_motion(job.model) if moves_as_one(job.model) else {}
+    read = [one for one in job.model.sensors if one.measures == "position" and one.body in moves]
+    bodies = {one.key: str(one.body) for one in read}
+    if effect.channel not in bodies or effect.record is None:
+        return None
+    record, first = job.records[effect.record], next(iter(bodies))
+    share = moves[bodies[effect.channel]] / moves[bodies[first]]
+    own, other = (record.read(key, 0, min(record.n, LOOKED_AT)) for key in (effect.channel, first))
+    return np.asarray(own - share * other)
 
 
 def _with_delays(job: Job, start: Start) -> Start:
@@ -132,10 +166,7 @@ def _best(job: Job, family: _Family) -> Start | None:
 
 
 def _corrected(job: Job, effects: Sequence[Effect], sizes: Sequence[float]) -> tuple[Record, ...]:
-    records = job.records
-    for effect, size in zip(effects, sizes, strict=True):
-        records = tuple(effect.corrected(record, size) for record in records)
-    return records
+    return corrected(job.records, {}, effects, sizes)
 
 
 def _fit(job: Job, records: tuple[Record, ...]) -> Fit:

@@ -67,3 +67,14 @@ def with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:
     found = one.found
     fit = replace(found.fit, notes=(note, *found.fit.notes))
     return replace(one, found=replace(found, fit=fit, drift=found.drift if drift is None else drift))
+
+
+def delays_of(begun: Begun) -> dict[str, float]:
+    """Return by how many s each channel was found to be late."""
+    found = begun.found
+    delays = {channel: delay for channel, delay, _ in found.fit.delays}
+    return delays | {
+        effect.channel: size
+        for effect, size in zip(found.effects, found.sizes, strict=True)
+        if effect.kind == "delay"
+    }

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
-from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts
+from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts, zeros_apart, zeros_differ
 from modelgen.runtime.identification.explanation.explain_residual import explained
+from modelgen.runtime.identification.explanation.explain_stretches import long
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, begun_with
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV
 from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.thresholds import ZERO_APART
 from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import estimated
@@ -52,3 +56,34 @@ def with_starts(task: Task, method: IV) -> Begun | None:
         advice = tuple(estimated(one, size, ()) for one, size in zip(effects, freed.sizes, strict=True))
         told = replace(told, advice=advice)
     return begun_with(replace(task, method=method), told)
+
+
+def with_zeros(task: Task, run: Callable[[Task], Begun]) -> Begun | None:
+    """Return instruments in physical parameters with zeros of positions; None where these hardly differ.
+
+    Without them there is no start: springs seem to carry forces that nothing explains. `run` takes a task to
+    its estimate.
+    """
+    short = not long(task.job) and task.job.share == 1.0
+    if not (all_from_composites(task.model) and short and zeros_differ(task.job)):
+        return None
+    zeros, sizes = zeros_apart(task.job)
+    try:
+        return run(replace(task, job=replace(task.job, effects=zeros, sizes=sizes)))
+    except (IdentifiabilityError, DataError):
+        return None
+
+
+def with_carried_zeros(job: Job, found: Explained) -> Explained:
+    """Return a fit in physical parameters with the zeros that were estimated with these, if any were."""
+    carried = found.fit.carried
+    if carried is None or not carried.zeros:
+        return found
+    known = (*job.sizes, *[0.0] * (len(job.effects) - len(job.sizes)))
+    sizes = tuple(size + more for size, (more, _) in zip(known, carried.zeros, strict=True))
+    told = tuple(
+        estimated(effect, size, ())
+        for effect, size, (_, std) in zip(job.effects, sizes, carried.zeros, strict=True)
+        if abs(size) > ZERO_APART * std
+    )
+    return replace(found, effects=job.effects, sizes=sizes, advice=(*told, *found.advice))

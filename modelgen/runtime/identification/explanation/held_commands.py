@@ -18,7 +18,7 @@ import numpy as np
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.explanation.best_cutoff import at_cutoff_of
-from modelgen.runtime.identification.explanation.explained import Begun, Explained
+from modelgen.runtime.identification.explanation.explained import Begun, Explained, delays_of
 from modelgen.runtime.identification.explanation.held_images import without_images
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
@@ -47,7 +47,7 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
         Takes a task to its estimate. Where it finds none, what was estimated first stays.
     """
     if told:
-        held = {key: _delays(first).get(key, 0.0) for key in told}
+        held = {key: delays_of(first).get(key, 0.0) for key in told}
     else:
         held = held_commands(first) if first.task.checks.drift_check else {}
         task = _holding(task, tuple(held))
@@ -58,7 +58,7 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
         except (IdentifiabilityError, DataError):
             return first
         # images feel when the command changes, which shows only without them
-        late = {key: _delays(again).get(key, delay) for key, delay in held.items()}
+        late = {key: delays_of(again).get(key, delay) for key, delay in held.items()}
         moved = max(abs(late[key] - held[key]) * again.task.records[0].fs for key in held)
         known, held = again, late
         if moved < HELD_SETTLED:
@@ -79,7 +79,7 @@ def held_commands(begun: Begun) -> dict[str, float]:
     if len(rates) > 1:
         return {}
     (fs,) = rates
-    delays = _delays(begun)
+    delays = delays_of(begun)
     beside = {key: delays[key] + 0.5 / fs for key in begun.task.job.late if key in delays}
     return {
         key: late
@@ -103,17 +103,6 @@ def _follows(begun: Begun, key: str, late: float) -> bool:
     }
     lag = sum(effect.samples(size, fs) for effect, size in sizes.items() if effect.kind == "lag")
     return all(size < 0.0 for size in sizes.values()) and -late * fs > lag - LEAST_BEFORE
-
-
-def _delays(begun: Begun) -> dict[str, float]:
-    """Return by how many s each channel was found to be late."""
-    found = begun.found
-    delays = {channel: delay for channel, delay, _ in found.fit.delays}
-    return delays | {
-        effect.channel: size
-        for effect, size in zip(found.effects, found.sizes, strict=True)
-        if effect.kind == "delay"
-    }
 
 
 def _holding(task: Task, channels: tuple[str, ...]) -> Task:

@@ -164,11 +164,13 @@ def _with_held_delays(
         # beside a delay a body that vanished is none that the records know: the delay has taken its place
         if found.lost or vanished_names(model, found.values(model)):
             return None
-        step = step_from(setting, fit_matched(found.observation), Unknowns(found.p, delays), rules)
-        moved, spread = step.x[c:], step.spread[c:]
+        zeros = tuple(size for size, _ in found.fit.carried.zeros) if found.fit.carried else ()
+        now = Unknowns(found.p, delays, zeros)
+        step = step_from(setting, fit_matched(found.observation), now, rules)
+        moved, spread = (one[c : c + len(delays)] for one in (step.x, step.spread))
         if np.all(np.abs(moved) <= HELD_DELAY * spread):
             note = f"parameters and delays do not come to rest together: {_delays_held(delays)}"
-            fit = in_base_columns(step, delays, 1)
+            fit = in_base_columns(step, now, 1)
             return replace(found, fit=replace(fit, notes=(*found.fit.notes, note)))
         start = found.values(model)
         delays = {key: delay + one for (key, delay), one in zip(delays.items(), moved.tolist(), strict=True)}

@@ -14,14 +14,16 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.iv.divergence import simulation_failed
+from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.effect_rows import simulated_with
+from modelgen.runtime.iv.freed_effects import corrected
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments, simulated
 from modelgen.runtime.iv.physical.friction_rows import (
     adds_friction,
     instruments_with_friction,
     with_friction,
 )
-from modelgen.runtime.least_squares.delays import advanced, delay_rates
+from modelgen.runtime.least_squares.delays import delay_rates
 from modelgen.runtime.least_squares.efficient_weights import block_whiteners
 from modelgen.runtime.least_squares.fit import CarriedOver, Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
@@ -30,7 +32,10 @@ from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.thresholds import WHITENING_ORDER
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.block_column import BlockColumn
 from modelgen.runtime.parameters.bounds import bounded_physical
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.row_terms import mismatch_terms
 
 
 @dataclass(frozen=True)
@@ -44,10 +49,15 @@ class Rules:
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """Physical parameters p, shape (parameters,), and the delays of forces in s."""
+    """Physical parameters p, shape (parameters,), delays of forces in s, and the zeros of the setting, SI."""
 
     p: FloatArray
     delays: Mapping[str, float]
+    zeros: tuple[float, ...] = ()
+
+    def records(self, setting: Setting) -> tuple[Record, ...]:
+        """Return the records of a setting less delays and zeros."""
+        return corrected(setting.records, self.delays, setting.zeros, self.zeros)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +107,7 @@ def step_from(
         Where the simulation fails.
     """
     model = setting.model
-    moved = tuple(advanced(record, now.delays) for record in setting.records)
+    moved = now.records(setting)
     values = dict(zip(model.parameters, now.p.tolist(), strict=True))
     base, slope = model.base_from_physical(values), model.base_jacobian(values)
     fit = replace(
@@ -112,6 +122,7 @@ def step_from(
     white_rows = block_whiteners(fit, setting.choice.steps_s(moved), most)
     fit = replace(fit, lost=round(sum(white_of.lost for white_of in white_rows)))
     rates = [delay_rates(fit, model, moved, setting.choice, setting.drop, channel) for channel in now.delays]
+    rates += [_zero_rates(fit, model, effect) for effect in setting.zeros]
     late = [np.column_stack(columns) for columns in zip(*rates, strict=True)] or [
         np.zeros((len(block.place), 0)) for block in fit.blocks
     ]
@@ -126,8 +137,26 @@ def step_from(
         failed = DataError.at("simulation", "is not finite", "record another motion")
         raise simulation_failed(failed, plain, model) from failed
     names = (*model.parameters, *(f"delay of {channel}" for channel in now.delays))
+    names += tuple(effect.name for effect in setting.zeros)
     linear = replace(fit, columns=names, blocks=tuple(whitened))
     return GaussNewtonStep(fit, Z, slope, *_solved(two_stage(linear, tuple(stacked)), model, rules))
+
+
+def _zero_rates(fit: Fit, model: Model, zero: Effect) -> BlockColumn:
+    """Return d(Y - W X) / d size of a position's zero that is set right, shape (n,) a block of the fit.
+
+    What is not differentiated holds it, and no filter moves a constant.
+    """
+    read = [one.key for one in model.signals if one.sensor == zero.channel and one.derivative == 0]
+    terms = mismatch_terms(model, fit.all_parameters(model.base_parameters))
+    shares = [sum(row.get(key, 0.0) for key in read) for row in terms]
+    places = {index for index, block in enumerate(fit.blocks) if block.record == zero.record}
+    rates = {
+        index: np.full(len(block.place), -shares[block.row])
+        for index, block in enumerate(fit.blocks)
+        if index in places and shares[block.row]
+    }
+    return BlockColumn(rates, [len(block.place) for block in fit.blocks])
 
 
 def _with_instruments(
@@ -169,7 +198,7 @@ def _weighed(fit: Fit, rules: Rules) -> tuple[Fit, tuple[str, ...]]:
     return found, huber_notes(weights)
 
 
-def in_base_columns(step: GaussNewtonStep, delays: Mapping[str, float], rounds: int) -> Fit:
+def in_base_columns(step: GaussNewtonStep, now: Unknowns, rounds: int) -> Fit:
     """Return the fit in base columns: their covariance is that of the physical parameters, carried over."""
     white, parameters = step.white, step.slope.shape[1]
     free = [place for place in step.free if place < parameters]
@@ -188,7 +217,7 @@ def in_base_columns(step: GaussNewtonStep, delays: Mapping[str, float], rounds: 
     weights = tuple(1.0 / max(size, float(np.finfo(float).tiny)) for size in rms)
     # regressors for tests of further columns
     projected = two_stage(replace(step.rows, weights=weights), step.Z).projected
-    late_std = step.spread[parameters:]
+    late_std, zero_std = np.split(step.spread[parameters:], [len(now.delays)])
     return replace(
         step.rows,
         solution=solution,
@@ -196,8 +225,12 @@ def in_base_columns(step: GaussNewtonStep, delays: Mapping[str, float], rounds: 
         projected=projected,
         delays=tuple(
             (channel, delay, float(std))
-            for (channel, delay), std in zip(delays.items(), late_std, strict=True)
+            for (channel, delay), std in zip(now.delays.items(), late_std, strict=True)
         ),
         notes=(f"instruments and physical parameters agreed after {rounds} rounds", *step.notes),
-        carried=CarriedOver(step.linear, tuple(psi[:, :c] @ slope.T for psi in influence(white))),
+        carried=CarriedOver(
+            step.linear,
+            tuple(psi[:, :c] @ slope.T for psi in influence(white)),
+            zeros=tuple(zip(now.zeros, zero_std.tolist(), strict=True)),
+        ),
     )

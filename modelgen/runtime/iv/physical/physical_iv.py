@@ -34,7 +34,6 @@ from modelgen.runtime.iv.thresholds import (
     ROUGH_ROUNDS,
     SMALL_CHANGE,
 )
-from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
 from modelgen.runtime.least_squares.wls import fit_matched
@@ -117,17 +116,17 @@ def fit_physical_iv(
     model = setting.model
     sample = 1.0 / min(record.fs for record in setting.records)
     first = _allowed(model, start, rules)
-    now, late = Unknowns(first, delays), tuple(delays)
+    now, late = Unknowns(first, delays, (0.0,) * len(setting.zeros)), len(delays)
     c = len(model.parameters)
-    observation = rows(tuple(advanced(record, delays) for record in setting.records))
+    observation = rows(now.records(setting))
     plain = fit_matched(observation)
     if plain.absent:
         raise diverged(f"the records do not move what {', '.join(plain.absent)} needs", plain, model)
     # where directions of motion follow the estimate, white rows would hide what a wrong one leaves
     near = settled or not adds_friction(plain, setting)
     for done in range(1, COMPOSITE_ROUNDS + 1):
-        if late and done > 1:
-            observation = rows(tuple(advanced(record, now.delays) for record in setting.records))
+        if (late or now.zeros) and done > 1:
+            observation = rows(now.records(setting))
             plain = replace(plain, blocks=tuple(block for block in observation.blocks if block.place.size))
         try:
             step = step_from(setting, plain, now, rules, near)
@@ -138,11 +137,13 @@ def fit_physical_iv(
         move = np.r_[x[:c] - now.p, x[c:]]
         if not np.all(np.isfinite(move)):
             raise diverged("its estimate is not finite", plain, model)
-        size = np.r_[np.abs(x[:c]), np.full(len(late), SMALLEST_STEP * sample / SMALL_CHANGE)]
+        size = np.r_[
+            np.abs(x[:c]), np.full(late, SMALLEST_STEP * sample / SMALL_CHANGE), np.zeros_like(now.zeros)
+        ]
         small = np.maximum(COMPOSITE_MOVE * spread, SMALL_CHANGE * size)
-        hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(len(late), np.inf)]
+        hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(late + len(now.zeros), np.inf)]
         if near and done > 1 and np.all((np.abs(move) <= small) | hopeless):
-            lost, fit = _lost(setting, now, spread), in_base_columns(step, now.delays, done)
+            lost, fit = _lost(setting, now, spread[: c + late]), in_base_columns(step, now, done)
             if late and fit.carried is not None:
                 fit = replace(fit, carried=replace(fit.carried, unknown=lost))
             return Found(observation, fit, now.p, x[:c], lost)
@@ -205,11 +206,10 @@ def _moved(model: Model, now: Unknowns, move: FloatArray, sample: float, rules: 
     bound = np.array([_keeps_sign(model, name, rules) for name in model.parameters])
     share = np.abs(move[:c][bound]) / np.maximum(np.abs(now.p[bound]), np.finfo(float).tiny)
     length = min(1.0, LARGEST_STEP / max(float(share.max(initial=0.0)), LARGEST_STEP))
-    late = np.clip(length * move[c:], -sample, sample)
-    delays = {
-        channel: delay + float(step) for (channel, delay), step in zip(now.delays.items(), late, strict=True)
-    }
-    return Unknowns(now.p + length * move[:c], delays)
+    late, apart = np.split(length * move[c:], [len(now.delays)])
+    steps = np.clip(late, -sample, sample).tolist()
+    delays = {channel: delay + step for (channel, delay), step in zip(now.delays.items(), steps, strict=True)}
+    return Unknowns(now.p + length * move[:c], delays, tuple((apart + now.zeros).tolist()))
 
 
 def _led_away(model: Model, p: FloatArray, first: FloatArray, rules: Rules, factor: float) -> list[str]:

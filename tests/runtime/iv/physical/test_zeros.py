@@ -1,0 +1,64 @@
+"""Zeros of encoders on both sides of a body that no sensor sees: estimated with the physical parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modelgen.cli.candidates import spec_model
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import parse_spec
+
+CHAIN = """
+chain = { name = "three", motion = "rotation" }
+bodies = [
+    { name = "m", inertia = "J_m", viscous = "F_v", coulomb = "F_s", actuator = "T" },
+    { name = "c", inertia = "J_c" },
+    { name = "l", inertia = "J_l" },
+]
+links = [
+    { bodies = ["m", "c"], stiffness = "K", damping = "D" },
+    { bodies = ["c", "l"], stiffness = "K_l", damping = "D_l" },
+]
+
+[sensors.s]
+q_m = { body = "m", measures = "position" }
+q_l = { body = "l", measures = "position" }
+"""
+TRUTH = {
+    "J_m": 2e-3, "F_v": 0.02, "F_s": 0.4, "J_c": 1e-3, "J_l": 4e-3, "K": 2500.0, "D": 0.5,
+    "K_l": 1800.0, "D_l": 0.4,
+}  # fmt: skip
+NOISE = {"q_m": 1e-6, "q_l": 1e-6, "T": 2e-3}
+
+
+def model() -> Model:
+    return spec_model(parse_spec(CHAIN, "three.toml"), "s")
+
+
+def records(zeros: tuple[float, ...]) -> list[Record]:
+    found = []
+    for seed, (motion, zero) in enumerate(zip(("chirp", "trapezoid"), zeros, strict=True)):
+        record = simulate(model(), TRUTH, motion, fs=5000.0, duration_s=2.0, noise=NOISE, seed=seed).record
+        found.append(record.edited({"q_l": record.signals["q_l"] + zero}))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("zeros", [(0.5, 0.5), (-30.0, 2.0)])
+def test_zeros_beside_an_unseen_body_are_estimated_with_the_parameters(zeros: tuple[float, ...]) -> None:
+    estimate, right = identify(model(), records(zeros)), identify(model(), records((0.0, 0.0)))
+    wanted = {one.name: one for one in right.parameters.physical}
+    found = {one.name: one for one in estimate.parameters.physical}
+    assert set(found) == set(TRUTH)
+    for name, one in found.items():
+        assert abs(one.value - TRUTH[name]) < 3.5 * one.std
+        # with zeros the cut-off stays where it is, and another one would tell more
+        assert one.std < 5.0 * wanted[name].std
+    said = [one.what for one in estimate.checks.advice if "zero of its own" in one.what]
+    assert len(said) == 2
+    sizes = [float(what.split("(")[1].split(")")[0]) for what in said]
+    assert np.allclose(sizes, zeros, rtol=1e-2, atol=1e-3)
