@@ -42,9 +42,14 @@ def with_averaged_forces(begun: Begun, run: Callable[[Task], Begun]) -> Begun:
     means = averaged_forces(begun) if begun.task.checks.drift_check else {}
     if not means:
         return begun
-    others = [found for found in _alternatives(begun, means, run) if _alike(begun, found, means)]
+    least = GAIN + _of_noise(begun, means)
+    others = [
+        found
+        for found in _alternatives(begun, means, run)
+        if _alike(begun, found, means) and _gained(begun, found) > -least
+    ]
     best = max(others, key=partial(_gained, begun), default=begun)
-    if best is not begun and _gained(begun, best) > GAIN:
+    if best is not begun and _gained(begun, best) > least:
         return best
     # one is as likely as the other
     moves = [found.found.fit.solution.x - begun.found.fit.solution.x for found in others]
@@ -71,10 +76,19 @@ def _alternatives(begun: Begun, means: Mapping[str, float], run: Callable[[Task]
 
 
 def _alike(begun: Begun, other: Begun, channels: Collection[str]) -> bool:
-    """Tell whether an estimate leaves about as little of the same rows, and nothing of what it undid."""
+    """Tell whether an estimate leaves something of the same rows, and nothing of what it undid."""
     same = begun.found.fit.columns == other.found.fit.columns
     same &= begun.task.choice.cutoff_hz == other.task.choice.cutoff_hz
-    return same and _gained(begun, other) > -GAIN and not _averaged_again(other, channels)
+    return same and not _averaged_again(other, channels)
+
+
+def _of_noise(begun: Begun, means: Mapping[str, float]) -> float:
+    """Return by how much misfits differ because noise of the forces is averaged as well, or the contrary.
+
+    The mean of the logarithm of sin(x) / x up to the cut-off, at most, for every sample of rows with a force.
+    """
+    width = np.pi * max(means.values()) * begun.task.choice.cutoff_hz / begun.task.records[0].fs
+    return sum(block.count for block in begun.found.fit.blocks if block.has_force) * float(width**2) / 18.0
 
 
 def _gained(begun: Begun, other: Begun) -> float:
