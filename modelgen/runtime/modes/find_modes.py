@@ -101,8 +101,10 @@ def _pairs(
     unknown = _depend(slopes, chain) | _loose(pairs, slopes, chain, undamped)
     if other is not None:
         at_other = _values(model, other)
-        elsewhere = undamped_modes(*matrices.at(at_other)[::2])
-        unknown |= _depend(_slopes(matrices, other, at_other, elsewhere)[1], other)
+        mass, _, stiffness = matrices.at(at_other)
+        if np.all(mass > 0.0):  # else it is no chain that has modes
+            elsewhere = undamped_modes(mass, stiffness)
+            unknown |= _depend(_slopes(matrices, other, at_other, elsewhere)[1], other)
     solid = frozenset(matrices.inertias)
     for k, pair in enumerate(pairs):
 

@@ -25,7 +25,8 @@ def with_interval(value: float, low: float, high: float) -> str:
     >>> with_interval(2.0, 1.5, 4.0)
     '2.00 (1.50 to 4.0)'
     """
-    below, above = value - low, high - value
+    # a bound, or rounding, may leave the number at the far side of an end
+    below, above = max(value - low, 0.0), max(high - value, 0.0)
     half = 0.5 * (high - low)
     if not math.isfinite(value) or not half > 0.0:
         return f"{value:.{DIGITS}g}"

@@ -115,7 +115,9 @@ def felt_forces(model: Model, values: Mapping[str, float]) -> tuple[FloatArray, 
                 taken[order] += weights[signal.key] * motion
         P = np.zeros((len(taken), n))
         for k in range(len(taken) - 3, -1, -1):
-            P[k] = (taken[k + 2] - P[k + 1] @ D - P[k + 2] @ K) / M
+            # of a body that has lost its inertia it is not finite, and refused where it enters rows
+            with np.errstate(divide="ignore", invalid="ignore"):
+                P[k] = (taken[k + 2] - P[k + 1] @ D - P[k + 2] @ K) / M
         found.append(-P[: max(len(taken) - 2, 0)])
     return tuple(found)
 

@@ -23,6 +23,9 @@ from modelgen.runtime.parameters.rounded import with_interval
         (3.0, 3.0, 3.0, "3"),
         (2.5e9, 2.4e9, 2.6e9, "(2.50 +- 0.10)e+09"),
         (2e-6, 1e-6, 5e-6, "(2.0, 1.0 to 5.0)e-06"),
+        # bounds and rounding leave numbers beside their interval
+        (1.0, 1.1, 1.3, "1.00 (1.10 to 1.30)"),
+        (1.0, 0.8, 0.9, "1.000 (0.80 to 0.900)"),
     ],
 )
 def test_digits_are_those_that_the_interval_leaves(value: float, low: float, high: float, text: str) -> None:

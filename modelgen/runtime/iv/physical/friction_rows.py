@@ -229,7 +229,9 @@ def _felt_rates(model: Model, values: Mapping[str, float]) -> tuple[FloatArray, 
     for name in model.parameters:
         step = DIFFERENCED * (abs(values[name]) or 1.0)
         ahead, behind = (felt_forces(model, {**values, name: values[name] + way}) for way in (step, -step))
-        found.append([(after - before) / (2.0 * step) for after, before in zip(ahead, behind, strict=True)])
+        with np.errstate(invalid="ignore"):
+            rates = [(after - before) / (2.0 * step) for after, before in zip(ahead, behind, strict=True)]
+        found.append(rates)
     return tuple(np.stack(rows, axis=-1) for rows in zip(*found, strict=True))
 
 
