@@ -47,6 +47,8 @@ def further_mass(body: str, hz: float, damping: float) -> Effect:
         )
 
     def moved(size: float, steps: Sequence[float]) -> Effect:
+        if not size:  # a mass of no size stays where it is
+            return further_mass(body, hz, damping)
         stretch, more = np.exp(np.clip(np.asarray(steps[:2]) / size, *LONGEST_STEPS)).tolist()
         return further_mass(body, hz * stretch, max(damping * more, LEAST_DAMPING))
 
