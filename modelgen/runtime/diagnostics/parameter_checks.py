@@ -145,21 +145,21 @@ def zero_columns(
     with it have taken over what is missing: the inertia of one body is then that of both. `drift`, in SI,
     shape (c, c), is what moves the estimate besides, squared; values of columns that are `lost` say nothing.
     """
-    covariance = hac_covariance(fit) + drift
-    found: dict[str, str] = {}
-    shared: dict[str, str] = {}
     forced = {block.row for block in fit.blocks if block.has_force}
-    for row in dict.fromkeys(block.row for block in fit.blocks if block.row not in forced):
+    unforced = {block.row: block.row_name for block in fit.blocks if block.row not in forced}
+    if not unforced:
+        return {}
+    covariance = hac_covariance(fit) + drift
+    found, shared = dict[str, str](), dict[str, str]()
+    for row, row_name in unforced.items():
         names = [model.base_parameters[column] for column in model.regressor_columns[row]]
         there = [name for name in names if name in fit.columns]
         at = [fit.columns.index(name) for name in there if name not in lost]
         far = _from_zero(fit.solution.x[at], covariance[np.ix_(at, at)]) if at else 0.0
         if not there or (at and chi_square_tail(far, len(at)) < ZERO_LIKELY):
             continue
-        row_name = next(block.row_name for block in fit.blocks if block.row == row)
-        why = (
-            f"row {row_name} has no force, and zero solves it as well: noise of the sensors hides its motion"
-        )
+        why = f"row {row_name} has no force, and zero solves it as well: "
+        why += "noise of the sensors hides its motion"
         found |= dict.fromkeys(names, why)
         beside = [own for own in model.regressor_columns if {*own} & {*model.regressor_columns[row]}]
         taken = f"takes over what is lost where {why}"

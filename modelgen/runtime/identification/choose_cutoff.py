@@ -81,11 +81,17 @@ def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
 
 def higher_cutoffs(task: Task, most: int) -> Iterator[Task]:
     """Yield a task at cut-offs above its own, so many at most; none if one is given."""
+    for choice in choices_above(task, most):
+        yield _at(task, choice, ", at which the records do not tell how far springs deflect.")
+
+
+def choices_above(task: Task, most: int) -> Iterator[FilterChoice]:
+    """Yield filters with cut-offs above a task's own, so many at most; none if one is given."""
     for number in range(1, 1 if task.filters.cutoff_hz is not None else most + 1):
         choice = choice_at(task, task.choice.cutoff_hz * 2.0 ** (0.5 * number))
         if choice is None:
             return
-        yield _at(task, choice, ", at which the records do not tell how far springs deflect.")
+        yield choice
 
 
 def _at(task: Task, choice: FilterChoice, why: str) -> Task:

@@ -70,6 +70,11 @@ class Job:
     share: float = 1.0
     guessed: tuple[str, ...] = ()
 
+    @property
+    def all_sizes(self) -> tuple[float, ...]:
+        """Sizes of all effects to begin with: zero for those behind the ones that are known."""
+        return (*self.sizes, *[0.0] * (len(self.effects) - len(self.sizes)))
+
     def changed(self, change: Change) -> Job:
         """Return the job with other records in the place of its own."""
         return replace(self, records=change(self.records), changes=(*self.changes, change))

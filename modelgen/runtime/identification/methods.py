@@ -53,8 +53,7 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
     if composites:  # physical parameters are in many columns
         rules = Rules(job.robust is not None, job.bounds is not None, job.at_zero)
         if job.effects:  # zeros, of which most is known
-            sizes = (*job.sizes, *[0.0] * (len(job.effects) - len(job.sizes)))
-            apart = corrected(job.records, {}, job.effects, sizes)
+            apart = corrected(job.records, {}, job.effects, job.all_sizes)
             setting = replace(setting, records=apart, zeros=job.effects)
         return fit_composites_iv(setting, dense, job.late, job.start, rules, job.begin)
 

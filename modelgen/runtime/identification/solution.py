@@ -45,7 +45,6 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import solve_matched
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.parameters.bounds import BoundCost, bound_reasons
-from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
@@ -223,11 +222,12 @@ def settings_drift(
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return how far settings that should not matter move the estimate, as a mean square, and notes on it.
 
+    The mean square, (c, c) in SI, is that of `solution.fit`.
+
     Parameters
     ----------
     again : callable
         The fit with other filters.
-    The mean square, (c, c) in SI, is that of `solution.fit`.
     """
     method, choice, fit = task.method, task.choice, solution.fit
     lowest_fs = min(record.fs for record in task.records)
@@ -280,21 +280,16 @@ def _with_zeros_of_their_own(apart: Job, tails: bool) -> Job:
 
     Where these are the `tails` of the records fitted, in their order, zeros are the same and are set right.
     """
+    from modelgen.runtime.iv.freed_effects import corrected
     from modelgen.runtime.iv.model_errors import zero_effect
 
-    sizes = (*apart.sizes, *[0.0] * (len(apart.effects) - len(apart.sizes)))
-    pairs = list(zip(apart.effects, sizes, strict=True))
-    kept = [(one, size) for one, size in pairs if one.record is None]
-    own = [(one.channel, one.record, size) for one, size in pairs if one.record is not None]
-    records, count = list(apart.records), len(apart.records)
+    sized = dict(zip(apart.effects, apart.all_sizes, strict=True))
+    kept = {one: size for one, size in sized.items() if one.record is None}
+    own = {one: size for one, size in sized.items() if one.record is not None}
+    records, count = apart.records, len(apart.records)
     if tails:
-        for channel, index, size in own:
-            records[index] = records[index].edited({channel: Edit(channel, partial(_lowered, size))})
-    keys = () if tails else dict.fromkeys(channel for channel, _, _ in own)
+        records = corrected(records, {}, own.keys(), own.values())
+    keys = () if tails else dict.fromkeys(one.channel for one in own)
     zeros = [zero_effect(key, index, count) for key in keys for index in range(count)]
-    effects, known = (*(one for one, _ in kept), *zeros), tuple(size for _, size in kept)
-    return replace(apart, records=tuple(records), effects=effects, sizes=known, start=None)
-
-
-def _lowered(size: float, samples: FloatArray, _: int) -> FloatArray:
-    return samples - size
+    effects, known = (*kept, *zeros), tuple(kept.values())
+    return replace(apart, records=records, effects=effects, sizes=known, start=None)

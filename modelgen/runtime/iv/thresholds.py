@@ -124,6 +124,8 @@ LARGEST_SHARE = 3.0
 
 # Another effect explains the residual as well where it falls behind by less than this, as a chi square.
 AS_GOOD = 20.0
+# The same of misfits, which are half a chi square.
+AS_LIKELY = 0.5 * AS_GOOD
 
 # With fewer samples than so many for each unknown rounds wander, and where they end is rounding.
 SAMPLES_AN_UNKNOWN = 10

@@ -16,15 +16,13 @@ import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.explanation.explained import Begun, delays_of, with_note
+from modelgen.runtime.identification.explanation.explained import Begun, late_forces, with_note
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LONGEST_MEAN, SHORTEST_MEAN, WHOLE_SAMPLE
-from modelgen.runtime.iv.thresholds import AS_GOOD
+from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.delays import with_holds, with_means_undone
 
-# Half a chi square by which one explanation has to leave less than another.
-GAIN = 0.5 * AS_GOOD
 MEAN = "is a mean over the time before, not the force at its instant; it is taken for that"
 HELD = "is what a drive held over the last sample, not the force at its instant; it is taken for that"
 
@@ -42,7 +40,7 @@ def with_averaged_forces(begun: Begun, run: Callable[[Task], Begun]) -> Begun:
     means = averaged_forces(begun) if begun.task.checks.drift_check else {}
     if not means:
         return begun
-    least = GAIN + _of_noise(begun, means)
+    least = AS_LIKELY + _of_noise(begun, means)
     others = [
         found
         for found in _alternatives(begun, means, run)
@@ -97,7 +95,7 @@ def _gained(begun: Begun, other: Begun) -> float:
     What needs further effects has to leave less for each.
     """
     further = _estimated(other) - _estimated(begun)
-    return begun.found.fit.misfit - other.found.fit.misfit - GAIN * max(further, 0)
+    return begun.found.fit.misfit - other.found.fit.misfit - AS_LIKELY * max(further, 0)
 
 
 def _estimated(begun: Begun) -> int:
@@ -119,14 +117,10 @@ def averaged_forces(begun: Begun) -> dict[str, float]:
 
     A drive averages over a sample, or over a part of one where it works faster than it is recorded.
     """
-    rates = {record.fs for record in begun.task.records}
-    if len(rates) > 1:
-        return {}
-    (fs,) = rates
-    delays = delays_of(begun)
+    fs = begun.task.records[0].fs
     # one that shows as a low-pass is estimated already
     shown = {effect.channel for effect in begun.found.effects if effect.kind in ("lag", "average")}
-    late = {key: delays[key] * fs for key in begun.task.job.late if key in delays and key not in shown}
+    late = {key: by * fs for key, by in late_forces(begun).items() if key not in shown}
     return {key: min(2.0 * by, 1.0) for key, by in late.items() if SHORTEST_MEAN < 2.0 * by < LONGEST_MEAN}
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.noise_bias import noise_effect
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.diagnostics.tried_cutoff import Tried
-from modelgen.runtime.identification.choose_cutoff import choice_at, least_kept
+from modelgen.runtime.identification.choose_cutoff import choice_at, choices_above, least_kept
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
@@ -79,15 +80,11 @@ def calmer(task: Task) -> Iterator[Task]:
     """
     if task.filters.cutoff_hz is not None or not _turning(task):
         return
-    tried = 0
-    for step in range(1, CUTOFF_STEPS):
-        choice = choice_at(task, task.choice.cutoff_hz * 2.0 ** (0.5 * step))
-        if choice is None or tried == STEPS_IN_VAIN:
-            return
-        higher = replace(task, choice=choice, job=replace(task.job, choice=choice, surveys=()))
-        if not _turning(higher):
-            tried += 1
-            yield higher
+    every = (
+        replace(task, choice=choice, job=replace(task.job, choice=choice, surveys=()))
+        for choice in choices_above(task, CUTOFF_STEPS - 1)
+    )
+    yield from islice((higher for higher in every if not _turning(higher)), STEPS_IN_VAIN)
 
 
 def _turning(task: Task) -> bool:

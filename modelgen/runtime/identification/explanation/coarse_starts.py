@@ -8,14 +8,14 @@ best of these is what is estimated from.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import log
+from typing import NamedTuple
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.unit_errors import moves_as_one
 from modelgen.runtime.identification.job import Job
@@ -59,9 +59,9 @@ def coarse_starts(job: Job) -> Iterator[Start]:
     IdentifiabilityError
         When least squares says nothing of the records as they are.
     """
-    zeros, apart = zeros_apart(job)
-    if zeros:
-        yield Start(zeros, apart, _about_zeros(job))
+    zeros = zeros_apart(job)
+    if zeros.effects:
+        yield Start(zeros.effects, zeros.sizes, _about_zeros(job))
     # clocks drift apart from the first sample on
     short = replace(
         job, records=tuple(one.part(0, min(LOOKED_AT, one.n), one.name) for one in job.records), surveys=()
@@ -73,42 +73,48 @@ def coarse_starts(job: Job) -> Iterator[Start]:
     for one in sorted(found, key=lambda one: one.fit.misfit)[:MOST_TRIED]:
         start = _with_delays(job, one)
         yield start
-        if zeros:
-            yield replace(start, effects=(*start.effects, *zeros), sizes=(*start.sizes, *apart))
+        if zeros.effects:
+            effects, sizes = (*start.effects, *zeros.effects), (*start.sizes, *zeros.sizes)
+            yield replace(start, effects=effects, sizes=sizes)
 
 
-def zeros_apart(job: Job) -> tuple[tuple[Effect, ...], tuple[float, ...]]:
-    """Return the zeros of positions, and those at which links are not deflected in the mean, in SI.
+class Zeros(NamedTuple):
+    """Zeros of positions, those at which links are not deflected in the median (SI), and whether they differ.
+
+    They do where that is more than links are deflected in the records.
+    """
+
+    effects: tuple[Effect, ...]
+    sizes: tuple[float, ...]
+    differ: bool
+
+
+def zeros_apart(job: Job) -> Zeros:
+    """Return the zeros of positions.
 
     Zeros may differ by thousands of deflections: what moves by that has nothing to do with the records.
     """
-    zeros = zero_effects(job.model, len(job.records))
-    apart = [_apart(job, effect) for effect in zeros]
-    return zeros, tuple(0.0 if one is None else float(np.median(one)) for one in apart)
-
-
-def zeros_differ(job: Job) -> bool:
-    """Tell whether zeros differ by more than links are deflected in the records."""
-    apart = [_apart(job, effect) for effect in zero_effects(job.model, len(job.records))]
-    return any(one is not None and abs(np.median(one)) > DEFLECTED * np.std(one) for one in apart)
-
-
-def _apart(job: Job, effect: Effect) -> FloatArray | None:
-    """Return by how much a position differs from the first one in a record, (n,); None for no such pair."""
-    moves = rigid_motion(job.model) if moves_as_one(job.model) else {}
+    effects = zero_effects(job.model, len(job.records))
+    moves = rigid_motion(job.model) if effects and moves_as_one(job.model) else {}
     read = [one for one in job.model.sensors if one.measures == "position" and one.body in moves]
-    bodies = {one.key: str(one.body) for one in read}
-    if effect.channel not in bodies or effect.record is None:
-        return None
-    record, first = job.records[effect.record], next(iter(bodies))
-    share = moves[bodies[effect.channel]] / moves[bodies[first]]
-    own, other = (record.read(key, 0, min(record.n, LOOKED_AT)) for key in (effect.channel, first))
-    return np.asarray(own - share * other)
+    shares = {one.key: moves[str(one.body)] / moves[str(read[0].body)] for one in read}
+    sizes, differ = [], False
+    for effect in effects:
+        size = 0.0
+        if effect.channel in shares and effect.record is not None:
+            record = job.records[effect.record]
+            keys = (effect.channel, read[0].key)
+            own, first = (record.read(key, 0, min(record.n, LOOKED_AT)) for key in keys)
+            apart = own - shares[effect.channel] * first
+            size = float(np.median(apart))
+            differ |= abs(size) > DEFLECTED * float(np.std(apart))
+        sizes.append(size)
+    return Zeros(effects, tuple(sizes), differ)
 
 
 def _with_delays(job: Job, start: Start) -> Start:
     """Return a start of the whole records; delays of forces are those of its fit, and no effects."""
-    fit = _fit(job, _corrected(job, start.effects, start.sizes))
+    fit = _fit(job, corrected(job.records, {}, start.effects, start.sizes))
     sized = list(zip(start.effects, start.sizes, strict=True))
     late = {one.channel: size for one, size in sized if one.kind == "delay" and one.channel in job.late}
     kept = [(one, size) for one, size in sized if one.channel not in late or one.kind != "delay"]
@@ -153,8 +159,9 @@ def _best(job: Job, family: _Family) -> Start | None:
 
     def look(by: float) -> None:
         sizes = family.sizes(by)
+        records = corrected(job.records, {}, family.effects, sizes)
         with suppress(IdentifiabilityError):
-            found[by] = Start(family.effects, sizes, _fit(job, _corrected(job, family.effects, sizes)))
+            found[by] = Start(family.effects, sizes, _fit(job, records))
 
     for by in family.tried:
         look(by)
@@ -163,10 +170,6 @@ def _best(job: Job, family: _Family) -> Start | None:
         look(best + step)
         look(best - step)
     return min(found.values(), key=lambda one: one.fit.misfit, default=None)
-
-
-def _corrected(job: Job, effects: Sequence[Effect], sizes: Sequence[float]) -> tuple[Record, ...]:
-    return corrected(job.records, {}, effects, sizes)
 
 
 def _fit(job: Job, records: tuple[Record, ...]) -> Fit:

@@ -69,6 +69,14 @@ def with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:
     return replace(one, found=replace(found, fit=fit, drift=found.drift if drift is None else drift))
 
 
+def late_forces(begun: Begun) -> dict[str, float]:
+    """Return by how many s forces are late whose delay was to be found; nothing if records differ in fs."""
+    if len({record.fs for record in begun.task.records}) > 1:
+        return {}
+    delays = delays_of(begun)
+    return {key: delays[key] for key in begun.task.job.late if key in delays}
+
+
 def delays_of(begun: Begun) -> dict[str, float]:
     """Return by how many s each channel was found to be late."""
     found = begun.found

@@ -9,7 +9,7 @@ import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
-from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts, zeros_apart, zeros_differ
+from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts, zeros_apart
 from modelgen.runtime.identification.explanation.explain_residual import explained
 from modelgen.runtime.identification.explanation.explain_stretches import long
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, begun_with
@@ -18,7 +18,7 @@ from modelgen.runtime.identification.methods import IV
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import ZERO_APART
 from modelgen.runtime.iv.freed_effects import fit_with_effects
-from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS
+from modelgen.runtime.iv.thresholds import AS_LIKELY, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import estimated
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 
@@ -45,7 +45,7 @@ def with_starts(task: Task, method: IV) -> Begun | None:
     if not found:
         return None
     # of those that leave as little, the one that needs least for it
-    most = min(freed.fit.misfit for _, freed in found) + 0.5 * AS_GOOD
+    most = min(freed.fit.misfit for _, freed in found) + AS_LIKELY
     alike = [entry for entry in found if entry[1].fit.misfit < most]
     start, freed = min(alike, key=lambda entry: len(entry[0].effects))
     none, effects = np.zeros((len(freed.fit.columns),) * 2), start.effects
@@ -64,12 +64,13 @@ def with_zeros(task: Task, run: Callable[[Task], Begun]) -> Begun | None:
     Without them there is no start: springs seem to carry forces that nothing explains. `run` takes a task to
     its estimate.
     """
-    short = not long(task.job) and task.job.share == 1.0
-    if not (all_from_composites(task.model) and short and zeros_differ(task.job)):
+    if not all_from_composites(task.model) or long(task.job) or task.job.share < 1.0:
         return None
-    zeros, sizes = zeros_apart(task.job)
+    zeros = zeros_apart(task.job)
+    if not zeros.differ:
+        return None
     try:
-        return run(replace(task, job=replace(task.job, effects=zeros, sizes=sizes)))
+        return run(replace(task, job=replace(task.job, effects=zeros.effects, sizes=zeros.sizes)))
     except (IdentifiabilityError, DataError):
         return None
 
@@ -79,8 +80,7 @@ def with_carried_zeros(job: Job, found: Explained) -> Explained:
     carried = found.fit.carried
     if carried is None or not carried.zeros:
         return found
-    known = (*job.sizes, *[0.0] * (len(job.effects) - len(job.sizes)))
-    sizes = tuple(size + more for size, (more, _) in zip(known, carried.zeros, strict=True))
+    sizes = tuple(size + more for size, (more, _) in zip(job.all_sizes, carried.zeros, strict=True))
     told = tuple(
         estimated(effect, size, ())
         for effect, size, (_, std) in zip(job.effects, sizes, carried.zeros, strict=True)

@@ -18,7 +18,7 @@ import numpy as np
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.explanation.best_cutoff import at_cutoff_of
-from modelgen.runtime.identification.explanation.explained import Begun, Explained, delays_of
+from modelgen.runtime.identification.explanation.explained import Begun, Explained, delays_of, late_forces
 from modelgen.runtime.identification.explanation.held_images import without_images
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
@@ -28,7 +28,7 @@ from modelgen.runtime.identification.thresholds import (
     HELD_SETTLED,
     LEAST_BEFORE,
 )
-from modelgen.runtime.iv.thresholds import AS_GOOD
+from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.delays import with_holds
 
 
@@ -75,12 +75,8 @@ def held_commands(begun: Begun) -> dict[str, float]:
 
     With each by how many s it is late beside a hold: what is computed in one period may act in the next.
     """
-    rates = {record.fs for record in begun.task.records}
-    if len(rates) > 1:
-        return {}
-    (fs,) = rates
-    delays = delays_of(begun)
-    beside = {key: delays[key] + 0.5 / fs for key in begun.task.job.late if key in delays}
+    fs = begun.task.records[0].fs
+    beside = {key: late + 0.5 / fs for key, late in late_forces(begun).items()}
     return {
         key: late
         for key, late in beside.items()
@@ -129,14 +125,13 @@ def better_held(begun: Begun, held: Begun, channels: Collection[str]) -> Begun |
     """
     before, after = begun.found.fit, held.found.fit
     fewer = len(begun.found.effects) - len(held.found.effects)
-    as_good = 0.5 * AS_GOOD  # the misfit is half a chi square
-    allowed = as_good * (1 + fewer if fewer >= 0 else fewer)
+    allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer)
     if _late_as_effect(begun.found, held.found, channels):
         allowed = max(allowed, -log(CLEARLY_LESS) * before.count)
     if before.columns != after.columns or after.misfit > before.misfit + allowed:
         return None
     half = 0.5 * (after.solution.x - before.solution.x)
-    certain = after.misfit < before.misfit - as_good * (0 if fewer > 0 else 1 - fewer)
+    certain = after.misfit < before.misfit - AS_LIKELY * (0 if fewer > 0 else 1 - fewer)
     what = (
         "acts half a sample later than recorded, as a command does that is held over every sample; it is "
         "taken for one"

@@ -28,7 +28,7 @@ from modelgen.runtime.iv.effect import AT_REVERSALS, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shaped_effects import fit_in_shape
-from modelgen.runtime.iv.thresholds import AS_GOOD, EFFECT_ROUNDS, LEVEL, LITTLE_OWN
+from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS, LEVEL, LITTLE_OWN
 from modelgen.runtime.iv.told_effects import below_noise, left
 from modelgen.runtime.numerics.tails import normal_beyond
 
@@ -111,7 +111,7 @@ class Search:
         least = normal_beyond(0.5 * LEVEL)
         for effect in masses:
             found = self._freed(effect)
-            if found is None or found[1].fit.misfit > self.now.fit.misfit - 0.5 * AS_GOOD:
+            if found is None or found[1].fit.misfit > self.now.fit.misfit - AS_LIKELY:
                 continue
             if found[1].sizes[-1] > least * found[1].stds[-1]:
                 yield found[0][-1], *found
@@ -206,7 +206,7 @@ class Search:
         Forces are late more often than sensors, and either more often than it has a clock of its own.
         """
         # the misfit is half a chi square
-        most = min(freed.fit.misfit for _, _, freed in tried) + 0.5 * AS_GOOD
+        most = min(freed.fit.misfit for _, _, freed in tried) + AS_LIKELY
         equals = [entry for entry in tried if entry[2].fit.misfit < most]
         (effect, effects, freed), *others = sorted(equals, key=lambda entry: self._rarity(entry[0]))
         equal = tuple(Equal(one, found.sizes[-1], found.fit.solution.x) for one, _, found in others)

@@ -6,7 +6,7 @@ by their residual in this step), and bounds (a parameter at its bound is zero an
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -122,7 +122,7 @@ def step_from(
     white_rows = block_whiteners(fit, setting.choice.steps_s(moved), most)
     fit = replace(fit, lost=round(sum(white_of.lost for white_of in white_rows)))
     rates = [delay_rates(fit, model, moved, setting.choice, setting.drop, channel) for channel in now.delays]
-    rates += [_zero_rates(fit, model, effect) for effect in setting.zeros]
+    rates += _zero_rates(fit, model, setting.zeros)
     late = [np.column_stack(columns) for columns in zip(*rates, strict=True)] or [
         np.zeros((len(block.place), 0)) for block in fit.blocks
     ]
@@ -142,21 +142,23 @@ def step_from(
     return GaussNewtonStep(fit, Z, slope, *_solved(two_stage(linear, tuple(stacked)), model, rules))
 
 
-def _zero_rates(fit: Fit, model: Model, zero: Effect) -> BlockColumn:
-    """Return d(Y - W X) / d size of a position's zero that is set right, shape (n,) a block of the fit.
+def _zero_rates(fit: Fit, model: Model, zeros: Sequence[Effect]) -> list[BlockColumn]:
+    """Return d(Y - W X) / d size of positions' zeros that are set right, shape (n,) a block of the fit.
 
-    What is not differentiated holds it, and no filter moves a constant.
+    What is not differentiated holds them, and no filter moves a constant.
     """
-    read = [one.key for one in model.signals if one.sensor == zero.channel and one.derivative == 0]
-    terms = mismatch_terms(model, fit.all_parameters(model.base_parameters))
-    shares = [sum(row.get(key, 0.0) for key in read) for row in terms]
-    places = {index for index, block in enumerate(fit.blocks) if block.record == zero.record}
-    rates = {
-        index: np.full(len(block.place), -shares[block.row])
-        for index, block in enumerate(fit.blocks)
-        if index in places and shares[block.row]
-    }
-    return BlockColumn(rates, [len(block.place) for block in fit.blocks])
+    terms = mismatch_terms(model, fit.all_parameters(model.base_parameters)) if zeros else ()
+    counts, found = [len(block.place) for block in fit.blocks], []
+    for zero in zeros:
+        read = [one.key for one in model.signals if one.sensor == zero.channel and one.derivative == 0]
+        shares = [sum(row.get(key, 0.0) for key in read) for row in terms]
+        rates = {
+            index: np.full(count, -shares[block.row])
+            for index, (block, count) in enumerate(zip(fit.blocks, counts, strict=True))
+            if block.record == zero.record and shares[block.row]
+        }
+        found.append(BlockColumn(rates, counts))
+    return found
 
 
 def _with_instruments(

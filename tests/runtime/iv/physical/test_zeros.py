@@ -5,38 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modelgen.cli.candidates import spec_model
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
-from modelgen.spec.load import parse_spec
+from tests.runtime.iv.physical.test_composite_iv import model_of
+from tests.runtime.rows.test_dropped_friction import THREE
 
-CHAIN = """
-chain = { name = "three", motion = "rotation" }
-bodies = [
-    { name = "m", inertia = "J_m", viscous = "F_v", coulomb = "F_s", actuator = "T" },
-    { name = "c", inertia = "J_c" },
-    { name = "l", inertia = "J_l" },
-]
-links = [
-    { bodies = ["m", "c"], stiffness = "K", damping = "D" },
-    { bodies = ["c", "l"], stiffness = "K_l", damping = "D_l" },
-]
-
-[sensors.s]
-q_m = { body = "m", measures = "position" }
-q_l = { body = "l", measures = "position" }
-"""
+# friction at the motor only: what the others do not have, no direction has to be known of
+CHAIN = THREE
+for body in "cl":
+    CHAIN = CHAIN.replace(f', viscous = "F_v{body}", coulomb = "F_s{body}"', "")
 TRUTH = {
-    "J_m": 2e-3, "F_v": 0.02, "F_s": 0.4, "J_c": 1e-3, "J_l": 4e-3, "K": 2500.0, "D": 0.5,
-    "K_l": 1800.0, "D_l": 0.4,
+    "J_m": 2e-3, "F_vm": 0.02, "F_sm": 0.4, "J_c": 1e-3, "J_l": 4e-3, "K_1": 2500.0, "D_1": 0.5,
+    "K_2": 1800.0, "D_2": 0.4,
 }  # fmt: skip
 NOISE = {"q_m": 1e-6, "q_l": 1e-6, "T": 2e-3}
 
 
 def model() -> Model:
-    return spec_model(parse_spec(CHAIN, "three.toml"), "s")
+    return model_of(CHAIN, "ends")
 
 
 def records(zeros: tuple[float, ...]) -> list[Record]:
