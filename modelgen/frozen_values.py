@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 
 class FrozenValues:
@@ -19,11 +20,7 @@ class FrozenValues:
     def __post_init__(self) -> None:
         for name, value in self._values().items():
             if isinstance(value, np.ndarray):
-                kind = complex if np.iscomplexobj(value) else float
-                if value.flags.writeable or value.base is not None or value.dtype != kind:
-                    value = np.array(value, dtype=kind)
-                    value.flags.writeable = False
-                    object.__setattr__(self, name, value)
+                object.__setattr__(self, name, read_only(value))
             elif isinstance(value, Mapping):
                 object.__setattr__(self, name, MappingProxyType(dict(value)))
 
@@ -34,6 +31,15 @@ class FrozenValues:
 
     def _values(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+
+
+def read_only(value: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return numbers, of any shape and unit, that nobody can change: themselves if they are that already."""
+    kind = complex if np.iscomplexobj(value) else float
+    if value.flags.writeable or value.base is not None or value.dtype != kind:
+        value = np.array(value, dtype=kind)
+        value.flags.writeable = False
+    return value
 
 
 def _rebuild(kind: type[Any], values: dict[str, Any]) -> Any:

@@ -85,22 +85,21 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     base[[model.base_parameters.index(name) for name in identified]] = values
     found = _physical(solved, base, covariances)
     others = other_solutions(model, base, covariances, found.parameters)
-    # before the residual that stays: it makes residuals of its own
-    pruning = _prune(solved, residual_dof, prune_percent)
+    in_memory = all(block.in_memory for block in fit.blocks)
     described = EstimatedFit(
         method=solved.method.name,
         method_title=method.title,
         covariance_kind=method.covariance_kind,
         filtering=solved.job.choice,
         rows=row_diagnostics(solved.observation, fit),
-        resid=fit.weighted_residual if all(block.in_memory for block in fit.blocks) else None,
+        residuals=tuple(zip(fit.weights, fit.residuals, strict=True)) if in_memory else None,
         condition_number=fit.solution.condition_number,
         condition_number_raw=fit.solution.condition_number_raw,
         relative_error=fit.relative_error,
         error_norm=fit.residual_norm,
         sigma=sigma,
         residual_dof=residual_dof,
-        pruning=pruning,
+        pruning=_prune(solved, residual_dof, prune_percent),
         delays={channel: value for channel, value, _ in fit.delays},
         delay_std={channel: std for channel, _, std in fit.delays},
         notes=solved.observation.notes

@@ -218,7 +218,7 @@ def _fit(joined: Joined, every: tuple[Parameter, ...]) -> EstimatedFit:
             notes=tuple(f"{t}: {text}" for t, one in fits.items() for text in one.filtering.notes),
         ),
         rows=tuple(row for one in fits.values() for row in one.rows),
-        resid=None,
+        residuals=None,
         condition_number=max(one.condition_number for one in fits.values()),
         condition_number_raw=max(one.condition_number_raw for one in fits.values()),
         relative_error=max(one.relative_error for one in fits.values()),

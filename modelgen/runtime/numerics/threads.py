@@ -1,8 +1,9 @@
-"""How many threads a process may use."""
+"""How many threads a process may use, and the memory that the C library keeps for each of them."""
 
 from __future__ import annotations
 
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -57,6 +58,17 @@ def each(work: Callable[[Item], Found], items: Iterable[Item], count: int) -> It
 def _workers(count: int, process: int) -> ThreadPoolExecutor:
     """Return the threads of a process, by its number: one that is forked off has none."""
     return ThreadPoolExecutor(count, initializer=lambda: setattr(_here, "is_worker", True))
+
+
+def give_back_freed() -> None:
+    """Give memory that was freed back to the system; glibc keeps up to tens of MB of it for each thread."""
+    if sys.platform != "linux":
+        return
+    from ctypes import CDLL
+
+    trim = getattr(CDLL(None), "malloc_trim", None)  # other C libraries have none
+    if trim is not None:
+        trim(0)
 
 
 def meanwhile(work: Callable[[], Found], here: bool = False) -> Callable[[], Found]:

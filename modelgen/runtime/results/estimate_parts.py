@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.frozen_values import FrozenValues
+from modelgen.frozen_values import FrozenValues, read_only
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.pruning import Pruning
@@ -70,9 +73,9 @@ class EstimatedFit(FrozenValues):
         How the covariance of the noise was made: "hac", or "printed" for eq. (11).
     filtering : FilterChoice
     rows : tuple of RowDiagnostics
-    resid : array, shape (nobs,), or None
-        Weighted residual, rows stacked; in the unit of the row where there is only one block. None where a
-        limit of memory did not let the rows stay, and in an estimate from a file.
+    residuals : tuple of (float, array), or None
+        Weight and residual of each row on each record, (n,) in the unit of the row. None where a limit of
+        memory did not let the rows stay, and in an estimate from a file.
     condition_number, condition_number_raw : float
         Of the weighted observation matrix, with and without scaling its columns to unit length.
     relative_error, error_norm : float
@@ -93,7 +96,7 @@ class EstimatedFit(FrozenValues):
     covariance_kind: str
     filtering: FilterChoice
     rows: tuple[RowDiagnostics, ...]
-    resid: FloatArray | None
+    residuals: tuple[tuple[float, FloatArray], ...] | None
     condition_number: float
     condition_number_raw: float
     relative_error: float
@@ -104,6 +107,24 @@ class EstimatedFit(FrozenValues):
     delays: Mapping[str, float] = field(default_factory=dict)
     delay_std: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.residuals is not None:
+            kept = tuple((weight, read_only(residual)) for weight, residual in self.residuals)
+            object.__setattr__(self, "residuals", kept)
+
+    @cached_property
+    def resid(self) -> FloatArray | None:
+        """Weighted residual, rows stacked, shape (nobs,); None without `residuals`.
+
+        In the unit of the row where there is only one block.
+        """
+        if self.residuals is None:
+            return None
+        found = np.concatenate([weight * residual for weight, residual in self.residuals])
+        found.flags.writeable = False
+        return found
 
 
 @dataclass(frozen=True, eq=False)

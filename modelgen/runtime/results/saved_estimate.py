@@ -61,7 +61,7 @@ def estimate_parts(document: Mapping[str, Any], where: str) -> dict[str, Any]:
         "records": saved.records,
         "fit": EstimatedFit(
             **_same_fields(EstimatedFit, saved) | {"method_title": saved.method_title or saved.method},
-            resid=None,
+            residuals=None,
         ),
         "covariances": _covariances(saved),
         "parameters": EstimatedParameters(

@@ -11,6 +11,7 @@ from modelgen.array_types import IntArray
 from modelgen.progress import counted
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.threads import give_back_freed
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.masks import calm_masks, jump_places, near_jumps
@@ -19,7 +20,7 @@ from modelgen.runtime.rows.remade_rows import remade_blocks
 from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.rows.row_terms import holds_force, holds_gain, row_terms
 from modelgen.runtime.rows.standstill_speeds import Survey
-from modelgen.runtime.rows.thresholds import JUMPS_FELT, LEAST_SHARE
+from modelgen.runtime.rows.thresholds import JUMPS_FELT, LEAST_SHARE, MUCH_KEPT
 
 # From so many columns a row holds those only that it touches: of a long chain that is a handful.
 WIDE = 16
@@ -79,7 +80,10 @@ def observe(
     """
     blocks: list[RowBlock] = []
     found: list[Survey] = []
-    remade = turns and memory_limit is not None and kept_bytes(model, records, choice) > memory_limit
+    size = kept_bytes(model, records, choice)
+    remade = turns and memory_limit is not None and size > memory_limit
+    if size > MUCH_KEPT and not all(record.in_memory for record in records):
+        give_back_freed()
     notes = [f"drop = {drop} samples at the beginning of every record, as given"] if drop else []
     for index, record in enumerate(counted(records, "filtering")):
         survey = surveys[index] if surveys else None

@@ -88,6 +88,11 @@ class RecordRows:
         points = chunk_points(self.plan, self.halo, self.samples)
         return each(work, self.chunks(), -(-len(self.grid) // points))
 
+    def for_chunks(self, fill: Callable[[Chunk], None]) -> None:
+        """Call a function with each chunk; see `shared_out`."""
+        for _ in self.over_chunks(fill):
+            pass
+
     def lines(
         self, terms: Sequence[RowTerms] | None = None, places: Sequence[IntArray] | None = None
     ) -> tuple[FloatArray, ...]:
@@ -109,21 +114,21 @@ class RecordRows:
                 else:
                     lines[:, part] = row.evaluate(signals)[:, place[part] - chunk.index]
 
-        for _ in self.over_chunks(fill):
-            pass
+        self.for_chunks(fill)
         return found
 
     def mixed(self, mixtures: Sequence[Mapping[str, float]]) -> FloatArray:
         """Return sums of signals and features at all samples kept, shape (mixtures, grid): a weight a key."""
+        found = np.zeros((len(mixtures), len(self.grid)))
 
-        def of(chunk: Chunk) -> FloatArray:
-            signals, found = chunk.signals(), np.zeros((len(mixtures), chunk.count))
+        def fill(chunk: Chunk) -> None:
+            signals, part = chunk.signals(), slice(chunk.index, chunk.index + chunk.count)
             for line, weights in zip(found, mixtures, strict=True):
                 for key, weight in weights.items():
-                    line += weight * signals[key]
-            return found
+                    line[part] += weight * signals[key]
 
-        return np.concatenate(list(self.over_chunks(of)), axis=1)
+        self.for_chunks(fill)
+        return found
 
     def derivatives(self, source: str, orders: Sequence[int]) -> FloatArray:
         """Return filtered derivatives of a channel or feature at the samples kept, shape (grid, orders)."""
@@ -138,22 +143,30 @@ class RecordRows:
         )
         before, behind = operator.margins
 
-        def of(chunk: Chunk) -> FloatArray:
+        found = np.empty((len(self.grid), len(orders)), order="F")
+
+        def fill(chunk: Chunk) -> None:
+            part = found[chunk.index : chunk.index + chunk.count]
             if source in self.plan.features:
                 feature = self.plan.features[source]
-                return self.plan.filtered_feature(chunk, feature, operator, chunk.first, chunk.count)
-            samples = read_continued(self.source, source, chunk.start - before, chunk.stop + behind)
-            return operator.apply(samples, before, chunk.count)
+                part[:] = self.plan.filtered_feature(chunk, feature, operator, chunk.first, chunk.count)
+            else:
+                samples = read_continued(self.source, source, chunk.start - before, chunk.stop + behind)
+                part[:] = operator.apply(samples, before, chunk.count)
 
-        return np.concatenate(list(self.over_chunks(of)))
+        self.for_chunks(fill)
+        return found
 
     def feature(self, feature: Feature) -> FloatArray:
         """Return a nonlinear feature, formed at the full rate and filtered, at the samples kept, (grid,)."""
+        found = np.empty(len(self.grid))
 
-        def of(chunk: Chunk) -> FloatArray:
-            return self.plan.feature(chunk, feature, chunk.first, chunk.count)
+        def fill(chunk: Chunk) -> None:
+            part = found[chunk.index : chunk.index + chunk.count]
+            part[:] = self.plan.feature(chunk, feature, chunk.first, chunk.count)
 
-        return np.concatenate(list(self.over_chunks(of)))
+        self.for_chunks(fill)
+        return found
 
 
 def matched_rows(

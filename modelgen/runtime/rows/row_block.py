@@ -142,8 +142,10 @@ class RowBlock:
         return (self.between(start, start + points) for start in range(0, self.grid, points))
 
     def residual(self, x: FloatArray) -> FloatArray:
-        """Return Y - W x, shape (n,); x is in the order of all columns."""
-        return np.asarray(self.Y - self.W @ self.own(x))
+        """Return Y - W x, shape (n,), not to be changed; x is in the order of all columns."""
+        found = np.asarray(self.Y - self.W @ self.own(x))
+        found.flags.writeable = False
+        return found
 
     def terms_norm(self, x: FloatArray) -> float:
         """Return the norm of the largest term, x of shape (columns,); see `RowTriangle`."""

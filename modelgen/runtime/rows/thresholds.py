@@ -37,3 +37,6 @@ JUMPS_FELT = 0.1
 
 # Noise in front of lines is integrated over so many frequencies up to half of the sampling frequency.
 NOISE_LINES = 2000
+
+# Before rows of records in files that take so many bytes, memory that was freed is given back: a few ms.
+MUCH_KEPT = 1 << 25

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import platform
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from modelgen.runtime.numerics.threads import WAITING, each, meanwhile, usable_threads
+from modelgen.runtime.numerics.threads import WAITING, each, give_back_freed, meanwhile, usable_threads
 
 
 def test_a_thread_for_every_core_that_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,3 +78,17 @@ def test_an_item_that_goes_wrong_ends_all(monkeypatch: pytest.MonkeyPatch) -> No
     with pytest.raises(ZeroDivisionError):
         list(each(lambda k: 1 // (3 - k), range(50), 50))
     assert list(each(lambda k: -k, range(3), 3)) == [0, -1, -2]
+
+
+def _resident_pages() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1])
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries are not asked")
+def test_freed_memory_is_given_back() -> None:
+    held = [np.ones(1 << 13) for _ in range(1000)]  # 64 MB of arrays that are too small for maps of their own
+    del held[:-1]  # what stands behind them keeps the rest from going by itself
+    before = _resident_pages()
+    give_back_freed()
+    assert before - _resident_pages() > 10_000  # of 4 kB
+    assert held[0].sum() == 1 << 13

@@ -48,7 +48,7 @@ def estimate() -> Estimate:
             RowDiagnostics("chirp", "m", "N m", 1200, 30, 250.0, 0.004, 0.02),
             RowDiagnostics("rest", "m", "N m", 0, 1230, 0.0, None, None),
         ),
-        resid=np.array([0.5, -0.25, 1.0]),
+        residuals=((1.0, np.array([0.5, -0.25, 1.0])),),
         condition_number=12.5,
         condition_number_raw=float("inf"),
         relative_error=0.0312,
@@ -125,9 +125,9 @@ def test_nothing_can_be_changed(estimate: Estimate) -> None:
 
 def test_it_does_not_change_with_what_it_was_made_from(estimate: Estimate) -> None:
     residual = np.ones(3)
-    other = replace(estimate, fit=replace(estimate.fit, resid=residual))
+    other = replace(estimate, fit=replace(estimate.fit, residuals=((2.0, residual),)))
     residual[0] = 7.0
-    assert other.resid[0] == 1.0
+    assert other.resid[0] == 2.0
 
 
 def test_json_is_deterministic_and_knows_no_nan(estimate: Estimate) -> None:

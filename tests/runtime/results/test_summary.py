@@ -106,7 +106,7 @@ def made_up() -> Estimate:
             RowDiagnostics("chirp", "m", "N m", 1200, 30, 250.0, 0.004, 0.02),
             RowDiagnostics("rest", "m", "N m", 0, 1230, 0.0, None, None),
         ),
-        resid=np.array([0.5, -0.25, 1.0]),
+        residuals=((1.0, np.array([0.5, -0.25, 1.0])),),
         condition_number=12.5,
         condition_number_raw=float("inf"),
         relative_error=0.0312,
