@@ -44,7 +44,6 @@ from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     BEYOND_CHANCE,
-    BIAS_SHARE,
     FAR_OVER_NOISE,
     LEFT_BY_ARMS,
     LEFT_SHARE,
@@ -52,7 +51,6 @@ from modelgen.runtime.identification.thresholds import (
     STANDS_IN,
 )
 from modelgen.runtime.iv.thresholds import AS_GOOD
-from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.simulation.arms.arm_coordinates import follows
@@ -184,15 +182,10 @@ def _exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> 
 
 def _less_driven(task: Task, method: Auto, first: Begun) -> Begun:
     """Return instruments; least squares where noise of the forces biases these, and of the sensors not it."""
-    fit, job = first.found.fit, first.task.job
-    driven = driven_by_noise(job, method.instrumental, fit)
-    if driven is not None:
-        spread = np.sqrt(job.share * np.maximum(np.diag(hac_covariance(fit)), 0.0))
-        if np.any(np.abs(driven.shift) > BIAS_SHARE * spread):
-            found = least_squares_instead(task, method, first, driven.shift)
-            if found is not None:
-                return found
-    return with_note(first, "method iv: noise of the sensors does not bias instruments")
+    driven = driven_by_noise(first.task.job, method.instrumental, first.found.fit)
+    found = least_squares_instead(task, method, first, driven.shift) if np.any(driven.shift) else None
+    first = replace(first, driven=driven)
+    return found or with_note(first, "method iv: noise of the sensors does not bias instruments")
 
 
 def _instrumental(task: Task, method: IV) -> Begun:

@@ -161,7 +161,7 @@ def fitted(task: Task) -> tuple[Task, Solution]:
     if isinstance(method, IV):  # least squares does not load what simulates
         from modelgen.runtime.identification.explanation.less_driven import less_driven
 
-        plain, left, notes = less_driven(job, method, plain)
+        plain, left, notes = less_driven(job, method, plain, known=start.driven)
         plain, drift, driven = replace(plain, notes=plain.notes + notes), drift + left, bool(notes)
     if _bias_counts(task):
         freed, effect = less_noise(model, job.records, job.choice, plain)

@@ -36,7 +36,7 @@ from modelgen.runtime.numerics.block_column import BlockColumn, block_column
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.record_rows import unmasked_rows
-from modelgen.runtime.rows.row_terms import channels_of_rows
+from modelgen.runtime.rows.row_terms import channels_of_rows, row_terms
 
 # records, first values -> rows and their fit
 Run = Callable[[tuple[Record, ...], Fit | None], tuple[Observation, Fit]]
@@ -233,21 +233,15 @@ def delay_rates(
     An advanced force changes by its derivative, which is filtered already where a row differentiates it.
     """
     orders = {signal.key: signal.derivative for signal in model.signals if signal.actuator == channel}
-    place = {key: index for index, key in enumerate(orders)}
-    x = fit.all_parameters(model.base_parameters)
+    x, terms = fit.all_parameters(model.base_parameters), row_terms(model)
     slopes, rates = dict[int, FloatArray](), dict[int, FloatArray]()
     # most rows of a long chain hold other forces
     holding = {row for row, read in enumerate(channels_of_rows(model)) if channel in read}
     for index, block in enumerate(fit.blocks):
         if block.row not in holding:
             continue
-        terms = list(model.measurement_columns[block.row])
-        for column, entry in model.regressor_columns[block.row].items():
-            terms += [(-share * x[column], key) for share, key in entry]
-        shares = np.zeros(len(orders))
-        for share, key in terms:
-            if key in orders:
-                shares[place[key]] += share
+        weights = terms[block.row].mismatch(x)
+        shares = np.array([weights.get(key, 0.0) for key in orders])
         if block.record not in slopes:
             record, factor = records[block.record], choice.decimation[block.record]
             rows = unmasked_rows(model, record, choice, factor, drop)

@@ -13,7 +13,7 @@ from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.joint_whitening import WhiteFit
 from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares
 from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
-from modelgen.runtime.numerics.regressor import Regressor, Regressors, WeightedPieces
+from modelgen.runtime.numerics.regressor import Regressor, Regressors
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock, Stretch
 from modelgen.runtime.rows.row_triangles import RowTriangle
@@ -39,11 +39,6 @@ class CarriedOver:
     series: tuple[FloatArray, ...]
     unknown: tuple[str, ...] = ()
     zeros: tuple[tuple[float, float], ...] = ()
-
-    def physical(self, names: Sequence[str]) -> dict[str, float]:
-        """Return the physical parameters by name; what bounds hold at zero may be negative here."""
-        values = dict(zip(self.linear.columns, self.linear.solution.x.tolist(), strict=True))
-        return {name: values[name] for name in names}
 
 
 class FittedStretch(NamedTuple):
@@ -163,8 +158,13 @@ class Fit:
         return np.concatenate([w * b.Y for w, b in zip(self.weights, self.blocks, strict=True)])
 
     def physical(self, names: Sequence[str]) -> dict[str, float] | None:
-        """Return the physical parameters of the fit that this was carried over from, None without one."""
-        return None if self.carried is None else self.carried.physical(names)
+        """Return the physical parameters of the fit that this was carried over from, None without one.
+
+        What bounds hold at zero may be negative here.
+        """
+        if self.carried is None:
+            return None
+        return dict(zip(names, self.carried.linear.all_parameters(names).tolist(), strict=True))
 
     def rows(self, columns: Sequence[str]) -> tuple[tuple[RowBlock, ...], Regressors | None]:
         """Return blocks, and what Y was regressed on in place of W, of some columns."""
@@ -223,6 +223,11 @@ class Fit:
         """Samples used in all blocks."""
         return sum(block.count for block in self.blocks)
 
+    @property
+    def turning(self) -> bool:
+        """Whether some block uses samples that feel a reversal, as few others are left."""
+        return any(block.turning for block in self.blocks)
+
     def between(self, index: int, start: int, stop: int) -> FittedStretch:
         """Return the samples of a block that are used among those points of the grid."""
         return self.fitted(index, self.blocks[index].between(start, stop))
@@ -276,13 +281,6 @@ def regressed_rows(
         lines = weight * lines_of(tall_triangle(one.samples, block.Y)[:, 1:])
         found.append(np.column_stack([one.lines(lines[:, :-1]), lines[:, -1]]))
     return np.concatenate(found)
-
-
-def weighted_parts(
-    blocks: Sequence[RowBlock], weights: Sequence[float], regressors: Regressors
-) -> WeightedPieces:
-    """Return the weighted regressor and Y of each block, in pieces that every pass makes anew."""
-    return WeightedPieces(regressors, tuple(block.Y for block in blocks), weights)
 
 
 def triangle_rows(

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.least_squares.fit import Fit, regressed_rows, residuals_of, weighted_parts
+from modelgen.runtime.least_squares.fit import Fit, regressed_rows, residuals_of
 from modelgen.runtime.least_squares.orthogonal_solution import inverse_of, polished
 from modelgen.runtime.least_squares.thresholds import ALIKE, SIMULATED_TOLERANCE
 from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
-from modelgen.runtime.numerics.regressor import Regressor, Regressors
+from modelgen.runtime.numerics.regressor import Regressor, Regressors, WeightedPieces
 
 
 def two_stage(fit: Fit, Z: Regressors | tuple[FloatArray, ...]) -> Fit:
@@ -58,7 +58,7 @@ def with_regressors(fit: Fit, projected: Regressors) -> Fit:
 
 def _regressed(fit: Fit, projected: Regressors, triangle: FloatArray) -> Fit:
     """Return the same, given the triangle of the weighted [projected Y], shape (c + 1, c + 1)."""
-    parts = weighted_parts(fit.blocks, fit.weights, projected)
+    parts = WeightedPieces(projected, tuple(block.Y for block in fit.blocks), fit.weights)
     solution = polished(triangle, parts, SIMULATED_TOLERANCE, ALIKE)
     residuals = residuals_of(fit.blocks, solution.x)
     own = replace(fit, series=None, white=None)

@@ -21,7 +21,6 @@ from modelgen.runtime.least_squares.fit import (
     regressed_rows,
     residuals_of,
     triangle_rows,
-    weighted_parts,
 )
 from modelgen.runtime.least_squares.orthogonal_solution import (
     LeastSquares,
@@ -37,7 +36,7 @@ from modelgen.runtime.least_squares.thresholds import (
     WEIGHTING_ROUNDS,
 )
 from modelgen.runtime.numerics.qr_triangle import triangle_of
-from modelgen.runtime.numerics.regressor import Regressor, Regressors
+from modelgen.runtime.numerics.regressor import Regressor, Regressors, WeightedPieces
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.row_block import STRETCH, RowBlock
 from modelgen.runtime.rows.row_triangles import RowTriangle
@@ -220,7 +219,8 @@ def _solve(
     c = len(columns)
     parts: Sequence[tuple[Regressor, FloatArray]]
     if projected is not None:
-        rows, parts = regressed_rows(blocks, weights, projected), weighted_parts(blocks, weights, projected)
+        rows = regressed_rows(blocks, weights, projected)
+        parts = WeightedPieces(projected, tuple(block.Y for block in blocks), weights)
     else:
         rows, parts = triangle_rows(blocks, weights, c), _Weighted(blocks, weights, c)
     triangle = triangle_of(rows)

@@ -35,6 +35,11 @@ class Observation:
     notes: tuple[str, ...] = ()
     surveys: tuple[Survey, ...] = ()
 
+    @property
+    def turning(self) -> bool:
+        """Whether some row uses samples that feel a reversal, as few others are left."""
+        return any(block.turning for block in self.blocks)
+
     def dense(self) -> Observation:
         """Return the same with every column in every block."""
         return replace(self, blocks=tuple(block.dense(len(self.columns)) for block in self.blocks))

@@ -32,6 +32,14 @@ class RowTerms:
         self.fill(lines, signals)
         return lines
 
+    def mismatch(self, x: FloatArray) -> dict[str, float]:
+        """Return the weights of signals and features in y - D x, x (SI) is (base parameters,)."""
+        weights: dict[str, float] = {}
+        for share, entry in zip((*(-x[list(self.columns)]), 1.0), self.entries, strict=True):
+            for coefficient, key in entry:
+                weights[key] = weights.get(key, 0.0) + float(share) * coefficient
+        return weights
+
 
 @lru_cache(maxsize=8)
 def channels_of_keys(model: Model) -> dict[str, frozenset[str]]:
@@ -56,15 +64,8 @@ def channels_of_rows(model: Model) -> tuple[frozenset[str], ...]:
 
 
 def mismatch_terms(model: Model, x: FloatArray) -> tuple[dict[str, float], ...]:
-    """Return for each row the weights of signals and features in y - D x, x (SI) is (base parameters,)."""
-    found = []
-    for terms in row_terms(model):
-        weights: dict[str, float] = {}
-        for share, entry in zip((*(-x[list(terms.columns)]), 1.0), terms.entries, strict=True):
-            for coefficient, key in entry:
-                weights[key] = weights.get(key, 0.0) + float(share) * coefficient
-        found.append(weights)
-    return tuple(found)
+    """Return `RowTerms.mismatch` of each row, x (SI) is (base parameters,)."""
+    return tuple(terms.mismatch(x) for terms in row_terms(model))
 
 
 @lru_cache(maxsize=8)

@@ -89,7 +89,7 @@ def calmer(task: Task) -> Iterator[Task]:
 
 def _turning(task: Task) -> bool:
     """Tell whether some row has no sample that feels no reversal."""
-    return any(block.turning for block in task.job.calm(task.job.records).blocks)
+    return task.job.calm(task.job.records).turning
 
 
 def _matters(job: Job, fit: Fit) -> bool:
@@ -156,7 +156,7 @@ class _Scan:
             return False
         fit = found.found.fit
         # where every sample feels a reversal, directions err by more than noise says
-        if fit.columns != begun.found.fit.columns or any(block.turning for block in fit.blocks):
+        if fit.columns != begun.found.fit.columns or fit.turning:
             return False
         self.found[step], self._tried[step] = found, _tried(found)
         return True

@@ -116,7 +116,7 @@ def found_by(job: Job, observation: Observation, fit: Fit) -> Freed:
 
 def timing_is_open(job: Job, found: Explained) -> bool:
     """Tell whether a fit must use samples near reversals, or forces bend between samples."""
-    turning = found.fit.carried is None and any(block.turning for block in found.fit.blocks)
+    turning = found.fit.carried is None and found.fit.turning
     return turning or forces_bend(job.model, job.records)
 
 

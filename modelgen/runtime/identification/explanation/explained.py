@@ -15,6 +15,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.rows.observation import Observation
 
 if TYPE_CHECKING:
+    from modelgen.runtime.identification.explanation.drive_noise import DriveBias
     from modelgen.runtime.iv.effect import Effect
 
 
@@ -43,10 +44,14 @@ class Explained:
 
 @dataclass(frozen=True, eq=False)
 class Begun:
-    """A task whose method has been run: rows and their fit, and what the residual says."""
+    """A task whose method has been run: rows and their fit, and what the residual says.
+
+    `driven` is what noise of the forces shifts that fit by, where it was asked for.
+    """
 
     task: Task
     found: Explained
+    driven: DriveBias | None = None
 
 
 def run_method(task: Task, method: Method) -> Begun:

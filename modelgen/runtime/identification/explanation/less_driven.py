@@ -16,22 +16,35 @@ from modelgen.runtime.least_squares.fit import Fit, residuals_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 
 
-def driven_by_noise(job: Job, method: Method, fit: Fit) -> DriveBias | None:
-    """Return what noise of forces shifts instruments of a chain by; None if it does not, or is not known."""
+def driven_by_noise(job: Job, method: Method, fit: Fit) -> DriveBias:
+    """Return what noise of forces shifts instruments of a chain by; zero if that is little, or not known.
+
+    Little against the deviations that all samples give, of which the job has a share.
+    """
+    c = len(fit.columns)
+    none = DriveBias(np.zeros(c), np.zeros(len(fit.delays)), np.zeros((c, c)), 0.0)
     plain = isinstance(method, IV) and method.robust is None and method.bounds is None
     chain = not job.model.is_arm and fit.projected is not None and fit.carried is None
     if not plain or not chain or job.loop:  # nor where a controller drives the simulation
-        return None
+        return none
     try:
-        return drive_bias(job, fit)
+        bias = drive_bias(job, fit)
     except (DataError, IdentifiabilityError):
-        return None
+        return none
+    matters = np.abs(bias.shift) > BIAS_SHARE * np.sqrt(job.share) * _deviations(fit)
+    return bias if np.any(matters) else none
+
+
+def _deviations(fit: Fit) -> FloatArray:
+    return np.asarray(np.sqrt(np.maximum(np.diag(hac_covariance(fit)), np.finfo(float).tiny)))
 
 
 def less_driven(
-    job: Job, method: Method, fit: Fit, again: bool = False
+    job: Job, method: Method, fit: Fit, again: bool = False, known: DriveBias | None = None
 ) -> tuple[Fit, FloatArray, tuple[str, ...]]:
     """Return a fit less what noise of the forces shifts it by, what of that may be left, and what is said.
+
+    `known` is what `driven_by_noise` has given for that fit, if it was asked for.
 
     Returns
     -------
@@ -47,13 +60,10 @@ def less_driven(
         Where the fit is another one `again`, for comparison, and the shift is not known.
     """
     x, none = fit.solution.x, np.zeros((len(fit.columns),) * 2)
-    bias = driven_by_noise(job, method, fit)
-    if bias is None:
+    bias = driven_by_noise(job, method, fit) if known is None else known
+    if not np.any(bias.shift):
         return fit, none, ()
-    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), np.finfo(float).tiny))
-    if not np.any(np.abs(bias.shift) > BIAS_SHARE * spread):
-        return fit, none, ()
-    most = int(np.argmax(np.abs(bias.shift) / spread))
+    most = int(np.argmax(np.abs(bias.shift) / _deviations(fit)))
     told = f"noise of the forces shifts instruments (most {fit.columns[most]}"
     if bias.share > MOST_DRIVEN:
         if again:
@@ -67,6 +77,7 @@ def less_driven(
     late = tuple((key, late - by, std) for (key, late, std), by in zip(fit.delays, moved, strict=True))
     found = replace(fit, solution=solution, residuals=residuals_of(fit.blocks, shifted), delays=late)
     # at reversals noise turns friction as well, which moves instruments in another way
-    turning = any(block.turning for block in fit.blocks)
-    left = (LEFT_TURNING if turning else LEFT_DRIVEN) ** 2 * np.outer(bias.shift, bias.shift) + bias.spread
+    left = (LEFT_TURNING if fit.turning else LEFT_DRIVEN) ** 2 * np.outer(
+        bias.shift, bias.shift
+    ) + bias.spread
     return found, left, (f"{told}, by {size:.2g} %), which is taken off",)

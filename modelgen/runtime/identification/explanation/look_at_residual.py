@@ -61,8 +61,7 @@ def look(
     # where every sample feels a reversal, a delay of a force is estimated only where the residual shows it
     known_late = [channel for channel, _, _ in now.fit.delays]
     late = [channel for channel in job.late if channel not in known_late]
-    turning = any(block.turning for block in now.fit.blocks)
-    every = effects_of(job.model, simulated[0].plant.bodies, len(job.records), late, turning)
+    every = effects_of(job.model, simulated[0].plant.bodies, len(job.records), late, now.fit.turning)
     tested = [one for one in unlike(every, known) if not kinds or one.kind in kinds]
     others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
                                  for channel, _, _ in now.fit.delays)  # fmt: skip

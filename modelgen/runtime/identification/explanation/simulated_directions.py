@@ -34,7 +34,7 @@ def with_simulated_directions(begun: Begun) -> Begun:
     As they are where no row uses such samples, or where that leaves more unexplained.
     """
     task, found, fit = begun.task, begun, begun.found.fit
-    if fit.carried is not None or not any(block.turning for block in fit.blocks):
+    if fit.carried is not None or not fit.turning:
         return begun
     if not takes_directions(task.job):
         return begun

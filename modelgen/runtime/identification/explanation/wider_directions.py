@@ -34,7 +34,7 @@ def with_wider_directions(begun: Begun) -> Begun:
     """
     task, fit = begun.task, begun.found.fit
     given = task.filters.direction_cutoff_hz is not None or task.filters.directions
-    if given or fit.carried is not None or not any(signs_of_rows(task.model)) or _turning(fit):
+    if given or fit.carried is not None or not any(signs_of_rows(task.model)) or fit.turning:
         return begun
 
     def again(choice: FilterChoice) -> Begun:
@@ -46,7 +46,7 @@ def with_wider_directions(begun: Begun) -> Begun:
     lowest_fs = min(record.fs for record in task.records)
     for choice, found in other_direction(task.choice, lowest_fs, again):
         other = found.found.fit
-        alike = not _turning(other) and other.columns == fit.columns
+        alike = not other.turning and other.columns == fit.columns
         if found is begun or not alike or _left(other.left_shares, fit, task.model) > CLEARLY_LESS:
             continue
         before, after = (direction_sentence(one.direction_cutoff_hz, False) for one in (task.choice, choice))
@@ -56,10 +56,6 @@ def with_wider_directions(begun: Begun) -> Begun:
         job = replace(found.task.job, choice=choice, start=task.job.start)
         return replace(found, task=replace(found.task, choice=choice, job=job))
     return begun
-
-
-def _turning(fit: Fit) -> bool:
-    return any(block.turning for block in fit.blocks)
 
 
 def _with_its_solution(job: Job, fit: Fit) -> Sequence[float]:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError
-from modelgen.runtime.identification import default_method
 from modelgen.runtime.identification.explanation import drive_noise, less_driven
 from modelgen.runtime.identification.explanation.drive_noise import DriveBias, drive_bias
 from modelgen.runtime.identification.identify import identify
@@ -70,18 +69,17 @@ def test_the_default_leaves_what_hardly_matters(monkeypatch: pytest.MonkeyPatch)
     record = rigid_record(MOTION, n=8_000, force_noise=0.5, noise=2e-5)
     plain = identify(RIGID, record)
     assert "noise of the forces" not in plain.summary()
-    monkeypatch.setattr(default_method, "driven_by_noise", lambda *_: None)
-    monkeypatch.setattr(less_driven, "driven_by_noise", lambda *_: None)
+    monkeypatch.setattr(less_driven, "drive_bias", _fails)
     assert identify(RIGID, record).params == plain.params
+
+
+def _fails(*_: object) -> None:
+    raise DataError.at("noise", "is too short", "give longer records")
 
 
 def test_what_is_not_known_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     record = rigid_record(MOTION, n=8_000, force_noise=10.0, noise=1e-6)
-
-    def fails(*_: object) -> None:
-        raise DataError.at("noise", "is too short", "give longer records")
-
-    monkeypatch.setattr(less_driven, "drive_bias", fails)
+    monkeypatch.setattr(less_driven, "drive_bias", _fails)
     assert "noise of the forces" not in identify(RIGID, record).summary()
 
 
