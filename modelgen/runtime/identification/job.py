@@ -18,10 +18,10 @@ from modelgen.runtime.least_squares.gain_instruments import gain_columns, with_g
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.given_directions import with_given_directions
-from modelgen.runtime.rows.masks import direction_keys
+from modelgen.runtime.rows.masks import Survey, direction_keys
 from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.rows_by_tag import rows_by_tag
-from modelgen.runtime.rows.standstill_speeds import Survey
+from modelgen.runtime.rows.uncertain_turns import without_uncertain_turns
 
 if TYPE_CHECKING:
     from modelgen.runtime.iv.companion_simulation import Loop
@@ -90,6 +90,7 @@ class Job:
             blocks = tuple(replace(block.kept(), turning=feel[block.row]) for block in rows.blocks)
             rows = replace(rows, blocks=blocks)
         rows = with_given_directions(rows, self.model, records, self.choice, self.drop, every)
+        rows = without_uncertain_turns(rows, self.model, records, self.choice, self.drop)
         return self.only_rows_for_tag(rows)
 
     def observing(

@@ -46,10 +46,11 @@ from modelgen.runtime.least_squares.wls import solve_matched
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.parameters.bounds import BoundCost, bound_reasons
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.masks import Survey
 from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
 from modelgen.runtime.rows.row_triangles import observe_triangles
-from modelgen.runtime.rows.standstill_speeds import Survey
+from modelgen.runtime.rows.uncertain_turns import leaves_turns_open
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,8 @@ class Solution:
     def found_at(self, task: Task, other: FilterChoice) -> SolvedColumns:
         """Return the solution of that fit; of least squares without a second set of rows in memory."""
         job, plain = self.job, isinstance(task.method, WLS) and self.treatment == Treatment()
-        if not plain or job.rows_for_tag is not None or self.plain.projected is not None:
+        opened = leaves_turns_open(job.model) and all(one.in_memory for one in self.observation.blocks)
+        if not plain or opened or job.rows_for_tag is not None or self.plain.projected is not None:
             return self.at(task, other)
         rows = observe_triangles(job.model, self.moved, other, job.drop, self._surveys(task, other))
         return solve_matched(rows, job.model.base_parameters)

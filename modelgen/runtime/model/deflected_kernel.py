@@ -135,7 +135,7 @@ class DeflectedKernel:
     def lines(
         self, read: Mapping[Read, FloatArray], succession: Succession | None = None
     ) -> Mapping[str, FloatArray]:
-        """Return every feature, shape (N,) each, from what is read, shape (N,) each.
+        """Return every feature, and given speeds, shape (N,) each, from what is read, shape (N,) each.
 
         Where samples are no `succession`, what the damping of springs delays is a series, to second order;
         what `read` holds of a given position is added to it (`beyond_series`).
@@ -160,14 +160,14 @@ class DeflectedKernel:
         for key, terms in self.sums.items():
             parts = (w * values[k] if k in values else self._sum(((w, k),), 0, read, count) for w, k in terms)
             found[key] = sum(parts, np.zeros(count))
+        found |= {one.key: ways[one.key] for one in self.speeds}
         along = self._along(signals, found, turning)
         for place in self.rows:
-            shift = np.zeros(count)
+            found[shift_key(place)] = shift = np.zeros(count)
             for column in self.columns:
                 total = sum((along[key].get(place, 0.0) * by for key, by in moves[column]), np.zeros(count))
                 found[slope_key(place, column)] = total
                 shift += self.point[column] * total
-            found[shift_key(place)] = shift
         return found
 
     def read_of(self, key: str) -> Read:

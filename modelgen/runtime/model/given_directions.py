@@ -33,7 +33,7 @@ def given_directions(
     sampled: bool,
     low_pass: LowPass | None = None,
 ) -> tuple[dict[str, FloatArray], Turning]:
-    """Return the directions of speeds, and the speeds in each, by their names in sums, and their slopes.
+    """Return speeds, their directions and the speeds in each, by their names in sums, and their slopes.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def given_directions(
             moves = 0.5 + factor * sign
             ways[f"{way} {one.name}"] = moves, factor * rate
             ways[f"{way} {one.key}"] = moves * speed, moves + factor * rate * speed
-        found |= {key: value for key, (value, _) in ways.items()}
+        found |= {one.key: speed} | {key: value for key, (value, _) in ways.items()}
         slopes |= {(k, of): w * by for k, (_, by) in ways.items() for w, of in one.terms if of in given}
     return found, slopes
 

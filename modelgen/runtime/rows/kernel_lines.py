@@ -77,17 +77,36 @@ class KernelLines:
         `filtered` takes a channel, an operator, the first sample and how many to what the operator makes.
         """
         before, behind = self._outer
-        low, reach = start - before - self._reach, self._reach
-        inside = before + (count - 1) * self.low_passes[0].factor + 1 + behind + 2 * reach
-        made = {channel: filtered(channel, one, low, inside) for channel, one in self.operators.items()}
-        read = {key: made[channel][:, column] for key, (channel, column) in self.inputs.items()}
-        succession = Succession(self.fs, partial(_whole, self.directions) if self.directions else None)
-        lines = formed(self.kernel, with_inner(self.kernel, read, self.stencil, self.fs), succession)
+        lines = self._formed(
+            filtered, start - before, before + (count - 1) * self.low_passes[0].factor + 1 + behind
+        )
         orders = self.kernel.orders
         return {
-            key: self.low_passes[orders.get(key, 0)].apply(line, before, count)[:, 0]
-            for key, line in lines.items()
+            key: self.low_passes[orders.get(key, 0)].apply(lines[key], before, count)[:, 0]
+            for key in self.kernel.keys
         }
+
+    def speeds_at(self, filtered: Filtered, start: int, count: int) -> dict[str, FloatArray]:
+        """Return speeds that rows give at so many samples from `start` on, by their names, SI, (count,) each.
+
+        They are those of which directions are taken, in front of what these go through.
+        """
+        if not isinstance(self.kernel, DeflectedKernel):
+            return {}
+        felt = lag_reach(self.kernel.lag, self.fs)
+        lines = self._formed(filtered, start - felt, count + 2 * felt)
+        return {one.name: lines[one.key][felt : felt + count] for one in self.kernel.speeds}
+
+    def _formed(self, filtered: Filtered, start: int, count: int) -> Mapping[str, FloatArray]:
+        """Return every line at the full rate, shape (count,) each."""
+        reach = self._reach
+        made = {
+            channel: filtered(channel, one, start - reach, count + 2 * reach)
+            for channel, one in self.operators.items()
+        }
+        read = {key: made[channel][:, column] for key, (channel, column) in self.inputs.items()}
+        succession = Succession(self.fs, partial(_whole, self.directions) if self.directions else None)
+        return formed(self.kernel, with_inner(self.kernel, read, self.stencil, self.fs), succession)
 
 
 def inner_orders(kernel: Kernel | DeflectedKernel) -> dict[str, int]:

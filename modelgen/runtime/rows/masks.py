@@ -6,7 +6,7 @@ mass stands still.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from numbers import Real
@@ -26,11 +26,26 @@ from modelgen.runtime.rows.dropped_friction import dropped_friction
 from modelgen.runtime.rows.row_terms import channels_of_rows
 from modelgen.runtime.rows.thresholds import (
     DIRECTION_TOLERANCE,
+    PERCENTILE,
     SLOW_SHARE,
     STANDSTILL_PERIODS,
     SUPPORT_TOLERANCE,
     TURN_TOLERANCE,
 )
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Speeds below which a mass stands still, by the key of the velocity; where forces of each row jump.
+
+    The latter are looked for where samples are left out for them.
+    """
+
+    thresholds: Mapping[str, float]
+    jumps: tuple[IntArray, ...] | None = None
+
+
+NOTHING = Survey({})
 
 
 @dataclass(frozen=True)
@@ -217,3 +232,28 @@ def near_jumps(jumps: IntArray, grid: range, choice: FilterChoice, fs: float) ->
     samples = np.asarray(grid)
     first, behind = np.searchsorted(jumps, samples - reach), np.searchsorted(jumps, samples + reach, "right")
     return np.asarray(behind > first)
+
+
+def standstill_speed(velocities: Iterator[FloatArray], n: int) -> FloatArray:
+    """Return the speed below which a mass stands still, shape (1,), from its velocity at n samples.
+
+    It is a share of the 99th percentile of the speed: an exact one, for which only the fastest hundredth of
+    the samples is kept.
+    """
+    index = PERCENTILE * (n - 1)
+    low = int(index)
+    fastest = np.zeros(0)
+    for velocity in velocities:
+        speed = np.abs(velocity)
+        # once the fastest are known, most of the others need not be looked at again
+        least = fastest.min() if len(fastest) == n - low else -np.inf
+        fastest = _largest(np.concatenate([fastest, speed[speed > least]]), n - low)
+    ordered = np.sort(fastest)
+    percentile = ordered[0] + (index - low) * (ordered[min(1, len(ordered) - 1)] - ordered[0])
+    return np.array([STANDSTILL_SHARE * percentile])
+
+
+def _largest(values: FloatArray, count: int) -> FloatArray:
+    if len(values) <= count:
+        return values
+    return np.partition(values, len(values) - count)[len(values) - count :]

@@ -14,12 +14,11 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.threads import give_back_freed
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
-from modelgen.runtime.rows.masks import calm_masks, jump_places, near_jumps
+from modelgen.runtime.rows.masks import Survey, calm_masks, jump_places, near_jumps
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.remade_rows import remade_blocks
 from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.rows.row_terms import holds_force, holds_gain, row_terms
-from modelgen.runtime.rows.standstill_speeds import Survey
 from modelgen.runtime.rows.thresholds import JUMPS_FELT, LEAST_SHARE, MUCH_KEPT
 
 # From so many columns a row holds those only that it touches: of a long chain that is a handful.

@@ -20,10 +20,9 @@ from modelgen.runtime.records.channels import Channels, read_continued
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk, chunk_points, chunks, made_once
 from modelgen.runtime.rows.filter_sections import matched_filtering
-from modelgen.runtime.rows.masks import RowMask, row_masks
+from modelgen.runtime.rows.masks import NOTHING, RowMask, Survey, row_masks, standstill_speed
 from modelgen.runtime.rows.row_terms import RowTerms, row_terms
 from modelgen.runtime.rows.signal_plan import SignalPlan, deepest_derivative, signal_plan
-from modelgen.runtime.rows.standstill_speeds import NOTHING, Survey, standstill_speed
 from modelgen.runtime.rows.thresholds import SUPPORT_TOLERANCE
 
 Found = TypeVar("Found")

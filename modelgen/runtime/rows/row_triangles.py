@@ -19,9 +19,9 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.qr_triangle import tall_triangle, triangle_of
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
+from modelgen.runtime.rows.masks import Survey
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.row_terms import holds_force, holds_gain
-from modelgen.runtime.rows.standstill_speeds import Survey
 
 # Triangles that are kept until they are joined: all of them would grow with the record.
 AT_A_TIME = 16

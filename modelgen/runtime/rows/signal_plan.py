@@ -7,7 +7,7 @@ own, because they are formed at the full rate from what is not linear.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Protocol
 
 import numpy as np
@@ -107,13 +107,20 @@ class SignalPlan:
     def kernel_features(self, stretch: PaddedStretch, start: int, count: int) -> dict[str, FloatArray]:
         """Return the features of the kernel at samples kept from `start` on, shape (count,) each."""
         assert self.kernel is not None  # a feature of it was asked for
+        return self.kernel.at(partial(self._read, stretch), start, count)
 
-        def filtered(source: str, operator: FusedOperator, first: int, samples: int) -> FloatArray:
-            if source in self.features:
-                return self.filtered_feature(stretch, self.features[source], operator, first, samples)
-            return self._filtered(stretch, source, operator, first, samples)
+    def given_speeds(self, stretch: PaddedStretch, start: int, count: int) -> dict[str, FloatArray]:
+        """Return speeds that rows give at samples from `start` on, (count,) each: `KernelLines.speeds_at`."""
+        assert self.kernel is not None  # it gives them
+        return self.kernel.speeds_at(partial(self._read, stretch), start, count)
 
-        return self.kernel.at(filtered, start, count)
+    def _read(
+        self, stretch: PaddedStretch, source: str, operator: FusedOperator, start: int, count: int
+    ) -> FloatArray:
+        """Return what an operator makes of a channel or feature, shape (count, derivatives)."""
+        if source in self.features:
+            return self.filtered_feature(stretch, self.features[source], operator, start, count)
+        return self._filtered(stretch, source, operator, start, count)
 
     def direction(self, stretch: PaddedStretch, key: str, start: int, stop: int) -> FloatArray:
         """Return a velocity whose sign is a direction of motion, at the full rate, shape (stop - start,)."""

@@ -1,0 +1,103 @@
+"""Directions that given speeds do not tell are left open: nothing follows from one that is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from benchmarks.elastic_motion import elastic_motion, record_along
+from modelgen import CheckOptions, Filters, identify
+from modelgen.render.arms.arm_writer import arm_files
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.model.model import Model, model_from_text
+from modelgen.runtime.planning.arms.predicted_sets import USUAL_NOISE
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import observe
+from modelgen.runtime.rows.row_block import RowBlock
+from modelgen.runtime.rows.uncertain_turns import leaves_turns_open, without_uncertain_turns
+from modelgen.spec.arms.load import load_arm
+from modelgen.spec.load import catalog_path
+from tests.symbolic.arms.elastic_arms import with_sensors
+from tests.symbolic.arms.test_elastic_rows import both
+
+FS, CUTOFF_HZ, HIGHEST_HZ, DAMPED = 1000.0, 21.5, 6.0, 0.98
+QUIET = dict.fromkeys(USUAL_NOISE, 0.0)
+ARM = load_arm(catalog_path("elastic_two_link"))
+
+
+@lru_cache(maxsize=1)
+def models() -> tuple[Model, Model]:
+    """Return the models of encoders on links, and on both sides of the springs."""
+    found = []
+    for sensors in (both("link"), (*both(), *both("link"))):
+        ((name, text),) = arm_files(with_sensors(ARM, *sensors), "s").items()
+        found.append(model_from_text(text, name))
+    return found[0], found[1]
+
+
+@lru_cache(maxsize=4)
+def periodic(noise: bool = False) -> Record:
+    """Return a record whose motors reverse at the same places between samples period after period."""
+    t, rng = np.arange(0.0, 6.0, 1.0 / FS), np.random.default_rng(3)
+    links = {}
+    for joint in ARM.moving:
+        parts = [(0.5 / k, 2.0 * np.pi * HIGHEST_HZ * k / 5.0) for k in range(1, 6)]
+        links[joint.name] = sum(size * np.sin(w * t + rng.uniform(0.0, 6.0)) for size, w in parts)
+    moved = elastic_motion(models()[1], ARM.parameter_sets["nominal"], links, FS)
+    return record_along(models()[0], moved, noise=None if noise else QUIET)
+
+
+def test_reversals_that_a_low_pass_moves_over_a_sample_move_no_parameter() -> None:
+    model, values = models()[0], ARM.parameter_sets["nominal"]
+    exact = dict(zip(model.base_parameters, model.base_from_physical(values), strict=True))
+    found = identify(model, periodic(), "wls", Filters(cutoff_hz=CUTOFF_HZ), CheckOptions(tests=False)).params
+    # springs and inertias of joint 1 were 0.1 to 0.2 % off
+    for name in ("Izz_1_R", "Ia_1", "K_1", "D_1", "Izz_2", "Ia_2", "K_2", "D_2"):
+        assert found[name] == pytest.approx(exact[name], rel=1e-4), name
+
+
+def near_the_truth(sampled: bool = True) -> Model:
+    """Return the model about a point whose dampers are off by as much as noise leaves them."""
+    model, values = models()[0], ARM.parameter_sets["nominal"]
+    assert isinstance(model.kernel, DeflectedKernel)
+    point = model.base_from_physical({**values, "D_1": DAMPED * values["D_1"]})
+    return replace(model, kernel=model.kernel.at(point, sampled))
+
+
+def opened(record: Record) -> tuple[list[RowBlock], list[RowBlock]]:
+    """Return the blocks with all directions as they are, and with uncertain ones left open."""
+    model = near_the_truth()
+    choice = choose_filter(model, [record], cutoff_hz=CUTOFF_HZ)
+    rows = observe(model, [record], choice)
+    return list(rows.blocks), list(without_uncertain_turns(rows, model, [record], choice, 0).blocks)
+
+
+def test_what_the_force_does_where_a_direction_is_uncertain_is_in_no_row() -> None:
+    record = periodic(noise=True)
+    before, after = opened(record)
+    assert any(np.any(one.Y != other.Y) for one, other in zip(before, after, strict=True))
+    for one, other in zip(before, after, strict=True):
+        gone = one.Y - other.Y
+        assert one.count == other.count
+        # orthogonal: nothing but parts along pulses is taken, and few rows lose them
+        assert gone @ other.Y == pytest.approx(0.0, abs=1e-9 * float(one.Y @ one.Y))
+        assert np.count_nonzero(np.abs(gone) > 1e-3 * np.abs(gone).max(initial=1e-300)) < 0.9 * one.count
+
+
+def test_a_wrong_direction_there_changes_nothing() -> None:
+    truth = models()[0].base_from_physical(ARM.parameter_sets["nominal"])
+    before, after = ([float(np.std(one.residual(truth))) for one in blocks] for blocks in opened(periodic()))
+    # without noise rows leave what the wrong directions of joint 1 make of its friction
+    assert before[0] > 30.0 * after[0] and before[0] > 30.0 * before[1]
+
+
+def test_rows_about_no_estimate_stay_as_they_are() -> None:
+    model, record = near_the_truth(sampled=False), periodic()
+    choice = choose_filter(model, [record], cutoff_hz=CUTOFF_HZ)
+    rows = observe(model, [record], choice)
+    assert not leaves_turns_open(model)
+    assert without_uncertain_turns(rows, model, [record], choice, 0) is rows
