@@ -26,7 +26,6 @@ from modelgen.runtime.least_squares.thresholds import (
 )
 from modelgen.runtime.least_squares.whitening import Whitener, whiteners
 from modelgen.runtime.numerics.regressor import Regressors
-from modelgen.runtime.rows.row_block import runs_of
 
 # Samples that are predicted at a time: they stay in the processor's cache.
 PART = 1 << 12
@@ -98,18 +97,20 @@ class JointWhitener:
     def _predict(
         self, white: FloatArray, row: int, one: RowPrediction, samples: Sequence[FloatArray]
     ) -> None:
-        for run in runs_of(one.instants):
-            for begin in range(0, len(run), PART):
-                first = int(one.instants[run[begin]])
-                count = min(PART, len(run) - begin)
-                left = samples[row][self._rows(row, first, count)].copy(order="K")
-                for (other, lag), share in zip(one.terms, one.shares.tolist(), strict=True):
-                    left -= share * samples[other][self._rows(other, first - lag, count)]
-                white[self._rows(row, first, count)] = left / one.spread
+        for begin in range(0, len(one.instants), PART):
+            instants = one.instants[begin : begin + PART]
+            own = self._rows(row, instants)
+            left = samples[row].T[..., own].copy()
+            for (other, lag), share in zip(one.terms, one.shares.tolist(), strict=True):
+                left -= share * samples[other].T[..., self._rows(other, instants - lag)]
+            white.T[..., own] = left / one.spread
 
-    def _rows(self, row: int, instant: int, count: int) -> slice:
-        start = int(np.searchsorted(self.places[row], instant))
-        return slice(start, start + count)
+    def _rows(self, row: int, instants: IntArray) -> slice | IntArray:
+        """Return which samples of a row are those of some instants, shape (n,) in rising order."""
+        start, count = int(np.searchsorted(self.places[row], instants[0])), len(instants)
+        if instants[-1] - instants[0] == count - 1:
+            return slice(start, start + count)
+        return np.searchsorted(self.places[row], instants)
 
 
 @dataclass(frozen=True, eq=False)
