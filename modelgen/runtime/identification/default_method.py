@@ -33,7 +33,10 @@ from modelgen.runtime.identification.explanation.from_starts import (
     with_zeros,
 )
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
-from modelgen.runtime.identification.explanation.least_squares_instead import least_squares_instead
+from modelgen.runtime.identification.explanation.least_squares_instead import (
+    least_squares_instead,
+    least_squares_of_long_arm,
+)
 from modelgen.runtime.identification.explanation.less_driven import driven_by_noise
 from modelgen.runtime.identification.explanation.simulated_directions import with_simulated_directions
 from modelgen.runtime.identification.explanation.wider_directions import with_wider_directions
@@ -45,8 +48,10 @@ from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     BEYOND_CHANCE,
     FAR_OVER_NOISE,
+    KEPT_OF_FILES_MB,
     LEFT_BY_ARMS,
     LEFT_SHARE,
+    MEGABYTE,
     OVER_NOISE,
     STANDS_IN,
 )
@@ -147,15 +152,19 @@ def _with_all_rows(found: Begun) -> Begun:
 
 def _of_arm(task: Task, method: Auto) -> Begun:
     """Return instruments of an arm; least squares where they find nothing, or noise is not what is left."""
-    plain = replace(task, job=replace(task.job, late=()))
+    job = replace(task.job, late=())
+    if job.memory_limit is None and not all(record.in_memory for record in job.records):
+        job = replace(job, memory_limit=MEGABYTE * KEPT_OF_FILES_MB)
+    plain = replace(task, job=job)
     if not follows(task.model):
         plain = with_predicted_cutoff(plain, consistent=False)
-    begun = run_method(plain, method.least_squares)
-    why = "instruments take more than memory_limit_mb"
+    begun, why = run_method(plain, method.least_squares), "instruments take more than memory_limit_mb"
     if not follows(task.model):
         why = "instruments take arms with rigid joints"
     elif _exceeding(begun, LEFT_BY_ARMS, FAR_OVER_NOISE):
         why = "the residual is far more than noise of the sensors"
+    elif (found := least_squares_of_long_arm(task, method, begun)) is not None:
+        return found
     elif beyond_limit(task.job, method.instrumental) is None:
         calm = with_predicted_cutoff(task, consistent=True)
         # slow motion may not tell the delays, and the parameters all the same

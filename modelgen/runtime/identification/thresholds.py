@@ -21,6 +21,8 @@ BEYOND_CHANCE = 3.0
 # Solving again costs as much as the estimate: so many times at most.
 TRIES = 12
 
+# Instruments of stretches tell that a force is late by more than so many standard deviations of its delay.
+LATE_CLEARLY = 5.0
 # Noise of the sensors does not matter where it pulls least squares by less of a standard deviation than this.
 BIAS_SHARE = 0.2
 # Least squares and instruments disagree where they are so many standard deviations apart.
@@ -130,6 +132,8 @@ SEARCHED, STRETCHES = 1 << 16, 4
 
 # Limits of memory are stated in these.
 MEGABYTE = 1e6
+# Rows of arms by least squares that take more are made again where records stay in files, without a limit.
+KEPT_OF_FILES_MB = 128.0
 # What methods that do not make their rows again take, measured on two bodies: copies of the rows
 # (instruments, projections, moved columns); with instruments of the channels of the longest record, too.
 COPIES_OF_ROWS = 8.0

@@ -14,6 +14,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explanation.explain_residual import (
     timing_is_open,
     timing_moves,
@@ -23,10 +24,11 @@ from modelgen.runtime.identification.explanation.explained import Begun, Explain
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, WLS, Method
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import SEARCHED, STRETCHES
+from modelgen.runtime.identification.thresholds import LATE_CLEARLY, SEARCHED, STRETCHES
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.iv.shaped_effects import fit_in_shape
+from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
 
@@ -132,6 +134,28 @@ def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
         if fit.columns == found.fit.columns:
             return timing_moves(parts, observation, fit)
     return timing_moves(job, found.observation, found.fit)
+
+
+def late_by_stretches(job: Job, choice: FilterChoice, method: IV, plain: WLS) -> FloatArray | None:
+    """Return what delays of forces move that least squares of long records does not estimate, (c, c).
+
+    A mean square in SI: by how much `plain` moves on stretches where forces are late by what instruments with
+    the filters `choice` find there, or by its deviation. None where these tell that a force is late, or find
+    nothing.
+    """
+    try:
+        fit = method.run(_in_stretches(replace(job, choice=choice))[0])[1]
+        if any(abs(delay) > LATE_CLEARLY * std for _, delay, std in fit.delays):
+            return None
+        parts = replace(_in_stretches(job)[0], late=())
+        still = plain.run(parts)[1]
+        moves = []
+        for channel, delay, std in fit.delays:
+            late = tuple(advanced(record, {channel: max(abs(delay), std)}) for record in parts.records)
+            moves.append(plain.run(replace(parts, records=late))[1].solution.x - still.solution.x)
+    except (IdentifiabilityError, DataError):
+        return None
+    return sum((np.outer(move, move) for move in moves), np.zeros((len(still.columns),) * 2))
 
 
 def with_timing_by_stretches(job: Job, method: IV, found: Explained) -> Explained:

@@ -12,8 +12,13 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.parameter_checks import null_columns
+from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import contradiction
-from modelgen.runtime.identification.explanation.explain_stretches import timing_by_stretches
+from modelgen.runtime.identification.explanation.explain_stretches import (
+    late_by_stretches,
+    long,
+    timing_by_stretches,
+)
 from modelgen.runtime.identification.explanation.explained import Begun, run_method, with_note
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.explanation.simulated_directions import directed, takes_directions
@@ -74,6 +79,29 @@ def least_squares_instead(
     weighed, _ = other_weights(task.job, fit)
     timing = timing_by_stretches(replace(job, late=task.job.late), method.least_squares, plain.found)
     return with_note(replace(plain, found=found), note, np.outer(move, move) + weighed + timing)
+
+
+def least_squares_of_long_arm(task: Task, method: Auto, plain: Begun) -> Begun | None:
+    """Return least squares of long records of an arm, with what delays move; None where it does not do.
+
+    Instruments keep their rows and those of a simulation, least squares makes rows again. It does where noise
+    of the sensors hardly biases it, and instruments of stretches find no force late.
+    """
+    fit = plain.found.fit
+    if not long(task.job):
+        return None
+    bias = noise_bias(task.model, task.records, task.choice, fit)
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    if np.any(np.abs(bias) > BIAS_SHARE * spread):
+        return None
+    drift: FloatArray | None = plain.found.drift
+    if task.job.late:
+        calm = with_predicted_cutoff(task, consistent=True).choice
+        drift = late_by_stretches(task.job, calm, method.instrumental, method.least_squares)
+    if drift is None or drift.shape != plain.found.drift.shape:
+        return None
+    late = "; delays are not estimated, stretches show none" if task.job.late else ""
+    return with_note(plain, f"method wls: noise of the sensors hardly biases these long records{late}", drift)
 
 
 def _run(task: Task, job: Job, method: Method, fit: Fit) -> tuple[Job, Begun]:
