@@ -64,7 +64,8 @@ class FilterChoice:
     of the records, None where nothing moves; `notes` are warnings. `signal_cutoff_hz` is that of the wide
     low-pass in front of rows that are nonlinear in their signals (arms), None for others; `slow_speeds` are
     speeds in SI by their sensor, below which rows of the sensor's body leave samples out. `filtered_forces`
-    is for the paper's procedure only, which leaves forces as they are unless asked; others filter all.
+    is for the paper's procedure only, which leaves forces as they are unless asked; others filter all. With
+    `between` bodies reverse between samples, and not at them.
     """
 
     filter_order: int
@@ -79,6 +80,7 @@ class FilterChoice:
     signal_cutoff_hz: float | None = None
     slow_speeds: tuple[tuple[str, float], ...] = ()
     filtered_forces: bool = False
+    between: bool = False
 
     def steps_s(self, records: Sequence[Record]) -> list[float]:
         """Return the time in s between the instants that are used of each record."""
@@ -209,13 +211,11 @@ def _sampling(
     sentence = (
         f"Sampling is {ratio:.0f} times the dynamics; eq. (9) asks for 100 times the closed loop's bandwidth."
     )
-    if ratio >= LOWEST_SAMPLING_RATIO:
-        return ratio, [sentence], []
     note = (
         f"sampled only {ratio:.1f} times faster than the dynamics, under "
         f"{LOWEST_SAMPLING_RATIO:.0f}: a delay of a fraction of a sample matters; sample faster"
     )
-    return ratio, [sentence], [note]
+    return ratio, [sentence], [note] if ratio < LOWEST_SAMPLING_RATIO else []
 
 
 def least_order(model: Model) -> int:

@@ -281,7 +281,7 @@ def choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:
         direction_cutoff_hz=filters.direction_cutoff_hz,
         signal_cutoff_hz=filters.signal_cutoff_hz,
     )
-    choice = replace(choice, slow_speeds=task.choice.slow_speeds)
+    choice = replace(choice, slow_speeds=task.choice.slow_speeds, between=task.choice.between)
     directions_hz = task.choice.direction_cutoff_hz
     if not task.model.is_arm or filters.direction_cutoff_hz or directions_hz <= cutoff_hz:
         return choice

@@ -81,6 +81,10 @@ def _identified(
 ) -> Estimate:
     """Return the estimate: every step of an identification by its name."""
     task, rest = about_the_estimate(prepared(model, records, method, filters, checks))
+    if task.model.is_arm:  # others need not load it
+        from modelgen.runtime.identification.explanation.wider_directions import with_turns_between_samples
+
+        task = with_turns_between_samples(task)
     task, solution = fitted(task)
     chosen, again, fit, drift = task.method, partial(solution.at, task), solution.fit, solution.drift
     if rest is not None:

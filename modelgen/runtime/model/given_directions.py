@@ -10,6 +10,8 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.arm_channels import Speed
 
+#: How much of the sign there is in what is 1 while a body moves this way, and else 0.
+WAYS = {"forward": 0.5, "backward": -0.5}
 #: By (name of a direction in sums, signal that is given): the derivative of the one by the other.
 Turning = Mapping[tuple[str, str], FloatArray]
 #: Takes samples at the full rate, shape (N,), and returns as many.
@@ -55,9 +57,9 @@ def given_directions(
     for one in speeds:
         speed = np.sum([weight * signals[key] for weight, key in one.terms], axis=0)
         turning = speed if low_pass is None else low_pass(speed)
-        sign, rate = (np.sign(turning), np.zeros(len(speed))) if sampled else _mean_sign(turning)
+        sign, rate = (np.sign(turning), np.zeros(len(speed))) if sampled else mean_sign(turning)
         ways = {f"sign {one.name}": (sign, rate)}
-        for way, factor in (("forward", 0.5), ("backward", -0.5)):
+        for way, factor in WAYS.items():
             moves = 0.5 + factor * sign
             ways[f"{way} {one.name}"] = moves, factor * rate
             ways[f"{way} {one.key}"] = moves * speed, moves + factor * rate * speed
@@ -66,8 +68,11 @@ def given_directions(
     return found, slopes
 
 
-def _mean_sign(speed: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the mean of the sign of a speed over each sampling period, and its derivative by the speed."""
+def mean_sign(speed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the mean of the sign of a speed over each sampling period, and its derivative by the speed.
+
+    All are of shape (N,); the speed is in SI, a straight line about each sample.
+    """
     half = 0.5 * np.abs(np.gradient(speed))
     turns = np.abs(speed) < half
     rate = np.where(turns, 1.0 / np.where(turns, half, 1.0), 0.0)

@@ -145,7 +145,7 @@ class KeptSignals(Mapping[str, FloatArray]):
         if feature.times is not None or not isinstance(feature.of, str):
             return make()
         channel, smooth = plan.directions[feature.of]
-        return chunk.filtered(channel, (feature, smooth, plan.feature_operator), make)
+        return chunk.filtered(channel, (feature, smooth, plan.feature_operator, plan.filtering.between), make)
 
     def forget(self, row: int) -> None:
         """Let go what no row after this one needs."""

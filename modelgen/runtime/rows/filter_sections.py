@@ -31,6 +31,8 @@ class Filtering:
         What a sensor goes through before the sign of its velocity is taken.
     stencil : tuple of float
         Central difference, see `modelgen.runtime.filters.fused_operator.fused_operator`.
+    between : bool
+        Whether directions are means over sampling periods, of motion that reverses between two samples.
     """
 
     fs: float
@@ -39,6 +41,7 @@ class Filtering:
     directions: Sections
     stencil: tuple[float, ...] = EIGHTH_ORDER
     signals: Sections = ()
+    between: bool = False
 
     @property
     def linear(self) -> Sections:
@@ -58,7 +61,8 @@ def matched_filtering(choice: FilterChoice, fs: float, factor: int) -> Filtering
     low_pass = butterworth(choice.filter_order, choice.cutoff_hz, fs)
     directions = butterworth(choice.filter_order, choice.direction_cutoff_hz, fs)
     if choice.signal_cutoff_hz is None:
-        return Filtering(fs, factor, low_pass, directions, stencil_for(choice.cutoff_hz, fs))
+        stencil = stencil_for(choice.cutoff_hz, fs)
+        return Filtering(fs, factor, low_pass, directions, stencil, between=choice.between)
     signals = butterworth(choice.filter_order, choice.signal_cutoff_hz, fs)
     stencil = stencil_for(choice.signal_cutoff_hz, fs)
-    return Filtering(fs, factor, low_pass, directions, stencil, signals)
+    return Filtering(fs, factor, low_pass, directions, stencil, signals, choice.between)

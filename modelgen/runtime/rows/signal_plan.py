@@ -20,6 +20,7 @@ from modelgen.runtime.filters.block_numpy import largest
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
 from modelgen.runtime.filters.two_sided_kernel import Sections, squared_gain
+from modelgen.runtime.model.given_directions import WAYS, mean_sign
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.rows.filter_sections import Filtering
 from modelgen.runtime.rows.kernel_lines import KernelLines, kernel_lines
@@ -148,12 +149,9 @@ class SignalPlan:
         """Return what an operator makes of a feature, formed at the full rate, shape (count, derivatives)."""
         before, behind = operator.margins
         low, high = start - before, start + (count - 1) * operator.factor + 1 + behind
-        signs = isinstance(feature.of, str) and feature.function == "sign" and feature.times is None
-        if signs:
-            samples = stretch.direction(str(feature.of), low, high)
-        else:
-            samples = self._feature(feature, stretch, low, high)
-        return operator.apply(samples, before, count, signs)
+        if feature.function == "sign" and feature.times is None and not self.filtering.between:
+            return operator.apply(stretch.direction(str(feature.of), low, high), before, count, signs=True)
+        return operator.apply(self._feature(feature, stretch, low, high), before, count)
 
     def _checked(self, stretch: PaddedStretch, channel: str, start: int, stop: int) -> FloatArray:
         """Return samples of a channel as they are."""
@@ -179,10 +177,10 @@ class SignalPlan:
                 total += coefficient * self._raw(key, stretch, start, stop)
             return np.asarray(total**3 * factor)
         velocity = stretch.direction(feature.of, start, stop)
-        if feature.function == "sign":
-            value = np.sign(velocity)
-        else:
-            value = (velocity > 0.0 if feature.function == "forward" else velocity < 0.0).astype(float)
+        way, between = WAYS.get(feature.function), self.filtering.between
+        value = mean_sign(velocity)[0] if between else np.sign(velocity)
+        if way is not None:
+            value = 0.5 + way * value if between else (way * velocity > 0.0).astype(float)
         return value if feature.times is None else np.asarray(value * factor)
 
     def _raw(self, key: str, stretch: PaddedStretch, start: int, stop: int) -> FloatArray:

@@ -11,19 +11,27 @@ from dataclasses import replace
 
 import numpy as np
 
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.settings_drift import other_direction
 from modelgen.runtime.filter_choice.explain import direction_sentence
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.identification.choose_cutoff import part_tried
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import run_wls
+from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import CLEARLY_LESS
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.given_directions import signs_of_rows
+from modelgen.runtime.rows.masks import direction_keys
 
 # Instruments are run with the wider band where their solution already leaves less than this share with it.
 LESS_AT_ALL = 0.97
+# Joints reverse between samples where that is so much likelier (20 times): the logarithm.
+LIKELIER = 3.0
 
 
 def with_wider_directions(begun: Begun) -> Begun:
@@ -56,6 +64,35 @@ def with_wider_directions(begun: Begun) -> Begun:
         job = replace(found.task.job, choice=choice, start=task.job.start)
         return replace(found, task=replace(found.task, choice=choice, job=job))
     return begun
+
+
+def with_turns_between_samples(task: Task) -> Task:
+    """Return a task of an arm whose joints reverse between samples, where its rows then leave less.
+
+    A force that follows a smooth motion jumps at a sample; a drive whose force is smooth lets friction bend
+    the motion at the instant of the reversal, of which a sampled direction is off by up to half a sample.
+    """
+    kernel, rows = task.model.kernel, range(len(task.model.rows))
+    given = isinstance(kernel, DeflectedKernel) and bool(kernel.speeds)
+    if not given and not any(direction_keys(task.model, row) for row in rows):
+        return task
+    parts = tuple(part_tried(record) for record in task.records)
+    other = task_between(task)
+    jobs = [replace(one.job, records=parts, late=(), surveys=(), rows_for_tag=None) for one in (task, other)]
+    try:
+        at, between = (run_wls(job)[1] for job in jobs)
+    except (DataError, IdentifiabilityError):
+        return task
+    clearly = between.columns == at.columns and between.misfit < at.misfit - LIKELIER
+    return other if clearly else task
+
+
+def task_between(task: Task) -> Task:
+    """Return the same task with joints that reverse between samples."""
+    model, choice = task.model, replace(task.choice, between=True)
+    if isinstance(model.kernel, DeflectedKernel):
+        model = replace(model, kernel=model.kernel.at(model.kernel.point))
+    return replace(task, model=model, choice=choice, job=replace(task.job, model=model, choice=choice))
 
 
 def _with_its_solution(job: Job, fit: Fit) -> Sequence[float]:
