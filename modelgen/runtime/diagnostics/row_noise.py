@@ -32,10 +32,9 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock
 
 
-def noise_band(
-    record: Record, choice: FilterChoice, lines: int = NOISE_LINES
-) -> tuple[FloatArray, FloatArray]:
+def noise_band(record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
     """Return frequencies in Hz, and the filter's gain in power times a line's width in Hz: (lines,) each."""
+    lines = NOISE_LINES
     top_hz = min(0.5 * record.fs, HIGHEST * choice.cutoff_hz)
     frequency_hz = top_hz * (np.arange(lines) + 0.5) / lines
     return frequency_hz, gain(frequency_hz, choice, 0, record.fs) ** 2 * top_hz / lines

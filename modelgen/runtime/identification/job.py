@@ -128,14 +128,15 @@ class Job:
         """Return a fit with instruments solved on white rows, if it leaves noise of the sensors alone.
 
         What a model lacks is no noise: weights made of it would only trade one of its errors for another.
+        Stretches are solved as all samples will be: a cut-off that is best for white rows only is of no use
+        where these do not fit.
         """
         numbers = sum(block.count * len(fit.touched(index)) for index, block in enumerate(fit.blocks))
-        room = (
-            MOST_WHITENED
-            if self.memory_limit is None
-            else min(MOST_WHITENED, self.memory_limit / COPIES_OF_WHITE_ROWS)
-        )
-        if numbers > room or exceeding_noise(self.model, self.records, self.choice, fit, NOISE_ALONE):
+        limit = self.memory_limit
+        room = MOST_WHITENED if limit is None else min(MOST_WHITENED, limit / COPIES_OF_WHITE_ROWS)
+        if numbers > room * self.share:
+            return fit
+        if exceeding_noise(self.model, self.records, self.choice, fit, NOISE_ALONE):
             return fit
         return efficient(fit, self.choice.steps_s(self.records))
 

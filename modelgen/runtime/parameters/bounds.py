@@ -17,7 +17,7 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.parameters.thresholds import AT_BOUND, DRAWS
+from modelgen.runtime.parameters.thresholds import AT_BOUND, CONTRADICTED, DRAWS
 
 PHYSICAL = "physical"
 # Never negative in nature.
@@ -163,9 +163,9 @@ def bound_reasons(cost: BoundCost, fit: Fit) -> dict[str, str]:
     return dict.fromkeys(vanished, why) | active if active else {}
 
 
-def bound_advice(cost: BoundCost, significant: float = 3.0) -> tuple[Advice, ...]:
+def bound_advice(cost: BoundCost) -> tuple[Advice, ...]:
     """Return the warning that bounds contradict the records, where they do by more than chance."""
-    if cost.surprise <= significant:
+    if cost.surprise <= CONTRADICTED:
         return ()
     names = ", ".join([*(name for name, _ in cost.active), *cost.held])
     where = "at zero" if not cost.held else "at the bound"

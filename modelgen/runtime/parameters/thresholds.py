@@ -6,6 +6,8 @@ from __future__ import annotations
 DRAWS = 200
 # A parameter that lies this close to its bound (in columns of unit length, against Y) is at it.
 AT_BOUND = 1e-9
+# Bounds contradict the records where what they cost is beyond so many standard deviations.
+CONTRADICTED = 3.0
 
 # A condition index above this is a near dependence (Belsley, Kuh and Welsch: 30 and more), and a parameter
 # takes part in it if it owes this share of its variance to it.

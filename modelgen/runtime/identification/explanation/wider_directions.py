@@ -6,7 +6,7 @@ speed turns at other instants than the body. A wider band has a hundredth of tha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -24,10 +24,11 @@ from modelgen.runtime.identification.thresholds import CLEARLY_LESS
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
-from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.given_directions import signs_of_rows
 from modelgen.runtime.rows.masks import direction_keys
 
+# Directions are judged behind no higher a cut-off than so many times their own.
+JUDGED_BELOW = 1.5
 # Instruments are run with the wider band where their solution already leaves less than this share with it.
 LESS_AT_ALL = 0.97
 # Joints reverse between samples where that is so much likelier (20 times): the logarithm.
@@ -47,15 +48,16 @@ def with_wider_directions(begun: Begun) -> Begun:
 
     def again(choice: FilterChoice) -> Begun:
         job = replace(task.job, choice=choice, start=fit, surveys=())
-        if _left(_with_its_solution(job, fit), fit, task.model) > LESS_AT_ALL:
+        if judge(job, fit) > LESS_AT_ALL:
             return begun  # a simulation less
         return run_method(replace(task, choice=choice, job=job), task.method)
 
+    judge = _judge(task.job, fit)
     lowest_fs = min(record.fs for record in task.records)
     for choice, found in other_direction(task.choice, lowest_fs, again):
         other = found.found.fit
         alike = not other.turning and other.columns == fit.columns
-        if found is begun or not alike or _left(other.left_shares, fit, task.model) > CLEARLY_LESS:
+        if found is begun or not alike or judge(found.task.job, other) > CLEARLY_LESS:
             continue
         before, after = (direction_sentence(one.direction_cutoff_hz, False) for one in (task.choice, choice))
         after = f"{after[:-1]}: rows leave more with a narrower band."
@@ -95,22 +97,36 @@ def task_between(task: Task) -> Task:
     return replace(task, model=model, choice=choice, job=replace(task.job, model=model, choice=choice))
 
 
-def _with_its_solution(job: Job, fit: Fit) -> Sequence[float]:
-    """Return what the rows of a job leave with the solution of a fit, as shares of their largest terms."""
-    late = {channel: delay for channel, delay, _ in fit.delays}
-    rows = job.calm(tuple(advanced(record, late) for record in job.records))
-    x = fit.all_parameters(rows.columns)
-    blocks = {(block.record, block.row): block for block in rows.blocks}
-    found = [blocks[block.record, block.row] for block in fit.blocks]
-    return [float(np.linalg.norm(one.residual(x))) / (one.terms_norm(x) or 1.0) for one in found]
+def _judge(job: Job, fit: Fit) -> Callable[[Job, Fit], float]:
+    """Return what gives the share of what the fit of a job leaves that another job leaves with a fit.
+
+    Behind the fit's cut-off, or a lower one: what late directions leave has an even spectrum, and noise of
+    differentiated readings a rising one, which hides it behind a high cut-off.
+    """
+    cutoff_hz = min(job.choice.cutoff_hz, JUDGED_BELOW * job.choice.direction_cutoff_hz)
+    before = _left(job, fit, cutoff_hz, own=True)
+
+    def judge(other: Job, there: Fit) -> float:
+        after = _left(other, there, cutoff_hz, own=there is not fit)
+        shares = [after[key] / size if size > 0.0 else 1.0 for key, size in before.items() if key in after]
+        return float(np.exp(np.mean(np.log(shares)))) if min(shares, default=0.0) > 0.0 else 1.0
+
+    return judge
 
 
-def _left(left: Sequence[float], fit: Fit, model: Model) -> float:
-    """Return the mean of what is left of rows that hold directions, as a share of what a fit leaves."""
-    signs = signs_of_rows(model)
-    shares = [
-        after / before if before > 0.0 else 1.0
-        for block, before, after in zip(fit.blocks, fit.left_shares, left, strict=True)
-        if signs[block.row]
-    ]
-    return float(np.exp(np.mean(np.log(shares)))) if min(shares, default=0.0) > 0.0 else 1.0
+def _left(job: Job, fit: Fit, cutoff_hz: float, own: bool) -> Mapping[tuple[int, int], float]:
+    """Return what rows with directions leave with the solution of a fit, as shares of their largest terms.
+
+    By record and row, behind a cut-off; with `own` the fit is of that job, whose rows are not made again.
+    """
+    signs = signs_of_rows(job.model)
+    if own and job.choice.cutoff_hz <= cutoff_hz:
+        blocks, left = fit.blocks, fit.left_shares
+    else:
+        late = {channel: delay for channel, delay, _ in fit.delays}
+        there = replace(job, choice=replace(job.choice, cutoff_hz=cutoff_hz))
+        rows = there.calm(tuple(advanced(record, late) for record in job.records))
+        x, blocks = fit.all_parameters(rows.columns), rows.blocks
+        left = tuple(float(np.linalg.norm(one.residual(x))) / (one.terms_norm(x) or 1.0) for one in blocks)
+    pairs = zip(blocks, left, strict=True)
+    return {(one.record, one.row): share for one, share in pairs if one.count and signs[one.row]}

@@ -6,7 +6,9 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 
+from modelgen.runtime.identification import job as jobs
 from modelgen.runtime.identification.choose_cutoff import choice_at
 from modelgen.runtime.identification.explanation.best_cutoff import at_best_cutoff, calmer
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
@@ -78,3 +80,14 @@ def test_only_where_every_sample_feels_a_reversal_higher_cutoffs_are_yielded() -
     assert len(found) == 2 and found[0] > first.choice.cutoff_hz
     assert not list(calmer(task_at(30.0)))
     assert not list(calmer(task_at(6.0, given=True)))
+
+
+def test_stretches_are_white_only_where_all_samples_will_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    job = task_at(60.0).job
+    monkeypatch.setattr(jobs, "MOST_WHITENED", 0.0)
+    fit = IV.run(job)[1]
+    numbers = sum(block.count * len(fit.touched(index)) for index, block in enumerate(fit.blocks))
+    monkeypatch.setattr(jobs, "MOST_WHITENED", 2.0 * numbers)
+    assert job.sharpened(fit).white is not None
+    assert replace(job, share=0.6).sharpened(fit).white is not None
+    assert replace(job, share=0.4).sharpened(fit) is fit

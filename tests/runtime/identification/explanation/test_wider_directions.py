@@ -46,6 +46,14 @@ def test_friction_is_known_where_what_moves_most_is_at_the_end_of_the_band() -> 
     assert found.bse["J_c"] < 0.03 * TRUTH["J_c"]
 
 
+def test_noise_behind_a_high_cutoff_does_not_hide_it() -> None:
+    found = identify(SMALL, sines(1e-3), filters=Filters(cutoff_hz=1000.0))
+    assert any(one.endswith("rows leave more with a narrower band.") for one in found.fit.filtering.sentences)
+    assert abs(found.params["F_vm"] - TRUTH["F_vm"]) < 3.5 * found.bse["F_vm"]
+    # judged behind 1 kHz the narrow band stayed, at twice that error
+    assert found.bse["F_vm"] < 0.04 * TRUTH["F_vm"]
+
+
 def test_a_band_that_was_given_stays_and_one_that_noise_drowns() -> None:
     given = identify(SMALL, sines(1e-3), IV(), Filters(direction_cutoff_hz=167.0))
     assert given.fit.filtering.direction_cutoff_hz == 167.0
