@@ -68,6 +68,16 @@ def given_directions(
     return found, slopes
 
 
+def sign_between(speed: FloatArray) -> FloatArray:
+    """Return the sign of a speed that reverses between samples, as a low-pass is to see it, shape (N,).
+
+    Means over sampling periods lack (omega / fs)^2 / 24 of what is at omega; that is added, to this order.
+    """
+    mean, _ = mean_sign(speed)
+    around = np.pad(mean, 1, mode="edge")
+    return np.asarray(mean - (around[2:] - 2.0 * mean + around[:-2]) / 24.0)
+
+
 def mean_sign(speed: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the mean of the sign of a speed over each sampling period, and its derivative by the speed.
 

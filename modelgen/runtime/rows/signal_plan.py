@@ -20,7 +20,7 @@ from modelgen.runtime.filters.block_numpy import largest
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
 from modelgen.runtime.filters.two_sided_kernel import Sections, squared_gain
-from modelgen.runtime.model.given_directions import WAYS, mean_sign
+from modelgen.runtime.model.given_directions import WAYS, sign_between
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.rows.filter_sections import Filtering
 from modelgen.runtime.rows.kernel_lines import KernelLines, kernel_lines
@@ -178,7 +178,7 @@ class SignalPlan:
             return np.asarray(total**3 * factor)
         velocity = stretch.direction(feature.of, start, stop)
         way, between = WAYS.get(feature.function), self.filtering.between
-        value = mean_sign(velocity)[0] if between else np.sign(velocity)
+        value = sign_between(velocity) if between else np.sign(velocity)
         if way is not None:
             value = 0.5 + way * value if between else (way * velocity > 0.0).astype(float)
         return value if feature.times is None else np.asarray(value * factor)

@@ -14,8 +14,11 @@ from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.derived_channels import with_derived
+from modelgen.runtime.rows.kernel_lines import inner_orders, with_inner
 from modelgen.runtime.rows.record_rows import matched_rows
 from tests.runtime.made_arm_records import catalogued, model_of, record_of, values_of
+from tests.symbolic.arms.elastic_arms import with_sensors
+from tests.symbolic.arms.test_elastic_rows import both
 
 QUICK = CheckOptions(tests=False)
 
@@ -95,3 +98,14 @@ def test_mistakes_of_filters_are_told(options: dict[str, Any], message: str) -> 
     record = record_of(model, values_of(model), seconds=5.0)
     with pytest.raises(DataError, match=message):
         identify(model, record, "wls", replace(Filters(), **options), QUICK)
+
+
+def test_lines_that_others_are_made_of_may_be_shorter_than_a_difference() -> None:
+    spec = with_sensors(catalogued("elastic_two_link"), *both("link"), *both("between", "torque"))
+    model = model_of(spec, sensor_set="s")
+    assert model.kernel is not None
+    orders = inner_orders(model.kernel)
+    assert set(orders.values()) <= {0}
+    known = {read: np.zeros(5) for read in model.kernel.reads if read[0] not in orders}
+    stencil = tuple(np.ones(24))
+    assert all(len(line) == 5 for line in with_inner(model.kernel, known, stencil, 200.0).values())
