@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from modelgen.runtime.identification.thresholds import BEYOND_CHANCE, DISAGREEME
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.parameters.bounds import negative_columns
+from modelgen.runtime.parameters.bounds import negative_columns, negative_parameters
 
 
 def contradiction(fit: Fit, other: Fit, share: float = 1.0) -> FloatArray:
@@ -34,14 +34,32 @@ def contradiction(fit: Fit, other: Fit, share: float = 1.0) -> FloatArray:
 def below_zero(model: Model, fit: Fit, drift: FloatArray) -> dict[str, float]:
     """Return by how many standard deviations columns are negative that cannot be.
 
-    `drift` is the covariance of the columns by settings, shape (c, c), in SI.
+    Of a fit in physical parameters, these. `drift` is the covariance of the columns by settings, shape (c, c),
+    in SI.
     """
-    negative = negative_columns(model, fit)
+    physical = fit.physical(model.parameters)
+    negative = negative_columns(model, fit) if physical is None else negative_parameters(model, physical)
     if not negative:
         return {}
-    spread = np.sqrt(np.diag(hac_covariance(fit)) + np.diag(drift))
-    stds = dict(zip(fit.columns, spread.tolist(), strict=True))
-    return {name: -value / stds[name] for name, value in negative.items() if stds[name] > 0.0}
+    covariance = hac_covariance(fit) + drift
+    if physical is None:
+        stds = dict(zip(fit.columns, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    else:
+        stds = _physical_deviations(model, fit, physical, covariance)
+    return {name: -value / stds[name] for name, value in negative.items() if stds.get(name, 0.0) > 0.0}
+
+
+def _physical_deviations(
+    model: Model, fit: Fit, physical: Mapping[str, float], covariance: FloatArray
+) -> dict[str, float]:
+    """Return standard deviations (SI) of physical parameters from the covariance of columns, shape (c, c)."""
+    place = [model.base_parameters.index(name) for name in fit.columns]
+    rows = np.sqrt(np.maximum(np.diag(covariance), float(np.finfo(float).tiny)))
+    sizes = np.array([abs(physical[name]) or 1.0 for name in model.parameters])
+    slope = model.base_jacobian(physical)[place] * sizes / rows[:, None]
+    by_column = np.linalg.pinv(slope) * sizes[:, None] / rows
+    variances = np.einsum("ij,jk,ik->i", by_column, covariance, by_column)
+    return dict(zip(model.parameters, np.sqrt(np.maximum(variances, 0.0)).tolist(), strict=True))
 
 
 def with_impossible_signs(model: Model, found: Explained, refused: Container[str]) -> Explained:
@@ -60,5 +78,6 @@ def with_impossible_signs(model: Model, found: Explained, refused: Container[str
         return found
     wider = found.drift + (0.5 * max(certain.values())) ** 2 * (hac_covariance(found.fit) + found.drift)
     values = dict(zip(found.fit.columns, found.fit.solution.x.tolist(), strict=True))
+    values |= found.fit.physical(model.parameters) or {}
     said = (negative_value(model, name, values[name], deviations) for name, deviations in certain.items())
     return replace(found, drift=wider, advice=(*found.advice, *said))

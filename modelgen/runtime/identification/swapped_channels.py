@@ -78,8 +78,10 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
             return ()
     run = METHODS["wls"].run
     parts = tuple(part_tried(record) for record in job.records)
-    if any(part.n < record.n for part, record in zip(parts, job.records, strict=True)):
-        job = replace(job, records=parts, surveys=(), start=None)
+    shorter = any(part.n < record.n for part, record in zip(parts, job.records, strict=True))
+    if shorter or fit.carried is not None:
+        # composites that are free of each other explain by terms that cancel what physical values leave
+        job = replace(job, records=parts, surveys=(), start=None) if shorter else job
         given = _sense(job, run(job)[1], rows)
     still = [key for key in job.model.channels if not any(_spans(record, key) for record in job.records)]
     tried: list[tuple[_Sense, _Change]] = []

@@ -7,6 +7,7 @@ have, so the price is told, and a parameter at its bound has no interval.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,9 +53,13 @@ class BoundCost:
 
 def negative_columns(model: Model, fit: Fit) -> dict[str, float]:
     """Return the columns of a fit that are negative although nature has no such thing, with their values."""
+    return negative_parameters(model, dict(zip(fit.columns, fit.solution.x.tolist(), strict=True)))
+
+
+def negative_parameters(model: Model, values: Mapping[str, float]) -> dict[str, float]:
+    """Return those of some values that are negative although nature has no such thing."""
     bounded = bounded_names(model)
-    values = zip(fit.columns, fit.solution.x.tolist(), strict=True)
-    return {name: value for name, value in values if value < 0.0 and name in bounded}
+    return {name: value for name, value in values.items() if value < 0.0 and name in bounded}
 
 
 def bounded_below_or_above(model: Model) -> tuple[FloatArray, FloatArray]:

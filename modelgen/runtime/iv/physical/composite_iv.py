@@ -109,8 +109,12 @@ def _beginnings(
 
 
 def _first_found(setting: Setting, rows: Rows, beginnings: Iterable[Beginning], rules: Rules) -> Found:
-    """Return the first estimate that knows its chain, else one whose delays are held, else any."""
-    failures, lost, tried = [], [], []
+    """Return the first estimate that knows its chain, else one whose delays are held, else any.
+
+    What no machine is (friction far below zero) is one of several chains that belong to the same rows: the
+    others are looked for, and the least impossible one is taken.
+    """
+    failures, doubtful, tried = [], list[Found](), []
     for start, delays in beginnings:
         tried.append((start, delays))
         try:
@@ -118,9 +122,12 @@ def _first_found(setting: Setting, rows: Rows, beginnings: Iterable[Beginning], 
         except IdentifiabilityError as error:
             failures.append(error)
         else:
-            if not found.lost:
+            if found.likely:
                 return found
-            lost.append(found)
+            doubtful.append(found)
+    impossible = [one for one in doubtful if not one.lost]
+    if impossible:
+        return min(impossible, key=lambda one: one.below)
     sample = 1.0 / min(record.fs for record in setting.records)
     held = (
         _with_held_delays(
@@ -131,8 +138,8 @@ def _first_found(setting: Setting, rows: Rows, beginnings: Iterable[Beginning], 
         if delays
     )
     known = next((found for found in held if found is not None), None)
-    if known is not None or lost:
-        return known or lost[0]
+    if known is not None or doubtful:
+        return known or doubtful[0]
     # the first start is the most likely one, and so is what became of it; a motion that cannot be simulated
     # is none that the user has seen
     told = [error for error in failures if not isinstance(error.__cause__, DataError)]

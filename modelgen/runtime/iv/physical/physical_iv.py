@@ -28,6 +28,7 @@ from modelgen.runtime.iv.thresholds import (
     COMPOSITE_ROUNDS,
     FARTHEST,
     HOPELESS,
+    IMPOSSIBLE,
     LARGEST_STEP,
     MANY_TIMES,
     NEAR,
@@ -59,7 +60,8 @@ class Found:
 
     `following` is where the next step would go. `lost` names the inertias, stiffnesses and delays of which
     nothing is known there: an iteration that comes to rest so has only run out of slope, and what goes with
-    them gets no number (`CarriedOver.unknown`) unless another start leads elsewhere.
+    them gets no number (`CarriedOver.unknown`) unless another start leads elsewhere. `below` is by how many
+    standard deviations at most a parameter is negative that cannot be.
     """
 
     observation: Observation
@@ -67,6 +69,12 @@ class Found:
     p: FloatArray
     following: FloatArray
     lost: tuple[str, ...] = ()
+    below: float = 0.0
+
+    @property
+    def likely(self) -> bool:
+        """Whether this may be the chain of the records: all of it is known, and nothing is impossible."""
+        return not self.lost and self.below < IMPOSSIBLE
 
     def values(self, model: Model) -> dict[str, float]:
         """Return the physical parameters by name."""
@@ -146,11 +154,18 @@ def fit_physical_iv(
             lost, fit = _lost(setting, now, spread[: c + late]), in_base_columns(step, now, done)
             if late and fit.carried is not None:
                 fit = replace(fit, carried=replace(fit.carried, unknown=lost))
-            return Found(observation, fit, now.p, x[:c], lost)
+            return Found(observation, fit, now.p, x[:c], lost, _below_zero(model, x[:c], spread[:c]))
         near = near or bool(np.all((np.abs(move) <= NEAR * spread) | hopeless)) or done >= ROUGH_ROUNDS
         now = _moved(model, now, move, sample, rules)
         _refuse_led_away(_led_away(model, now.p, first, rules, FARTHEST))
     raise _restless(model, x[:c], spread[:c])
+
+
+def _below_zero(model: Model, values: FloatArray, spread: FloatArray) -> float:
+    """Return by how many standard deviations at most a parameter is negative that cannot be."""
+    bounded = [model.parameters.index(name) for name in bounded_names(model)]
+    known = [place for place in bounded if 0.0 < spread[place] < np.inf]
+    return float(np.max(-values[known] / spread[known], initial=0.0))
 
 
 def _lost(setting: Setting, now: Unknowns, spread: FloatArray) -> tuple[str, ...]:
