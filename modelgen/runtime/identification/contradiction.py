@@ -34,8 +34,8 @@ def contradiction(fit: Fit, other: Fit, share: float = 1.0) -> FloatArray:
 def below_zero(model: Model, fit: Fit, drift: FloatArray) -> dict[str, float]:
     """Return by how many standard deviations columns are negative that cannot be.
 
-    Of a fit in physical parameters, these. `drift` is the covariance of the columns by settings, shape (c, c),
-    in SI.
+    Of a fit in physical parameters, these. `drift` is the covariance of the columns by settings, shape
+    (c, c), in SI.
     """
     physical = fit.physical(model.parameters)
     negative = negative_columns(model, fit) if physical is None else negative_parameters(model, physical)

@@ -94,6 +94,8 @@ LATE_ROUNDS, ROW_EVALUATIONS = 2, 100
 # The search for a start ends when the squared error falls by less than this share: in directions
 # that the records hardly determine it would fall slowly for long.
 NEAR_ENOUGH = 1e-4
+# Of longer records it takes so many stretches of so many samples, each with all periods of the dynamics.
+START_STRETCHES, START_SAMPLES = 6, 1000
 # Samples at both ends where differences are poor.
 EDGE = 10
 

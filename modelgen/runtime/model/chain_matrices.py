@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -43,6 +44,7 @@ class ChainMatrices:
         return np.array([values[name] for name in self.inertias]), D, K
 
 
+@lru_cache(maxsize=8)  # many estimates ask for those of one model
 def chain_matrices(model: Model) -> ChainMatrices:
     """Return the matrices of a model's chain, linear about rest: cubes have no part in them."""
     order = body_inertias(model)
@@ -64,6 +66,7 @@ def chain_matrices(model: Model) -> ChainMatrices:
     )
 
 
+@lru_cache(maxsize=8)
 def body_inertias(model: Model) -> tuple[tuple[str, str], ...]:
     """Return pairs of body and parameter of its inertia, in the order of the state.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -122,6 +123,7 @@ def felt_forces(model: Model, values: Mapping[str, float]) -> tuple[FloatArray, 
     return tuple(found)
 
 
+@lru_cache(maxsize=8)
 def _shown_motion(model: Model) -> dict[str, tuple[FloatArray, int]]:
     """Return the motion of the bodies that a sensor reads, shape (bodies,), and how often differentiated."""
     # it depends on no parameter: any inertia and stiffness will do

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -205,7 +206,7 @@ def _added(
     model, choice, x = setting.model, setting.choice, fit.solution.x
     dropped_of, found = _dropped(fit, setting), []
     if any(dropped_of):
-        felt, rates = felt_forces(model, values), _felt_rates(model, values)
+        felt, rates = _felt_with_rates(model, tuple(values.items()))
     for block, dropped, (W, Y) in zip(fit.blocks, dropped_of, parts, strict=True):
         W, Y = (W.copy(), Y.copy()) if dropped else (W, Y)
         for friction in dropped:
@@ -221,6 +222,13 @@ def _added(
             Y += S @ (G @ x - size * c)
         found.append((W, Y))
     return found
+
+
+@lru_cache(maxsize=1)  # rows and instruments of one step ask for the same
+def _felt_with_rates(
+    model: Model, values: tuple[tuple[str, float], ...]
+) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+    return felt_forces(model, dict(values)), _felt_rates(model, dict(values))
 
 
 def _felt_rates(model: Model, values: Mapping[str, float]) -> tuple[FloatArray, ...]:

@@ -6,7 +6,7 @@ back from there. The comparison of simulated with measured motion has no such bi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import pi
 
 import numpy as np
@@ -23,6 +23,8 @@ from modelgen.runtime.iv.thresholds import (
     EDGE,
     LEAST_SHARE,
     NEAR_ENOUGH,
+    START_SAMPLES,
+    START_STRETCHES,
     TRIED_DAMPING,
     TRIED_FREQUENCY,
     TRIED_SHARES,
@@ -30,6 +32,7 @@ from modelgen.runtime.iv.thresholds import (
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import vibration
 from modelgen.runtime.simulation.plant import Plant, make_plant
 
@@ -123,10 +126,27 @@ def _nearest(
         tried = _with_tried(setting, values, vanished, share)
         # a trial far off may leave the range of numbers; the search turns back there
         with np.errstate(over="ignore", invalid="ignore"):
-            response = fit_response(setting.model, setting.records, tried, NEAR_ENOUGH)
+            response = fit_response(setting.model, _stretches(setting.records), tried, NEAR_ENOUGH)
     except ModelgenError:
         return None
     return dict(zip(response.names, response.values.tolist(), strict=True))
+
+
+def _stretches(records: Sequence[Record]) -> list[Record]:
+    """Return stretches spread evenly over long records: each trial simulates, and a start may be rough.
+
+    A sweep shows every frequency so, a step every speed.
+    """
+    count = sum(record.n for record in records)
+    if count <= START_STRETCHES * START_SAMPLES:
+        return list(records)
+    found = []
+    for record in records:
+        parts = max(1, round(START_STRETCHES * record.n / count))
+        length = min(record.n, START_SAMPLES)
+        for start in np.linspace(0, record.n - length, parts + 2)[1:-1].astype(int).tolist():
+            found.append(record.part(start, start + length, f"{record.name}, sample {start} on"))
+    return found
 
 
 def vanished_names(model: Model, values: Mapping[str, float]) -> tuple[str, ...]:
