@@ -24,7 +24,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.tails import chi_square_tail
-from modelgen.runtime.parameters.bounds import POSITIVE_ROLES
+from modelgen.runtime.parameters.bounds import negative_parameters
 from modelgen.runtime.parameters.dependence import Dependence
 from modelgen.runtime.parameters.parameter import Parameter, may_be_zero
 from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX
@@ -186,23 +186,20 @@ def _drowned(fit: Fit, index: int, model: Model, record: Record, choice: FilterC
 
 def negative_values(model: Model, parameters: Sequence[Parameter]) -> tuple[Advice, ...]:
     """Return the parameters that are negative by more than chance although nature has no such thing."""
-    found = []
-    for entry in parameters:
-        role = model.roles.get(entry.name)
-        if role is None or role.role not in POSITIVE_ROLES:
-            continue
-        if entry.value < -SIGNIFICANT_MOVE * entry.std:
-            found.append(
-                negative_value(model, entry.name, entry.value, abs(entry.value) / max(entry.std, 1e-300))
-            )
-    return tuple(found)
+    negative = negative_parameters(model, {entry.name: entry.value for entry in parameters})
+    return tuple(
+        negative_value(model, entry.name, entry.value, abs(entry.value) / max(entry.std, 1e-300))
+        for entry in parameters
+        if entry.name in negative and entry.value < -SIGNIFICANT_MOVE * entry.std
+    )
 
 
 def negative_value(model: Model, name: str, value: float, deviations: float) -> Advice:
-    """Return what is said of a parameter so many standard deviations below zero that cannot be negative."""
+    """Return what is said of a parameter so many deviations below zero that cannot be negative."""
     what = f"= {value:.4g} is {deviations:.1f} standard deviations below zero"
     if name in model.roles:
-        what += f", and no {model.roles[name].role} is"
+        role = model.roles[name].role
+        what += f", and no {role}{' friction' if role in ('viscous', 'coulomb') else ''} is"
     remedy = "check signs of channels (--map KEY=-COLUMN), delays, and whether two are swapped"
     return Advice("negative", name, what, remedy)
 
