@@ -46,8 +46,8 @@ MUCH_KEPT = 1 << 25
 WIDER_BAND, HIGHEST_WIDER = float(np.sqrt(2.0)), 0.45
 # A speed of more than so many of its errors tells the direction; what the estimate is off by is below them.
 CLEARLY_MOVING = 3.0
-# Forces are left open at no more than this share of a row's samples: what noise does, and is taken off, is that
-# to all of them, known to a tenth.
+# Forces are left open at no more than this share of a row's samples: what noise does to them is taken off as
+# if all were used, and known to a tenth.
 MOST_UNCERTAIN = 0.05
 # Of pulses near each other sums count that exceed this share of the largest; so many are taken at once.
 PULSE_ALIKE, MOST_PULSES = 0.03, 256
