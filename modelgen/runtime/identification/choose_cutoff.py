@@ -45,6 +45,7 @@ from modelgen.runtime.least_squares.hac_covariance import (
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.numerics.bandwidth import scores_bandwidth
+from modelgen.runtime.records.directions import blended_directions
 from modelgen.runtime.records.record import Record
 
 
@@ -267,22 +268,22 @@ def _delays_free(job: Job, fit: Fit) -> Fit:
 
 def choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:
     """Return the filters of a task with another cut-off, None where its records do not allow it."""
-    highest = HIGHEST_CUTOFF * min(record.fs for record in task.records)
     wide_hz = cutoff_hz * (SIGNAL_CUTOFF if task.model.is_arm else 1.0)
-    if cutoff_hz > task.choice.cutoff_hz and wide_hz > highest:
+    if cutoff_hz > task.choice.cutoff_hz and wide_hz > HIGHEST_CUTOFF * min(one.fs for one in task.records):
         return None
-    filters = task.filters
+    filters, before = task.filters, task.choice
     choice = choose_filter(
         task.model,
         task.records,
         cutoff_hz=cutoff_hz,
-        filter_order=task.choice.filter_order,
+        filter_order=before.filter_order,
         decimation=filters.decimation,
         direction_cutoff_hz=filters.direction_cutoff_hz,
         signal_cutoff_hz=filters.signal_cutoff_hz,
     )
-    choice = replace(choice, slow_speeds=task.choice.slow_speeds, between=task.choice.between)
-    directions_hz = task.choice.direction_cutoff_hz
+    said = choice.sentences + blended_directions(before.sentences)
+    choice = replace(choice, slow_speeds=before.slow_speeds, between=before.between, sentences=said)
+    directions_hz = before.direction_cutoff_hz
     if not task.model.is_arm or filters.direction_cutoff_hz or directions_hz <= cutoff_hz:
         return choice
     # joints reverse as their motion says, however little of it the rows keep

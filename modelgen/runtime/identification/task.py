@@ -27,7 +27,10 @@ from modelgen.runtime.numerics.threads import meanwhile
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.directions import (
+    Source,
+    accelerated_sources,
     direction_problems,
+    direction_sentences,
     nearest_sources,
     wanted_directions,
     with_directions,
@@ -116,7 +119,10 @@ def prepared(
     if isinstance(method, (IV, Auto)) and all_from_composites(model):
         nearest = nearest_sources(model, every, filters.directions)
         filters = replace(filters, directions={**filters.directions, **nearest})
-    _check(model, every, problems, filters.directions, method.held)
+    sources: dict[str, Source] = {**filters.directions}
+    if method.matched:
+        sources |= accelerated_sources(model, every, filters.directions)
+    _check(model, every, problems, sources, method.held)
     # what reads files at the same time takes memory of its own
     files = not all(one.in_memory for one in every)
     at_once = checks.hold_out is not None or bool(checks.period_s)
@@ -137,10 +143,11 @@ def prepared(
             paper=None if method.matched else paper_sentence(filters.filtered_forces),
         )
     slow = slow_speeds(model, filters.slow_speeds)
-    choice = replace(choice, slow_speeds=slow, filtered_forces=filters.filtered_forces)
+    said = choice.sentences + direction_sentences(sources, choice.direction_cutoff_hz)
+    choice = replace(choice, slow_speeds=slow, filtered_forces=filters.filtered_forces, sentences=said)
 
     def ready(given: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
-        extended = with_directions(model, given, filters.directions, choice.direction_cutoff_hz)
+        extended = with_directions(model, given, sources, choice.direction_cutoff_hz)
         return aligned(model, extended, method.delays, method.held, method.consistent)
 
     kept, late = ready(kept)
@@ -197,13 +204,7 @@ def _method_problems(model: Model, method: Method) -> list[Problem]:
     from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
     if not follows(model):
-        return [
-            Problem(
-                "method",
-                "is iv, which takes arms with rigid joints",
-                "use wls, or leave it out",
-            )
-        ]
+        return [Problem("method", "is iv, which takes arms with rigid joints", "use wls, or leave it out")]
     if method.start is not None:
         return [Problem("start", "is given for an arm, whose instruments need none", "leave it out")]
     return []
@@ -247,7 +248,7 @@ def _check(
     model: Model,
     records: Sequence[Record],
     problems: list[Problem],
-    directions: Mapping[str, str],
+    directions: Mapping[str, Source],
     held: Sequence[str],
 ) -> None:
     """Raise one DataError for what is wrong with the options and with the records' channels."""

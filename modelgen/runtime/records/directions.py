@@ -2,7 +2,8 @@
 
 A model that needs such a direction asks the record for a signal ``sign_BODY``. A record that does not bring
 it can name a source instead: another sensor that moves with the body, a reference, or the body's own
-accelerometer, integrated (the only integral in modelgen; its sign is all that is used).
+accelerometer, integrated (the only integral in modelgen; its sign is all that is used). Without a source, a
+body with an accelerometer takes low frequencies, at which the chain moves as one, from the nearest sensor.
 """
 
 from __future__ import annotations
@@ -15,9 +16,15 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.model.chain_matrices import chain_matrices
+from modelgen.runtime.model.link_couplings import couplings
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
-from modelgen.runtime.records.thresholds import FILTER_ORDER
+from modelgen.runtime.records.thresholds import FILTER_ORDER, MOVES_AS_ONE, RIGID
+
+# A channel, or a sensor of another body and the accelerometer of the body itself.
+Source = str | tuple[str, str]
+BLENDED = "The direction of"  # begins the sentence about the latter
 
 
 def wanted_directions(model: Model) -> tuple[str, ...]:
@@ -26,16 +33,20 @@ def wanted_directions(model: Model) -> tuple[str, ...]:
     return tuple(key for key in brought if key not in model.loads)
 
 
-def direction_problems(model: Model, records: Sequence[Record], sources: Mapping[str, str]) -> list[Problem]:
+def direction_problems(
+    model: Model, records: Sequence[Record], sources: Mapping[str, Source]
+) -> list[Problem]:
     """Return one problem per direction that is neither in a record nor given a source that is."""
     wanted = wanted_directions(model)
     problems = [missing_name("directions", "direction", key, wanted) for key in sources if key not in wanted]
     for record in records:
         for key in wanted:
-            source = sources.get(key)
-            if source is not None and source not in record.signals:
-                problems.append(missing_name(f"{record.name}: directions", "channel", source, record.signals))
-            elif source is None and key not in record.signals:
+            source = sources.get(key, ())
+            for channel in (source,) if isinstance(source, str) else source:
+                if channel not in record.signals:
+                    where = f"{record.name}: directions"
+                    problems.append(missing_name(where, "channel", channel, record.signals))
+            if not source and key not in record.signals:
                 problems.append(_unknown(f"{record.name}: channel {key}", key, model))
     return problems
 
@@ -56,11 +67,6 @@ def nearest_sources(model: Model, records: Sequence[Record], sources: Mapping[st
 
     Enough to begin with where instruments simulate the motion of every body; on its own it is a guess.
     """
-    lacking = [
-        key
-        for key in wanted_directions(model)
-        if key not in sources and any(key not in record.signals for record in records)
-    ]
     moving = [sensor for sensor in model.sensors if sensor.body and sensor.order < 2]
     links = [set(role.bodies) for role in model.roles.values() if role.role == "stiffness"]
 
@@ -75,12 +81,38 @@ def nearest_sources(model: Model, records: Sequence[Record], sources: Mapping[st
         return {}
     return {
         key: min(moving, key=lambda one: (far(str(one.body), key.removeprefix("sign_")), one.order)).key
-        for key in lacking
+        for key in wanted_directions(model)
+        if key not in sources and any(key not in record.signals for record in records)
     }
 
 
+def accelerated_sources(
+    model: Model, records: Sequence[Record], sources: Mapping[str, str]
+) -> dict[str, tuple[str, str]]:
+    """Return the same for bodies with an accelerometer: the nearest sensor, and that.
+
+    Those of arms, and of springs to the ground, do not move as one with a sensor at low frequencies.
+    """
+    felt = {f"sign_{one.body}": one.key for one in model.sensors if one.body and one.order == 2}
+    if model.is_arm or not felt or rigid_motion(model) is None:
+        return {}
+    nearest = nearest_sources(model, records, sources)
+    return {key: (nearest[key], felt[key]) for key in nearest if key in felt}
+
+
+def rigid_motion(model: Model) -> dict[str, float] | None:
+    """Return how far bodies move where no spring deflects, by body; None where something is held."""
+    chain = chain_matrices(model)
+    links = [link for name in chain.stiffness for link in couplings(model, chain, name)]
+    levers = np.array([link.lever(len(chain.bodies)) for link in links]).reshape(-1, len(chain.bodies))
+    _, sizes, shapes = np.linalg.svd(levers)
+    if np.count_nonzero(sizes > RIGID * sizes.max(initial=0.0)) != len(chain.bodies) - 1:
+        return None
+    return dict(zip(chain.bodies, shapes[-1].tolist(), strict=True))
+
+
 def with_directions(
-    model: Model, records: Sequence[Record], sources: Mapping[str, str], cutoff_hz: float
+    model: Model, records: Sequence[Record], sources: Mapping[str, Source], cutoff_hz: float
 ) -> tuple[Record, ...]:
     """Return the records with the directions that their named sources give.
 
@@ -88,10 +120,12 @@ def with_directions(
     ----------
     model : Model
     records : sequence of Record
-    sources : mapping of str to str
+    sources : mapping of str to str or tuple of str
         ``sign_BODY`` -> channel. A position (and any channel that is no sensor of the model, such as a
         reference position) is differentiated once; a velocity is taken as it is; an acceleration is
-        integrated from rest, its mean taken off: such a record should begin and end at the same velocity.
+        integrated from rest, its mean taken off: such a record should begin and end at the same velocity. Of
+        a sensor of another body and the accelerometer of the body, the rigid motion of the first counts below
+        `MOVES_AS_ONE` of the cut-off, and the integral of the second above.
     cutoff_hz : float
         Low-pass in front of the sign, in Hz.
 
@@ -105,11 +139,39 @@ def with_directions(
     return tuple(_extended(model, record, sources, cutoff_hz) for record in records)
 
 
-def _extended(model: Model, record: Record, sources: Mapping[str, str], cutoff_hz: float) -> Record:
+def _extended(model: Model, record: Record, sources: Mapping[str, Source], cutoff_hz: float) -> Record:
     if not sources:
         return record
-    found = {key: np.sign(_velocity(model, record, channel, cutoff_hz)) for key, channel in sources.items()}
-    return record.edited(found)
+    speeds = {
+        key: _velocity(model, record, source, cutoff_hz)
+        if isinstance(source, str)
+        else _blended(model, record, *source, cutoff_hz)
+        for key, source in sources.items()
+    }
+    return record.edited({key: np.sign(speed) for key, speed in speeds.items()})
+
+
+def direction_sentences(sources: Mapping[str, Source], cutoff_hz: float) -> tuple[str, ...]:
+    """Say of which two sensors directions are; the cut-off for directions in Hz."""
+    return tuple(
+        f"{BLENDED} {key.removeprefix('sign_')} is that of {source[1]}, integrated, and below "
+        f"{MOVES_AS_ONE * cutoff_hz:.4g} Hz that of {source[0]}."
+        for key, source in sources.items()
+        if not isinstance(source, str)
+    )
+
+
+def blended_directions(sentences: Sequence[str]) -> tuple[str, ...]:
+    """Return those of some sentences that `direction_sentences` made."""
+    return tuple(one for one in sentences if one.startswith(BLENDED))
+
+
+def _blended(model: Model, record: Record, moving: str, felt: str, cutoff_hz: float) -> FloatArray:
+    """Return the velocity of a body from a sensor of another one and its own accelerometer, shape (n,)."""
+    bodies, ratios = {one.key: str(one.body) for one in model.sensors}, rigid_motion(model) or {}
+    ratio = ratios[bodies[felt]] / ratios[bodies[moving]]
+    slow, own = (_velocity(model, record, key, cutoff_hz) for key in (moving, felt))
+    return own + zero_phase(ratio * slow - own, FILTER_ORDER, MOVES_AS_ONE * cutoff_hz, record.fs)
 
 
 def _velocity(model: Model, record: Record, channel: str, cutoff_hz: float) -> FloatArray:

@@ -5,6 +5,11 @@ from __future__ import annotations
 # Order of the low-pass in front of a differentiated source.
 FILTER_ORDER = 4
 
+# Below this share of the dynamics' cut-off a chain moves as one: springs deflect by its square, a hundredth.
+MOVES_AS_ONE = 0.1
+# A lever's size below this share of the largest is what rounding leaves of a zero.
+RIGID = 1e-9
+
 GAP = 1.5  # of the median step: a longer one means that samples are missing
 NOTED_OFFSET = 0.02  # of a channel's rms: a smaller mean is not reported
 

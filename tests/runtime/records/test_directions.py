@@ -6,7 +6,14 @@ import pytest
 from generated import three_mass_qa_qb_ac
 from modelgen.errors import DataError
 from modelgen.runtime.model.model import model_from_module
-from modelgen.runtime.records.directions import direction_problems, wanted_directions, with_directions
+from modelgen.runtime.records.directions import (
+    accelerated_sources,
+    direction_problems,
+    direction_sentences,
+    rigid_motion,
+    wanted_directions,
+    with_directions,
+)
 from modelgen.runtime.records.record import Record
 
 MODEL = model_from_module(three_mass_qa_qb_ac)
@@ -52,3 +59,29 @@ def test_messages_name_the_channel_and_the_remedy() -> None:
         with_directions(MODEL, [record()], {"sign_c": "q_d"}, 50.0)
     with pytest.raises(DataError, match="sign_x"):
         with_directions(MODEL, [record(sign_c=np.sign(VELOCITY))], {"sign_x": "q_a"}, 50.0)
+
+
+def test_a_body_with_an_accelerometer_takes_slow_motion_from_the_nearest_sensor() -> None:
+    assert accelerated_sources(MODEL, [record()], {}) == {"sign_c": ("q_b", "a_c")}
+    # what the record brings or the user names stays
+    assert accelerated_sources(MODEL, [record(sign_c=np.sign(VELOCITY))], {}) == {}
+    assert accelerated_sources(MODEL, [record()], {"sign_c": "q_a"}) == {}
+    assert rigid_motion(MODEL) == pytest.approx(dict.fromkeys(("a", "b", "c"), rigid_motion(MODEL)["a"]))
+
+
+def test_the_direction_of_a_body_that_vibrates_on_its_spring_is_known_beside_an_offset_and_drift() -> None:
+    rate = 2.0 * np.pi * 40.0  # the body swings against its neighbour, twice as fast as that moves at most
+    slow, swing = 0.3 * np.sin(RATE * TIME), 0.6 * np.sin(rate * TIME)
+    position = -0.3 * np.cos(RATE * TIME) / RATE
+    acceleration = 0.3 * RATE * np.cos(RATE * TIME) + 0.6 * rate * np.cos(rate * TIME)
+    felt = acceleration + 0.5 + 0.2 * TIME  # a zero that drifts
+    one = record(q_b=position, a_c=felt)
+    (extended,) = with_directions(MODEL, [one], {"sign_c": ("q_b", "a_c")}, 100.0)
+    inside = (np.abs(slow + swing) > 0.06) & (TIME > 0.2) & (TIME < 2.8)
+    np.testing.assert_array_equal(extended.signals["sign_c"][inside], np.sign(slow + swing)[inside])
+    # neither sensor alone knows it
+    for source in ("q_b", "a_c"):
+        (alone,) = with_directions(MODEL, [one], {"sign_c": source}, 100.0)
+        assert np.mean(alone.signals["sign_c"][inside] == np.sign(slow + swing)[inside]) < 0.95
+    (said,) = direction_sentences({"sign_c": ("q_b", "a_c")}, 100.0)
+    assert said == "The direction of c is that of a_c, integrated, and below 10 Hz that of q_b."
