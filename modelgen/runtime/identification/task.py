@@ -28,10 +28,9 @@ from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.directions import (
     Source,
-    accelerated_sources,
     direction_problems,
     direction_sentences,
-    nearest_sources,
+    direction_sources,
     wanted_directions,
     with_directions,
 )
@@ -115,13 +114,9 @@ def prepared(
         model = power_model(model)
     every = with_derived(model, as_records(records))
     problems = [*option_problems(method, filters, checks), *_method_problems(model, method)]
-    nearest: dict[str, str] = {}
-    if isinstance(method, (IV, Auto)) and all_from_composites(model):
-        nearest = nearest_sources(model, every, filters.directions)
-        filters = replace(filters, directions={**filters.directions, **nearest})
-    sources: dict[str, Source] = {**filters.directions}
-    if method.matched:
-        sources |= accelerated_sources(model, every, filters.directions)
+    guess = isinstance(method, (IV, Auto)) and all_from_composites(model)
+    nearest, sources = direction_sources(model, every, filters.directions, guess, method.matched)
+    filters = replace(filters, directions={**filters.directions, **nearest})
     _check(model, every, problems, sources, method.held)
     # what reads files at the same time takes memory of its own
     files = not all(one.in_memory for one in every)

@@ -62,6 +62,19 @@ def _unknown(where: str, key: str, model: Model) -> Problem:
     )
 
 
+def direction_sources(
+    model: Model, records: Sequence[Record], named: Mapping[str, str], guess: bool, accelerated: bool
+) -> tuple[dict[str, str], dict[str, Source]]:
+    """Return guessed sources of the directions that records lack, and the sources of all directions.
+
+    `named` are those that a user gives; a `guess` is enough where instruments simulate the motion of every
+    body, and `accelerated` says whether those of two sensors may be taken.
+    """
+    guessed = nearest_sources(model, records, named) if guess else {}
+    known = {**named, **guessed}
+    return guessed, {**known, **(accelerated_sources(model, records, known) if accelerated else {})}
+
+
 def nearest_sources(model: Model, records: Sequence[Record], sources: Mapping[str, str]) -> dict[str, str]:
     """Return sources for the directions that records lack and `sources` does not name: the nearest sensors.
 
