@@ -10,7 +10,8 @@ import numpy as np
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import counted
 from modelgen.runtime.diagnostics.thresholds import HIGHEST_ORDER, LOWEST_ORDER, ORDER_STEPS, SCANNED_FACTORS
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice, decimation_for
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.record_length import decimation_for
 from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance

@@ -21,8 +21,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 
-import numpy as np
-
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.derivative_noise import (
     HighestDerivative,
@@ -40,9 +38,9 @@ from modelgen.runtime.filter_choice.explain import (
     seen_sentence,
 )
 from modelgen.runtime.filter_choice.motion_band import Band, band_sentence, record_band
+from modelgen.runtime.filter_choice.record_length import decimation_for, fitting_cutoff
 from modelgen.runtime.filter_choice.thresholds import (
     ARM_BAND,
-    DECIMATION_MARGIN,
     DISTORTION,
     FEWEST_SAMPLES,
     HIGHEST_CUTOFF,
@@ -208,14 +206,13 @@ def _sampling(
     if dynamics_hz is None:
         return None, [], []
     ratio = min(record.fs for record in records) / dynamics_hz
-    sentence = (
-        f"Sampling is {ratio:.0f} times the dynamics; eq. (9) asks for 100 times the closed loop's bandwidth."
-    )
+    asked = "eq. (9) asks for 100 times the closed loop's bandwidth."
     note = (
         f"sampled only {ratio:.1f} times faster than the dynamics, under "
         f"{LOWEST_SAMPLING_RATIO:.0f}: a delay of a fraction of a sample matters; sample faster"
     )
-    return ratio, [sentence], [note] if ratio < LOWEST_SAMPLING_RATIO else []
+    notes = [note] if ratio < LOWEST_SAMPLING_RATIO else []
+    return ratio, [f"Sampling is {ratio:.0f} times the dynamics; {asked}"], notes
 
 
 def least_order(model: Model) -> int:
@@ -229,11 +226,6 @@ def distortion_bound_hz(dynamics_hz: float, order: int) -> float:
     Their amplitude is 1 / (1 + (f / cutoff)**(2 order)).
     """
     return float(dynamics_hz * (1.0 / DISTORTION - 1.0) ** (1.0 / (2.0 * order)))
-
-
-def decimation_for(fs: float, cutoff_hz: float) -> int:
-    """Return the decimation whose Nyquist frequency is 1/0.8 times the cut-off, at least 1."""
-    return max(1, int(np.floor(DECIMATION_MARGIN * fs / (2.0 * cutoff_hz))))
 
 
 def _order_and_cutoff(
@@ -259,7 +251,8 @@ def _order_and_cutoff(
     ceiling, explained, notes = _cutoff_from(dynamics_hz, order, fs)
     cutoff, noisy = quiet_cutoff(highest, ceiling, order, max(force_hz))
     sentences.append(explained if noisy is None else quiet_sentence(noisy, cutoff, ceiling, order))
-    return order, cutoff, sentences, notes
+    cutoff, said = fitting_cutoff(model, records, cutoff, order)
+    return order, cutoff, sentences + said, notes
 
 
 def _cutoff_from(dynamics_hz: float, order: int, fs: float) -> tuple[float, str, list[str]]:

@@ -39,5 +39,9 @@ DECIMATION_MARGIN = 0.8
 # eq. (9) asks for 100 times the closed loop's bandwidth, which no record states; below this ratio to what the
 # record does show, the differences themselves suffer
 LOWEST_SAMPLING_RATIO = 20.0
+# The filter's reach: where its response has fallen to this share of its peak.
+SUPPORT_TOLERANCE = 1e-5
+# A cut-off whose filter feels the ends of a record everywhere gives way to one that feels them in this share.
+ENDS_SHARE = 0.5
 # A record with fewer samples is too short to filter.
 FEWEST_SAMPLES = 50

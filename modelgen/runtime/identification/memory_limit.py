@@ -6,7 +6,7 @@ from math import ceil, inf
 from numbers import Real
 
 from modelgen.errors import Problem
-from modelgen.runtime.filter_choice.filter_choice import decimation_for
+from modelgen.runtime.filter_choice.record_length import decimation_for
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, WLS, Method
 from modelgen.runtime.identification.thresholds import (

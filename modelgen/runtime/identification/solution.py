@@ -30,7 +30,8 @@ from modelgen.runtime.diagnostics.settings_drift import (
     load_row_drift,
 )
 from modelgen.runtime.diagnostics.suspicious_samples import told_on_failure
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice, decimation_for
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.record_length import decimation_for
 from modelgen.runtime.identification.contradiction import with_impossible_signs
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job

@@ -24,14 +24,14 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.record_length import end_samples
 from modelgen.runtime.filters.derivatives import differentiate
-from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
+from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.model import Model, Terms
 from modelgen.runtime.planning.thresholds import BEYOND
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
 from modelgen.runtime.rows.row_block import RowBlock
-from modelgen.runtime.rows.thresholds import SUPPORT_TOLERANCE
 
 # coefficients of one row's residual or column: (channel, derivative) -> coefficient
 Linear = dict[tuple[str, int], float]
@@ -143,11 +143,7 @@ class _RecordNoise:
         self._model, self._record, self._choice, self._factor = model, record, choice, factor
         self._blocks, self._noise = blocks, {key: std for key, std in noise.items() if std > 0.0}
         self._weights = [weights[block.record, block.row] ** 2 for block in blocks]
-        deepest = max(signal.derivative for signal in model.signals)
-        self._start = max(
-            support_samples(choice.filter_order, choice.cutoff_hz, record.fs, d, SUPPORT_TOLERANCE)
-            for d in range(deepest + 1)
-        )
+        self._start = end_samples(model, choice.filter_order, choice.cutoff_hz, record.fs)
         self._left = [self._linear(model.measurement_columns[block.row]) for block in blocks]
         self._columns = [
             [self._linear(model.column_terms(block.row, j)) for j in range(len(model.base_parameters))]

@@ -16,6 +16,7 @@ import numpy as np
 from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.thresholds import SUPPORT_TOLERANCE
 from modelgen.runtime.filters.reversals import reversals, standstills, turns, widen
 from modelgen.runtime.filters.thresholds import STANDSTILL_SHARE
 from modelgen.runtime.filters.zero_phase import support_samples
@@ -29,7 +30,6 @@ from modelgen.runtime.rows.thresholds import (
     PERCENTILE,
     SLOW_SHARE,
     STANDSTILL_PERIODS,
-    SUPPORT_TOLERANCE,
     TURN_TOLERANCE,
 )
 

@@ -12,8 +12,8 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.record_length import end_samples, samples_needed
 from modelgen.runtime.filters.fused_operator import fused_operator
-from modelgen.runtime.filters.zero_phase import support_samples
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.numerics.threads import each
 from modelgen.runtime.records.channels import Channels, read_continued
@@ -22,8 +22,7 @@ from modelgen.runtime.rows.chunk import Chunk, chunk_points, chunks, made_once
 from modelgen.runtime.rows.filter_sections import matched_filtering
 from modelgen.runtime.rows.masks import NOTHING, RowMask, Survey, row_masks, standstill_speed
 from modelgen.runtime.rows.row_terms import RowTerms, row_terms
-from modelgen.runtime.rows.signal_plan import SignalPlan, deepest_derivative, signal_plan
-from modelgen.runtime.rows.thresholds import SUPPORT_TOLERANCE
+from modelgen.runtime.rows.signal_plan import SignalPlan, signal_plan
 
 Found = TypeVar("Found")
 
@@ -228,11 +227,10 @@ def unmasked_rows(
     """
     fast = None if source.n >= COMPILED_SAMPLES else False
     plan = signal_plan(model, matched_filtering(choice, source.fs, factor), fast)
-    deepest = deepest_derivative(model)
     order, cutoff_hz = choice.filter_order, choice.cutoff_hz
-    edge = max(support_samples(order, cutoff_hz, source.fs, k, SUPPORT_TOLERANCE) for k in range(deepest + 1))
+    edge = end_samples(model, order, cutoff_hz, source.fs)
     start = max(edge, drop)
-    needed = start + edge + factor * (len(model.base_parameters) + 1)
+    needed = start - edge + samples_needed(model, order, cutoff_hz, source.fs, factor)
     if source.n < needed:
         raise DataError.at(
             source.name,

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-# The filter's reach: where its response has fallen to this share of its peak.
-SUPPORT_TOLERANCE = 1e-5
 # A standstill is seen on the low-passed velocity, this share of whose response reaches into it.
 DIRECTION_TOLERANCE = 1e-2
 # A sign that changes one sample late is felt so far: where the filter has fallen to this share of its peak.

@@ -9,10 +9,10 @@ from generated import emps300_qm_qc, emps_rigid_qm
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import (
     choose_filter,
-    decimation_for,
     distortion_bound_hz,
 )
 from modelgen.runtime.filter_choice.motion_band import record_band
+from modelgen.runtime.filter_choice.record_length import decimation_for
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record

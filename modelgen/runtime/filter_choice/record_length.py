@@ -1,0 +1,55 @@
+"""How many samples a filter takes at the ends of a record, and the cut-off at which enough are left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from modelgen.runtime.filter_choice.thresholds import (
+    DECIMATION_MARGIN,
+    ENDS_SHARE,
+    HIGHEST_CUTOFF,
+    SUPPORT_TOLERANCE,
+)
+from modelgen.runtime.filters.zero_phase import support_samples
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+
+
+def end_samples(model: Model, order: int, cutoff_hz: float, fs: float) -> int:
+    """Return how many samples at either end of a record feel that end, behind the filter of the rows."""
+    deepest = max(signal.derivative for signal in model.signals)
+    return max(support_samples(order, cutoff_hz, fs, k, SUPPORT_TOLERANCE) for k in range(deepest + 1))
+
+
+def samples_needed(model: Model, order: int, cutoff_hz: float, fs: float, factor: int) -> int:
+    """Return how many samples a record needs so that its ends leave one more a row than it has columns."""
+    return 2 * end_samples(model, order, cutoff_hz, fs) + factor * (len(model.base_parameters) + 1)
+
+
+def decimation_for(fs: float, cutoff_hz: float) -> int:
+    """Return the decimation whose Nyquist frequency is 1/0.8 times the cut-off, at least 1."""
+    return max(1, int(np.floor(DECIMATION_MARGIN * fs / (2.0 * cutoff_hz))))
+
+
+def fitting_cutoff(
+    model: Model, records: Sequence[Record], cutoff_hz: float, order: int
+) -> tuple[float, list[str]]:
+    """Return the cut-off in Hz, higher where its ends would be felt nearly everywhere, and what says so.
+
+    Slow motion asks for a low cut-off, whose filter reaches farther than a short record: one that leaves half
+    of the record knows more than none.
+    """
+    found, said = cutoff_hz, []
+    for record in records:
+        factor = decimation_for(record.fs, cutoff_hz)
+        needed = samples_needed(model, order, cutoff_hz, record.fs, factor)
+        wanted = min(cutoff_hz * needed / (ENDS_SHARE * record.n), HIGHEST_CUTOFF * record.fs)
+        if needed > record.n and wanted > found:
+            found = wanted
+            said = [
+                f"Cut-off {found:.4g} Hz in place of {cutoff_hz:.4g} Hz, whose filter feels the ends "
+                f"of {record.name} in nearly all of its {record.n} samples: half of them are left."
+            ]
+    return found, said
