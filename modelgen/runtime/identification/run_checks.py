@@ -206,6 +206,8 @@ def examine(
     method, fit, percent = task.method, solution.as_measured, estimate.fit.pruning.percent
     identified, hidden = estimate.parameters.identified, _hidden(model, estimate)
     asked = [entry for entry in identified if entry.name not in hidden]
+    names = {entry.name for entry in identified}
+    every = (*identified, *(one for one in estimate.parameters.physical if one.name not in names))
     noise = hac_covariance(fit)
     signals = signal_to_noise(model, records, choice)
     residuals = extras.residuals()
@@ -221,7 +223,7 @@ def examine(
         *short_records(records, choice, fit, slowest_hz),
         *(() if method.matched else band_above_filter(records, choice)),
         *null_solution(fit, model, records, choice, left),
-        *negative_values(model, identified),
+        *negative_values(model, every),
         *dependence_advice(
             dependences(fit, noise + drift),
             asked,
