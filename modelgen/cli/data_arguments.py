@@ -81,6 +81,7 @@ def reading_options(
     models: Sequence[Model], options: DataOptions, extra: Sequence[str] = (), optional: Sequence[str] = ()
 ) -> dict[str, Any]:
     """Return the options of `read` that the command line and a mapping file give; parameters as above."""
+    from modelgen.runtime.records.directions import wanted_directions
     from modelgen.runtime.records.mapping_file import MappingFile, load_mapping
     from modelgen.runtime.records.mapping_options import parse_mapping, parse_scales
     from modelgen.runtime.records.record import missing_name
@@ -91,8 +92,12 @@ def reading_options(
     # a misspelt key would leave the channel to a column that happens to have its name
     units = {key: unit for model in models for key, unit in model.channel_units.items()}
     sources = directions_from(options.direction or ())
-    measured = [key for model in models for key in model.channels if key not in sources]
-    loads = [key for model in models for key in model.loads]
+    # an estimate may know directions from other channels, and says it where it does not
+    turning = {key for model in models for key in wanted_directions(model)}
+    measured = [
+        key for model in models for key in model.channels if key not in sources and key not in turning
+    ]
+    loads = [key for model in models for key in (*model.loads, *sorted(turning - sources.keys()))]
     mapped = [key for key in (*optional, *loads) if key in columns]
     wanted = tuple(dict.fromkeys((*measured, *sources.values(), *extra, *mapped)))
     channels = dict.fromkeys((*units, *loads, *wanted, *REFERENCE, *FURTHER_INPUTS))

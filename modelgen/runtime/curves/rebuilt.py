@@ -14,6 +14,7 @@ from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.model.power.power_model import power_model
+from modelgen.runtime.records.directions import with_directions
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.derived_channels import with_derived
@@ -61,7 +62,9 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     records = tuple(record for record in records if record.name in estimate.records)
     if not {entry.row for entry in estimate.fit.rows} & {row.name for row in model.rows}:
         model = power_model(model)
+    filtering = estimate.fit.filtering
     records = with_derived(model, records)
+    records = with_directions(model, records, dict(filtering.directions), filtering.direction_cutoff_hz)
     x = _solution(model, estimate)
     model = _about(model, estimate, x)
     weights = {(entry.record, entry.row): entry.weight for entry in estimate.fit.rows}

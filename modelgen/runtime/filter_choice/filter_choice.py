@@ -63,7 +63,8 @@ class FilterChoice:
     low-pass in front of rows that are nonlinear in their signals (arms), None for others; `slow_speeds` are
     speeds in SI by their sensor, below which rows of the sensor's body leave samples out. `filtered_forces`
     is for the paper's procedure only, which leaves forces as they are unless asked; others filter all. With
-    `between` bodies reverse between samples, and not at them.
+    `between` bodies reverse between samples, and not at them; `directions` are the channels from which those
+    come that no sensor gives.
     """
 
     filter_order: int
@@ -79,6 +80,7 @@ class FilterChoice:
     slow_speeds: tuple[tuple[str, float], ...] = ()
     filtered_forces: bool = False
     between: bool = False
+    directions: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     def steps_s(self, records: Sequence[Record]) -> list[float]:
         """Return the time in s between the instants that are used of each record."""

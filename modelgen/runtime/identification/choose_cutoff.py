@@ -283,7 +283,7 @@ def choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:
     )
     said = choice.sentences + blended_directions(before.sentences)
     choice = replace(choice, slow_speeds=before.slow_speeds, between=before.between, sentences=said)
-    directions_hz = before.direction_cutoff_hz
+    choice, directions_hz = replace(choice, directions=before.directions), before.direction_cutoff_hz
     if not task.model.is_arm or filters.direction_cutoff_hz or directions_hz <= cutoff_hz:
         return choice
     # joints reverse as their motion says, however little of it the rows keep

@@ -140,6 +140,7 @@ def prepared(
     slow = slow_speeds(model, filters.slow_speeds)
     said = choice.sentences + direction_sentences(sources, choice.direction_cutoff_hz)
     choice = replace(choice, slow_speeds=slow, filtered_forces=filters.filtered_forces, sentences=said)
+    choice = replace(choice, directions=tuple(sources.items()))
 
     def ready(given: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
         extended = with_directions(model, given, sources, choice.direction_cutoff_hz)

@@ -22,8 +22,8 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.thresholds import FILTER_ORDER, MOVES_AS_ONE, RIGID
 
-# A channel, or a sensor of another body and the accelerometer of the body itself.
-Source = str | tuple[str, str]
+# A channel, or (a sensor of another body, the accelerometer of the body itself).
+Source = tuple[str, ...]
 BLENDED = "The direction of"  # begins the sentence about the latter
 
 
@@ -42,7 +42,7 @@ def direction_problems(
     for record in records:
         for key in wanted:
             source = sources.get(key, ())
-            for channel in (source,) if isinstance(source, str) else source:
+            for channel in source:
                 if channel not in record.signals:
                     where = f"{record.name}: directions"
                     problems.append(missing_name(where, "channel", channel, record.signals))
@@ -72,7 +72,8 @@ def direction_sources(
     """
     guessed = nearest_sources(model, records, named) if guess else {}
     known = {**named, **guessed}
-    return guessed, {**known, **(accelerated_sources(model, records, known) if accelerated else {})}
+    felt: Mapping[str, Source] = accelerated_sources(model, records, known) if accelerated else {}
+    return guessed, {**{key: (channel,) for key, channel in known.items()}, **felt}
 
 
 def nearest_sources(model: Model, records: Sequence[Record], sources: Mapping[str, str]) -> dict[str, str]:
@@ -133,9 +134,9 @@ def with_directions(
     ----------
     model : Model
     records : sequence of Record
-    sources : mapping of str to str or tuple of str
-        ``sign_BODY`` -> channel. A position (and any channel that is no sensor of the model, such as a
-        reference position) is differentiated once; a velocity is taken as it is; an acceleration is
+    sources : mapping of str to tuple of str
+        ``sign_BODY`` -> one or two channels. A position (and any channel that is no sensor of the model, such
+        as a reference position) is differentiated once; a velocity is taken as it is; an acceleration is
         integrated from rest, its mean taken off: such a record should begin and end at the same velocity. Of
         a sensor of another body and the accelerometer of the body, the rigid motion of the first counts below
         `MOVES_AS_ONE` of the cut-off, and the integral of the second above.
@@ -155,12 +156,7 @@ def with_directions(
 def _extended(model: Model, record: Record, sources: Mapping[str, Source], cutoff_hz: float) -> Record:
     if not sources:
         return record
-    speeds = {
-        key: _velocity(model, record, source, cutoff_hz)
-        if isinstance(source, str)
-        else _blended(model, record, *source, cutoff_hz)
-        for key, source in sources.items()
-    }
+    speeds = {key: _velocity(model, record, source, cutoff_hz) for key, source in sources.items()}
     return record.edited({key: np.sign(speed) for key, speed in speeds.items()})
 
 
@@ -170,7 +166,7 @@ def direction_sentences(sources: Mapping[str, Source], cutoff_hz: float) -> tupl
         f"{BLENDED} {key.removeprefix('sign_')} is that of {source[1]}, integrated, and below "
         f"{MOVES_AS_ONE * cutoff_hz:.4g} Hz that of {source[0]}."
         for key, source in sources.items()
-        if not isinstance(source, str)
+        if len(source) == 2
     )
 
 
@@ -179,15 +175,15 @@ def blended_directions(sentences: Sequence[str]) -> tuple[str, ...]:
     return tuple(one for one in sentences if one.startswith(BLENDED))
 
 
-def _blended(model: Model, record: Record, moving: str, felt: str, cutoff_hz: float) -> FloatArray:
-    """Return the velocity of a body from a sensor of another one and its own accelerometer, shape (n,)."""
-    bodies, ratios = {one.key: str(one.body) for one in model.sensors}, rigid_motion(model) or {}
-    ratio = ratios[bodies[felt]] / ratios[bodies[moving]]
-    slow, own = (_velocity(model, record, key, cutoff_hz) for key in (moving, felt))
-    return own + zero_phase(ratio * slow - own, FILTER_ORDER, MOVES_AS_ONE * cutoff_hz, record.fs)
-
-
-def _velocity(model: Model, record: Record, channel: str, cutoff_hz: float) -> FloatArray:
+def _velocity(model: Model, record: Record, source: Source, cutoff_hz: float) -> FloatArray:
+    """Return a body's velocity, shape (n,), from a channel, or another body's and its accelerometer."""
+    if len(source) == 2:
+        bodies, ratios = {one.key: str(one.body) for one in model.sensors}, rigid_motion(model) or {}
+        there, here = (ratios[bodies[channel]] for channel in source)
+        slow, own = (_velocity(model, record, (channel,), cutoff_hz) for channel in source)
+        low = zero_phase(here / there * slow - own, FILTER_ORDER, MOVES_AS_ONE * cutoff_hz, record.fs)
+        return own + low
+    (channel,) = source
     measures = {sensor.key: sensor.measures for sensor in model.sensors}.get(channel, "position")
     smooth = zero_phase(record.signals[channel], FILTER_ORDER, cutoff_hz, record.fs)
     if measures == "acceleration":

@@ -35,13 +35,13 @@ def test_the_model_asks_for_the_direction_of_the_body_that_only_accelerates() ->
 
 @pytest.mark.parametrize(("source", "sense"), [("q_a", 1), ("q_b", -1), ("a_c", 1)])
 def test_direction_from_a_sensor_or_from_the_integrated_accelerometer(source: str, sense: int) -> None:
-    (extended,) = with_directions(MODEL, [record()], {"sign_c": source}, 50.0)
+    (extended,) = with_directions(MODEL, [record()], {"sign_c": (source,)}, 50.0)
     inside = (np.abs(VELOCITY) > 0.1) & (TIME > 0.1) & (TIME < 2.9)
     np.testing.assert_array_equal(extended.signals["sign_c"][inside], sense * np.sign(VELOCITY[inside]))
 
 
 def test_direction_from_a_reference_that_is_no_sensor() -> None:
-    (extended,) = with_directions(MODEL, [record(reference=POSITION)], {"sign_c": "reference"}, 50.0)
+    (extended,) = with_directions(MODEL, [record(reference=POSITION)], {"sign_c": ("reference",)}, 50.0)
     middle = slice(200, 400)
     assert np.all(extended.signals["sign_c"][middle] == 1.0)
 
@@ -56,9 +56,9 @@ def test_messages_name_the_channel_and_the_remedy() -> None:
     assert "the direction in which c moves" in missing.what
     assert "--direction sign_c=q_a" in missing.remedy
     with pytest.raises(DataError, match="q_d"):
-        with_directions(MODEL, [record()], {"sign_c": "q_d"}, 50.0)
+        with_directions(MODEL, [record()], {"sign_c": ("q_d",)}, 50.0)
     with pytest.raises(DataError, match="sign_x"):
-        with_directions(MODEL, [record(sign_c=np.sign(VELOCITY))], {"sign_x": "q_a"}, 50.0)
+        with_directions(MODEL, [record(sign_c=np.sign(VELOCITY))], {"sign_x": ("q_a",)}, 50.0)
 
 
 def test_a_body_with_an_accelerometer_takes_slow_motion_from_the_nearest_sensor() -> None:
@@ -81,7 +81,7 @@ def test_the_direction_of_a_body_that_vibrates_on_its_spring_is_known_beside_an_
     np.testing.assert_array_equal(extended.signals["sign_c"][inside], np.sign(slow + swing)[inside])
     # neither sensor alone knows it
     for source in ("q_b", "a_c"):
-        (alone,) = with_directions(MODEL, [one], {"sign_c": source}, 100.0)
+        (alone,) = with_directions(MODEL, [one], {"sign_c": (source,)}, 100.0)
         assert np.mean(alone.signals["sign_c"][inside] == np.sign(slow + swing)[inside]) < 0.95
     (said,) = direction_sentences({"sign_c": ("q_b", "a_c")}, 100.0)
     assert said == "The direction of c is that of a_c, integrated, and below 10 Hz that of q_b."
