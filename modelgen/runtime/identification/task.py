@@ -139,15 +139,14 @@ def prepared(
         )
     slow = slow_speeds(model, filters.slow_speeds)
     said = choice.sentences + direction_sentences(sources, choice.direction_cutoff_hz)
-    choice = replace(choice, slow_speeds=slow, filtered_forces=filters.filtered_forces, sentences=said)
-    choice = replace(choice, directions=tuple(sources.items()))
+    filtered, named = filters.filtered_forces, tuple(sources.items())
+    choice = replace(choice, slow_speeds=slow, filtered_forces=filtered, sentences=said, directions=named)
 
     def ready(given: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
         extended = with_directions(model, given, sources, choice.direction_cutoff_hz)
         return aligned(model, extended, method.delays, method.held, method.consistent)
 
-    kept, late = ready(kept)
-    limit_mb = filters.memory_limit_mb
+    (kept, late), limit_mb = ready(kept), filters.memory_limit_mb
     job = Job(
         model,
         kept,
