@@ -97,10 +97,10 @@ def reading_options(
     measured = [
         key for model in models for key in model.channels if key not in sources and key not in turning
     ]
-    loads = [key for model in models for key in (*model.loads, *sorted(turning - sources.keys()))]
-    mapped = [key for key in (*optional, *loads) if key in columns]
+    welcome = [key for model in models for key in (*model.loads, *sorted(turning - sources.keys()))]
+    mapped = [key for key in (*optional, *welcome) if key in columns]
     wanted = tuple(dict.fromkeys((*measured, *sources.values(), *extra, *mapped)))
-    channels = dict.fromkeys((*units, *loads, *wanted, *REFERENCE, *FURTHER_INPUTS))
+    channels = dict.fromkeys((*units, *welcome, *wanted, *REFERENCE, *FURTHER_INPUTS))
     where = str(options.map_file) if options.map_file else "--map"
     problems = [missing_name(where, "channel", key, channels) for key in columns if key not in channels]
     DataError.raise_any(problems)
@@ -110,7 +110,7 @@ def reading_options(
         "fs": options.fs if options.fs is not None else given.fs_hz,
         "time": options.time or given.time,
         "needed": wanted,
-        "welcome": loads,
+        "welcome": welcome,
         "time_unit": options.time_unit or given.time_unit,
         "mend": (*given.mend, *(options.mend or ())),
         "units": units,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,9 +18,15 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
 
+@lru_cache(maxsize=8)
+def deepest_derivative(model: Model) -> int:
+    """Return how often the signal that is differentiated most is."""
+    return max(signal.derivative for signal in model.signals)
+
+
 def end_samples(model: Model, order: int, cutoff_hz: float, fs: float) -> int:
     """Return how many samples at either end of a record feel that end, behind the filter of the rows."""
-    deepest = max(signal.derivative for signal in model.signals)
+    deepest = deepest_derivative(model)
     return max(support_samples(order, cutoff_hz, fs, k, SUPPORT_TOLERANCE) for k in range(deepest + 1))
 
 

@@ -10,11 +10,12 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.diagnostics.parameter_checks import negative_value
 from modelgen.runtime.identification.explanation.explained import Explained
-from modelgen.runtime.identification.thresholds import BEYOND_CHANCE, DISAGREEMENT
+from modelgen.runtime.identification.thresholds import DISAGREEMENT
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import negative_columns, negative_parameters
+from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
 
 
 def contradiction(fit: Fit, other: Fit, share: float = 1.0) -> FloatArray:

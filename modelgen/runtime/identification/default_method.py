@@ -46,7 +46,6 @@ from modelgen.runtime.identification.refusals import all_refused, refusals, refu
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
-    BEYOND_CHANCE,
     FAR_OVER_NOISE,
     KEPT_OF_FILES_MB,
     LEFT_BY_ARMS,
@@ -58,6 +57,7 @@ from modelgen.runtime.identification.thresholds import (
 from modelgen.runtime.iv.thresholds import AS_GOOD
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
+from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
 from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
 

@@ -23,11 +23,12 @@ from modelgen.runtime.identification.choose_cutoff import part_tried
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.refusals import dependent_columns, unanswered
-from modelgen.runtime.identification.thresholds import BETTER, BEYOND_CHANCE, OVER_NOISE, TRIES, UNEXPLAINED
+from modelgen.runtime.identification.thresholds import BETTER, OVER_NOISE, TRIES, UNEXPLAINED
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import negative_columns
+from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 

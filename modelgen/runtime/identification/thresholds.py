@@ -16,8 +16,6 @@ UNEXPLAINED = 0.9
 # and an exchange is reported if it leaves less than this share of what the worst row left before; or,
 # where values were impossible, if none is any more and no row leaves this share of its largest term.
 BETTER = 0.5
-# A value is impossible if it is negative by more than this many standard deviations.
-BEYOND_CHANCE = 3.0
 # Solving again costs as much as the estimate: so many times at most.
 TRIES = 12
 

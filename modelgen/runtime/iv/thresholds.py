@@ -38,8 +38,6 @@ COMPOSITE_MOVE = 0.02
 SMALL_CHANGE = 1e-6
 # what has a standard deviation beyond this share of its value may move: its value is not reported.
 HOPELESS = 0.5
-# A chain is none that exists if a value is below zero by so many standard deviations that cannot be.
-IMPOSSIBLE = 3.0
 # Delays are held where a step moves them by no more standard deviations; so often they are set anew.
 HELD_DELAY, HELD_ROUNDS = 2.0, 4
 # They are tried at so many starts' own, and these parts of a sample later.

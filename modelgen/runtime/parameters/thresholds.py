@@ -6,6 +6,8 @@ from __future__ import annotations
 DRAWS = 200
 # A parameter that lies this close to its bound (in columns of unit length, against Y) is at it.
 AT_BOUND = 1e-9
+# A value is impossible if it is negative by more than this many standard deviations, and cannot be.
+BEYOND_CHANCE = 3.0
 # Bounds contradict the records where what they cost is beyond so many standard deviations.
 CONTRADICTED = 3.0
 

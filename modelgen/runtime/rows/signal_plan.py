@@ -15,6 +15,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import LARGEST
+from modelgen.runtime.filter_choice.record_length import deepest_derivative
 from modelgen.runtime.filters.block_numba import LoopBlocks
 from modelgen.runtime.filters.block_numpy import largest
 from modelgen.runtime.filters.derivatives import differentiate
@@ -260,12 +261,6 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
         isinstance(feature_operator.blocks, LoopBlocks),
         kernel,
     )
-
-
-@lru_cache(maxsize=8)
-def deepest_derivative(model: Model) -> int:
-    """Return how often the signal that is differentiated most is."""
-    return max(signal.derivative for signal in model.signals)
 
 
 def _full_rate_channels(

@@ -28,7 +28,6 @@ from modelgen.runtime.iv.thresholds import (
     COMPOSITE_ROUNDS,
     FARTHEST,
     HOPELESS,
-    IMPOSSIBLE,
     LARGEST_STEP,
     MANY_TIMES,
     NEAR,
@@ -40,6 +39,7 @@ from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import bounded_names
+from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
 
@@ -74,7 +74,7 @@ class Found:
     @property
     def likely(self) -> bool:
         """Whether this may be the chain of the records: all of it is known, and nothing is impossible."""
-        return not self.lost and self.below < IMPOSSIBLE
+        return not self.lost and self.below < BEYOND_CHANCE
 
     def values(self, model: Model) -> dict[str, float]:
         """Return the physical parameters by name."""
