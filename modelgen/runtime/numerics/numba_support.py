@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
@@ -30,7 +31,7 @@ def compiled(function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]
 
 def kept_code(njit: Callable[..., Any], function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     """Return a function compiled by `njit`; on a full disk its code is not kept, and it runs all the same."""
-    running = njit(cache=True, **options)(function)
+    running = _loaded_alone(njit(cache=True, **options)(function))
 
     def call(*arguments: Any) -> Any:
         nonlocal running
@@ -41,6 +42,31 @@ def kept_code(njit: Callable[..., Any], function: Callable[..., Any], **options:
             return running(*arguments)
 
     return call
+
+
+def _loaded_alone(function: Any) -> Any:
+    """Return a compiled function whose kept code is loaded without numba's tables of what may be compiled.
+
+    Reading these takes a third of a second, as long as a short record takes to be identified, and code that
+    is compiled already has no use for them.
+    """
+    cache = getattr(function, "_cache", None)
+    if cache is None:
+        return function
+    load = cache.load_overload
+
+    def load_alone(signature: Any, context: Any) -> Any:
+        with suppress(Exception):  # numba may do this otherwise one day, and then loads its own way
+            from numba.core.runtime.nrt import rtsys
+
+            rtsys.initialize(context)
+            found = cache._load_overload(signature, context)
+            if found is not None:
+                return found
+        return load(signature, context)
+
+    cache.load_overload = load_alone
+    return function
 
 
 def wanted(fast: bool | None, loops: Any) -> Any:
