@@ -27,10 +27,8 @@ from modelgen.runtime.iv.held_motion import (
     HeldChannels,
     HeldMotion,
     dynamics_hz,
-    feedback_hz,
     initial_state,
     nearest_sensor,
-    smoothing_hz,
 )
 from modelgen.runtime.iv.thresholds import (
     AT_REST,
@@ -40,13 +38,14 @@ from modelgen.runtime.iv.thresholds import (
     LED,
     LED_ORDER,
 )
-from modelgen.runtime.model.model import Model
+from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_terms import mismatch_terms
 from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import excitation_from_record
+from modelgen.runtime.simulation.followed_motion import followed_motion
 from modelgen.runtime.simulation.held_chain import HeldChain, held_chain
 from modelgen.runtime.simulation.motion import Motion, move, readings, true_signals
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
@@ -90,6 +89,24 @@ class Simulated:
         """What Y - W X takes of each signal at the simulation's parameters, row by row of the model."""
         model = self.plant.model
         return mismatch_terms(model, model.base_from_physical(self.plant.parameters))
+
+    def further(self, body: str, record: Record) -> tuple[FloatArray, Sensor]:
+        """Return by how much further than in the simulation a body moves in a record, in SI, shape (n,).
+
+        As position or velocity, whichever the sensor reads that comes with it: its own, or that which shows
+        its slow motion best. A body without one is carried along by those that have one.
+        """
+        plant = self.plant
+        sensor, gear = nearest_sensor(plant, body, record)
+        alike = [one for one in plant.model.sensors if one.body and one.order == sensor.order]
+        further = {
+            one.body or "": record.signals[one.key] - self.record.signals[one.key]
+            for one in alike
+            if one.key in record.signals
+        }
+        if sensor.body == body or sensor.order == 2 or not any(np.any(one) for one in further.values()):
+            return gear * further[sensor.body or ""], sensor
+        return followed_motion(plant, body, further, record.dt), sensor
 
 
 @dataclass(frozen=True)
@@ -177,26 +194,23 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
 
     The weak feedback bends the slow motion, and what the model lacks moved the record: a further force that
     is worked out along the simulated motion is some percent off. What a body's own sensor reads leads it, a
-    body without one follows the slow part of the nearest.
+    body without one is led by those that have one.
     """
     motion, away, speeds = dict(simulated.motion), {}, {}
     led_hz = min(LED * dynamics_hz(choice), HIGHEST_LED * record.fs)
     for body in simulated.plant.bodies:
         speeds[body] = motion[f"v_{body}"]
-        sensor, gear = nearest_sensor(simulated.plant, body, record)
+        further, sensor = simulated.further(body, record)
         if sensor.order > 1:
             continue
-        own = sensor.body == body
-        wide = led_hz if own else smoothing_hz(record, feedback_hz(choice))
-        further = (record.signals[sensor.key] - simulated.record.signals[sensor.key]) * gear
-        further = zero_phase(further, LED_ORDER, wide, record.fs)
+        further = zero_phase(further, LED_ORDER, led_hz, record.fs)
         speed = speeds[body]
         # a body that sticks has no direction: noise must not give it one
         moving = np.abs(speed) > AT_REST * np.max(np.abs(speed))
         change = further if sensor.order else differentiate(further, record.dt)
         motion[f"v_{body}"] = speed + np.where(moving, change, 0.0)
-        if own and sensor.order == 0:
-            away[body] = further, float(np.sqrt(record.facts.spectrum(sensor.key).noise * wide))
+        if sensor.body == body and sensor.order == 0:
+            away[body] = further, float(np.sqrt(record.facts.spectrum(sensor.key).noise * led_hz))
     return replace(simulated, motion=motion, away=away, speed=speeds, measured=record, led_hz=led_hz)
 
 

@@ -44,6 +44,8 @@ HELD_DELAY, HELD_ROUNDS = 2.0, 4
 HELD_STARTS, HELD_PARTS = 3, (0.0, 0.5)
 # A step changes no parameter of the body or link by more than this share: far away the rows are not linear.
 LARGEST_STEP = 0.5
+# Steps are combined with those before where neither they nor the noise change a size by more than this share.
+LINEAR_SHARE = 0.1
 # Nor can a parameter be this many times smaller or larger than at the start.
 FARTHEST = 1e4
 # Where a chain cannot be simulated, those that are so many times smaller or larger than at the start are why.

@@ -57,3 +57,9 @@ STEPS_A_SAMPLE = 8
 # The chain is held by a feedback of this share of its lowest elastic frequency, or of the highest in the
 # record: any will do, as rows do not feel it.
 HOLDING_SHARE = 0.1
+
+# A record's end leads back to its beginning within this share of its length, for Fourier transforms.
+CLOSING_SHARE = 0.25
+# A body that follows others swings with at least this damping ratio: what nothing damps would ring all along
+# the record, and friction, which is left out there, damps it.
+LEAST_FOLLOWING_RATIO = 0.002

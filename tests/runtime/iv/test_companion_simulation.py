@@ -126,3 +126,15 @@ def test_the_lever_of_a_link_does_not_depend_on_how_stiff_it_is() -> None:
     for stiffness in (1e-30, TRUTH["K"], 1e30):
         plant = make_plant(PLAIN, {**TRUTH, "K": stiffness})
         np.testing.assert_allclose(np.abs(deflection_of(plant, "K")), [1.0, 1.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["chirp", "trapezoid"])
+def test_a_body_without_a_sensor_moves_as_its_links_carry_it_in_the_record(kind: str) -> None:
+    """The slow motion of the nearest sensor alone had left the load where the held simulation had it."""
+    _record, speeds = clean(kind)
+    alone = spec_model(parse_spec(TEXT.split("q_c = ")[0], "alone.toml"), "s")
+    seen = record_with(kind, 0.1)
+    seen = Record({key: seen.signals[key] for key in ("q_m", "Gamma_m")}, FS, kind, kind)
+    one = simulated_beside(alone, TRUTH, seen, choose_filter(alone, (seen,)))
+    assert away(one.speed["c"], speeds["c"]) > 0.02
+    assert away(one.motion["v_c"], speeds["c"]) < 0.2 * away(one.speed["c"], speeds["c"])

@@ -208,7 +208,8 @@ def test_what_is_held_at_zero_stays_there_whatever_the_records_say() -> None:
     assert fit.columns == model.base_parameters
     assert fit.solution.x[held] == 0.0
     spread = np.sqrt(np.diag(hac_covariance(fit)))
-    assert spread[held] == 0.0
+    # rounding of the slopes remains, a millionth of what a free F_vc has
+    assert spread[held] < 1e-6 * spread[model.base_parameters.index("F_vm + F_vc")]
     assert np.all(np.delete(spread, held) > 0.0)
     # without bounds it would not be zero
     assert fit.carried is not None

@@ -126,13 +126,13 @@ def _recorded_speed(
     instants: there, a force on a body moves its inertia alone. All arrays, `level` is the friction, have
     the shape (n,).
     """
-    sensor, gear = nearest_sensor(simulated.plant, body, record)
-    further = gear * (record.signals[sensor.key] - simulated.record.signals[sensor.key])
+    further, sensor = simulated.further(body, record)
     speed, change = simulated.speed[body], simulated.motion[f"a_{body}"] * record.dt
     turns = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
     if not turns.size or not further.any():
         return speed, change
     turning = float(np.median(np.abs(simulated.motion[f"a_{body}"][turns])))
+    _, gear = nearest_sensor(simulated.plant, body, record)
     noise, times = gear**2 * record.facts.spectrum(sensor.key).noise, 1 - sensor.order
     wide_hz = min(turning_band_hz(turning, noise, times, record.fs), simulated.led_hz)
     if wide_hz * record.n < record.fs:  # not a period of what noise leaves lies in the record

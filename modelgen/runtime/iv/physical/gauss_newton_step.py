@@ -55,6 +55,11 @@ class Unknowns:
     delays: Mapping[str, float]
     zeros: tuple[float, ...] = ()
 
+    @property
+    def vector(self) -> FloatArray:
+        """All of them, SI, shape (n,)."""
+        return np.array([*self.p, *self.delays.values(), *self.zeros])
+
     def records(self, setting: Setting) -> tuple[Record, ...]:
         """Return the records of a setting less delays and zeros."""
         return corrected(setting.records, self.delays, setting.zeros, self.zeros)

@@ -29,6 +29,7 @@ from modelgen.runtime.iv.thresholds import (
     FARTHEST,
     HOPELESS,
     LARGEST_STEP,
+    LINEAR_SHARE,
     MANY_TIMES,
     NEAR,
     ROUGH_ROUNDS,
@@ -38,6 +39,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.anderson import AndersonSteps
 from modelgen.runtime.parameters.bounds import bounded_names
 from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
 from modelgen.runtime.records.record import Record
@@ -125,7 +127,7 @@ def fit_physical_iv(
     sample = 1.0 / min(record.fs for record in setting.records)
     first = _allowed(model, start, rules)
     now, late = Unknowns(first, delays, (0.0,) * len(setting.zeros)), len(delays)
-    c = len(model.parameters)
+    c, steps = len(model.parameters), AndersonSteps()
     observation = rows(now.records(setting))
     plain = fit_matched(observation)
     if plain.absent:
@@ -156,6 +158,8 @@ def fit_physical_iv(
                 fit = replace(fit, carried=replace(fit.carried, unknown=lost))
             return Found(observation, fit, now.p, x[:c], lost, _below_zero(model, x[:c], spread[:c]))
         near = near or bool(np.all((np.abs(move) <= NEAR * spread) | hopeless)) or done >= ROUGH_ROUNDS
+        if near and _linear(model, now, move, spread, rules):
+            move = steps.combined(now.vector, move, spread)
         now = _moved(model, now, move, sample, rules)
         _refuse_led_away(_led_away(model, now.p, first, rules, FARTHEST))
     raise _restless(model, x[:c], spread[:c])
@@ -213,6 +217,13 @@ def _keeps_sign(model: Model, name: str, rules: Rules) -> bool:
         return False
     role = model.roles[name].role
     return role not in SIGNED and not (rules.bounded and role == "damping")
+
+
+def _linear(model: Model, now: Unknowns, move: FloatArray, spread: FloatArray, rules: Rules) -> bool:
+    """Tell whether the rows are nearly linear as far as a step and what noise may do to it reach."""
+    bound = np.array([_keeps_sign(model, name, rules) for name in model.parameters])
+    reach, size = (np.abs(move) + spread)[: len(bound)], np.abs(now.p)
+    return bool(np.all(reach[bound] <= LINEAR_SHARE * size[bound]))
 
 
 def _moved(model: Model, now: Unknowns, move: FloatArray, sample: float, rules: Rules) -> Unknowns:
