@@ -23,6 +23,7 @@ from modelgen.runtime.identification.job import Job
 from modelgen.runtime.iv.companion_simulation import possible
 from modelgen.runtime.iv.held_motion import feedback_hz
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
+from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import unmasked_rows
@@ -81,8 +82,25 @@ def drive_bias(job: Job, fit: Fit) -> DriveBias:
     apart = (found - shift)[:, :c]
     spread = apart.T @ apart / (draws * (draws - 1))
     share = _largest(inverse, own.T @ power[:c, :c] @ own)
-    # columns of delays stand behind the parameters'
-    return DriveBias(shift[:c], shift[c : c + len(fit.delays)], spread, share)
+    # columns of delays stand behind the parameters' where rows are white, and are projected out elsewhere
+    delays = shift[c : c + len(fit.delays)] if fit.white is not None else _of_delays(job, fit, shift)
+    return DriveBias(shift[:c], delays, spread, share)
+
+
+def _of_delays(job: Job, fit: Fit, shift: FloatArray) -> FloatArray:
+    """Return by how much delays shift, in s, (delays,), that are estimated with parameters that shift, (c,).
+
+    Their columns are their own instruments: they take up what they can of W times that shift.
+    """
+    if not fit.delays:
+        return np.zeros(0)
+    late = {channel: delay for channel, delay, _ in fit.delays}
+    records = tuple(advanced(record, late) for record in job.records)
+    rates = [job.rates(fit, records, channel) for channel in late]
+    blocks = list(zip(fit.weights, fit.blocks, zip(*rates, strict=True), strict=True))
+    columns = np.concatenate([weight * np.column_stack(own) for weight, _, own in blocks])
+    moved = np.concatenate([weight * (block.W @ block.own(shift)) for weight, block, _ in blocks])
+    return np.asarray(np.linalg.lstsq(columns, moved, rcond=None)[0])
 
 
 def _largest(inverse: FloatArray, power: FloatArray) -> float:

@@ -12,7 +12,7 @@ from modelgen.runtime.identification.explanation.drive_noise import DriveBias, d
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, Method
 from modelgen.runtime.identification.thresholds import BIAS_SHARE, LEFT_DRIVEN, LEFT_TURNING, MOST_DRIVEN
-from modelgen.runtime.least_squares.fit import Fit, residuals_of
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 
 
@@ -75,7 +75,8 @@ def less_driven(
     solution = replace(fit.solution, x=shifted)
     moved = [*bias.delays.tolist(), *[0.0] * (len(fit.delays) - len(bias.delays))]
     late = tuple((key, late - by, std) for (key, late, std), by in zip(fit.delays, moved, strict=True))
-    found = replace(fit, solution=solution, residuals=residuals_of(fit.blocks, shifted), delays=late)
+    # residuals stay: what each instant adds to the estimate's error has a mean of zero in these
+    found = replace(fit, solution=solution, delays=late)
     # at reversals noise turns friction as well, which moves instruments in another way
     left = (LEFT_TURNING if fit.turning else LEFT_DRIVEN) ** 2 * np.outer(
         bias.shift, bias.shift

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,8 +12,13 @@ from modelgen.runtime.identification.explanation import drive_noise, less_driven
 from modelgen.runtime.identification.explanation.drive_noise import DriveBias, drive_bias
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import IV
+from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
+from modelgen.runtime.records.record import Record
 from tests.runtime.rigid_motion import RIGID, TRUTH, rigid_record, swings
+from tests.runtime.two_mass_records import SMALL
 
 MOTION = swings((0.02, 1.3), (0.004, 4.1), (0.0005, 23.0))
 
@@ -98,3 +105,61 @@ def test_few_draws_say_what_many_say(monkeypatch: pytest.MonkeyPatch) -> None:
     few, many = (one.shift for one in shifts[:2])
     assert few == pytest.approx(many, rel=0.1)
     assert 0.0 < shifts[0].share < 0.1
+
+
+def loud_sines(n: int, fs: float = 5000.0) -> Record:
+    """Sines of two bodies that solve their equations of motion, with noise, most of it of the force."""
+    p, rng, t = SMALL.parameter_sets["table_2"], np.random.default_rng(0), np.arange(n) / fs
+    motor, load, force = (np.zeros(n, dtype=complex) for _ in range(3))
+    for f in (0.31, 1.7, 7.3, 23.0, 61.0, 109.0, 167.0):
+        w = 2.0 * np.pi * f
+        line = np.exp(1j * (w * t + rng.uniform(0.0, 6.0))) * (2.0 / (f + f**2 / 30.0))
+        share = 1.0 - w**2 * p["J_c"] / (p["K"] + 1j * w * p["F_vmc"])
+        load += line
+        motor += share * line
+        force += (share * (1j * w * p["F_vm"] - w**2 * p["J_m"]) - w**2 * p["J_c"]) * line
+    friction = p["F_sm"] * np.sign(np.gradient(motor.imag))
+    clean = {"q_m": motor.imag, "q_c": load.imag, "Gamma_m": force.imag + friction}
+    noise = {"q_m": 1e-5, "q_c": 1e-5, "Gamma_m": 1e-3}
+    return Record({k: s + noise[k] * rng.standard_normal(n) for k, s in clean.items()}, fs, "sines")
+
+
+@pytest.fixture(scope="module")
+def loud() -> tuple[Job, Fit]:
+    """The job and the fit of two bodies whose force is noisy, its delay estimated with them, no row white."""
+    asked = list[tuple[Job, Fit]]()
+
+    def kept(job: Job, fit: Fit) -> DriveBias:
+        asked.append((job, fit))
+        return drive_bias(job, fit)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("modelgen.runtime.identification.job.MOST_WHITENED", 0)
+        patch.setattr(less_driven, "drive_bias", kept)
+        identify(SMALL, loud_sines(60_000), IV(delays="estimate"), cutoff_hz=680.0)
+    return asked[0]
+
+
+def test_a_delay_shifts_with_the_parameters(loud: tuple[Job, Fit]) -> None:
+    job, fit = loud
+    free = drive_bias(job, fit)
+    assert fit.white is None and free.delays.shape == (1,)
+    ((channel, late, _),) = fit.delays
+    given = tuple(advanced(one, {channel: late - free.delays[0]}) for one in job.records)
+    held = replace(job, records=given, late=(), start=replace(fit, delays=()))
+    _, other = IV(delays="none").run(held)
+    # with the delay where it belongs another shift comes out, and the same estimate without it
+    fixed = drive_bias(held, other)
+    deviations = np.sqrt(np.diag(hac_covariance(fit)))
+    apart = (fit.solution.x - free.shift) - (other.solution.x - fixed.shift)
+    assert np.all(np.abs(apart) < 0.4 * deviations)
+    assert np.max(np.abs(fit.solution.x - other.solution.x) / deviations) > 0.5
+
+
+def test_what_is_taken_off_widens_no_interval(loud: tuple[Job, Fit]) -> None:
+    job, fit = loud
+    found, _, told = less_driven.less_driven(job, IV(), fit)
+    assert told
+    psi = np.concatenate(influence(found))
+    assert np.all(np.abs(psi.sum(axis=0)) < 1e-6 * np.abs(psi).sum(axis=0))
+    assert np.allclose(hac_covariance(found), hac_covariance(fit), rtol=1e-9)
