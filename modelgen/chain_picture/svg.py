@@ -104,7 +104,8 @@ def chain_svg(diagram: ChainDiagram, alone: bool = True) -> str:
 
 def _grid(diagram: ChainDiagram, nodes: Sequence[TreeNode]) -> _Grid:
     body = max([96.0, *map(_body_width, diagram.bodies)])
-    link = max([112.0, *map(_link_width, diagram.links), *map(_sensed, diagram.deflections)])
+    sensed = [width(_reading(sensor.key, sensor.measures)) + 36.0 for sensor in diagram.deflections]
+    link = max([112.0, *map(_link_width, diagram.links), *sensed])
     lines = max(len(entry.sensors) for entry in diagram.bodies)
     above = max(38.0, 14.0 + LABEL * lines)
     row = above + HIGH + BELOW
@@ -145,10 +146,6 @@ def _link_width(link: DrawnLink) -> float:
 
 def _gear_room(link: DrawnLink) -> float:
     return max(GEAR, width(f"{link.ratio} : 1") + 6.0) if link.ratio else 0.0
-
-
-def _sensed(sensor: DrawnDeflection) -> float:
-    return width(_reading(sensor.key, sensor.measures)) + 36.0
 
 
 def _reading(key: str, measures: str) -> str:

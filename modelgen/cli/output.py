@@ -34,7 +34,8 @@ def explain(problem: Problem) -> None:
     if not is_terminal(sys.stderr):
         note([f"error: {problem}"])
         return
-    colour = None if _wants_colour() else False
+    # see https://no-color.org; some terminals cannot show colours
+    colour = False if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" else None
     typer.secho("error: ", fg="red", bold=True, nl=False, err=True, color=colour)
     typer.echo(f"{problem.where}: {problem.what}", err=True)
     typer.secho("  try: ", fg="green", nl=False, err=True, color=colour)
@@ -47,11 +48,6 @@ def explain_all(problems: Sequence[Problem]) -> None:
         explain(problem)
     if len(problems) > LISTED:
         note([f"error: and {len(problems) - LISTED} more"])
-
-
-def _wants_colour() -> bool:
-    """Return whether a terminal shows colours: see https://no-color.org; some terminals cannot."""
-    return not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
 def report(facts: dict[str, Any], lines: Sequence[str], as_json: bool) -> None:

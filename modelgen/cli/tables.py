@@ -134,7 +134,11 @@ def _describe_model(model: BaseModel) -> Description:
                 "order": row.order,
                 "differentiated": row.differentiated,
                 "unit": row.unit,
-                "columns": _columns_of(model, [term.parameter for term in row.terms]),
+                "columns": [
+                    base.name
+                    for base in model.base
+                    if base.combination[0][0] in [term.parameter for term in row.terms]
+                ],
             }
             for row in model.rows.rows
         ],
@@ -145,11 +149,6 @@ def _describe_model(model: BaseModel) -> Description:
         "identifiable": list(model.identifiable),
         "absent": dict(model.absent),
     }
-
-
-def _columns_of(model: BaseModel, parameters: Sequence[str | None]) -> list[str]:
-    """Return the base parameters whose column is not zero in a row with these parameters."""
-    return [base.name for base in model.base if base.combination[0][0] in parameters]
 
 
 def _model_tables(described: Description) -> list[Table | Text]:

@@ -115,7 +115,7 @@ def _problem(
             seen = [
                 a.where
                 for a in source.checks.advice
-                if a.kind == "dependent columns" and _is_in(name, a.where)
+                if a.kind == "dependent columns" and name in re.findall(r"\w+", a.where)
             ]
             remedy += f"; {listed(seen, most=3, width=200)}" if seen else ""
             sums = [
@@ -134,10 +134,6 @@ def _problem(
         remedy = f"it must be {limit}: give --set {name}=NUMBER"
         return Problem(f"parameters: {name}", f"is {value:.6g} {unit}", remedy)
     return None
-
-
-def _is_in(name: str, text: str) -> bool:
-    return name in re.findall(r"\w+", text)
 
 
 def _names_in(model: Model, base: str) -> list[str]:

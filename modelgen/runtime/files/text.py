@@ -23,7 +23,6 @@ from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.text_layout import (
     END_MARKS,
     SPACES,
-    Head,
     Layout,
     cells_of,
     heads,
@@ -51,7 +50,7 @@ def open_text(path: Path) -> Source:
     fs = stated.get("fs")
     layout = None
     for head in heads(path, encoding):
-        layout = _sniffed(head)
+        layout = next((found for dialect in DIALECTS if (found := dialect(head)) is not None), sniff(head))
         if layout is not None:
             fs = fs or stated_frequency(head)
             break
@@ -76,10 +75,6 @@ def open_text(path: Path) -> Source:
         load_numeric=lambda names: _numeric(chosen, names),
         starts={name: nanoseconds(first) for name, first in layout.stamps.items()},
     )
-
-
-def _sniffed(head: Head) -> Layout | None:
-    return next((layout for dialect in DIALECTS if (layout := dialect(head)) is not None), sniff(head))
 
 
 def _plain(path: Path, encoding: str) -> Layout:

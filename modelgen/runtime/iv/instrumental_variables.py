@@ -82,7 +82,8 @@ def fit_iv(start: Fit, setting: Setting) -> Fit:
         if not near:
             moves.append(_largest_move(fit, following))
         if near or _stands_still(moves):
-            return replace(following, notes=_iv_notes(len(moves) + near))
+            told = f"instruments and estimate agreed after {len(moves) + near} rounds"
+            return replace(following, notes=(told,))
         fit, runs = following, None
     raise diverged(
         f"after {ROUNDS} rounds an estimate still moves by {SMALL_MOVE * moves[-1]:.2g} standard deviations",
@@ -129,7 +130,7 @@ def _told(fit: Fit) -> Fit:
 
 
 def _round(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> Fit:
-    following = solve_with(fit, instruments(fit, setting, runs))
+    following = two_stage(weighed(fit), instruments(fit, setting, runs))
     refuse_runaway(following.columns, following.solution.x, fit, setting.model)
     return replace(following, simulated=runs)
 
@@ -185,11 +186,6 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
     if still:
         raise diverged(f"its simulation does not move what {', '.join(still)} needs", fit, model)
     return tuple(lines.T for lines in found)
-
-
-def solve_with(fit: Fit, Z: tuple[FloatArray, ...]) -> Fit:
-    """Return the fit with instruments Z, in SI, (n, columns) a block, and weights from the residuals."""
-    return two_stage(weighed(fit), Z)
 
 
 def weighed(fit: Fit) -> Fit:
@@ -272,7 +268,3 @@ def _is_near(fit: Fit, start: Fit) -> bool:
     far = move > NEAR_SHARE * np.abs(start.solution.x)
     # what noise may do to these is looked at only where there are any
     return not far.any() or bool(np.all(move[far] ** 2 <= NEAR**2 * np.diag(hac_covariance(fit))[far]))
-
-
-def _iv_notes(rounds: int) -> tuple[str, ...]:
-    return (f"instruments and estimate agreed after {rounds} rounds",)

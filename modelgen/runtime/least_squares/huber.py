@@ -47,7 +47,7 @@ def huber(fit: Fit) -> tuple[Fit, tuple[FloatArray, ...]]:
     found = fit
     # residuals in units of their own spread: blocks keep the weights that the fit has given them
     for _ in range(HUBER_ROUNDS):
-        plain = _plain_residuals(fit, found.solution.x)
+        plain = [block.Y - block.W @ found.solution.x for block in fit.blocks]
         scales = [_spread(e) for e in plain]
         weights = tuple(_weights(e, scale) for e, scale in zip(plain, scales, strict=True))
         following = _weighted(fit, weights)
@@ -92,10 +92,6 @@ def _with_sandwich(fit: Fit, found: Fit, weights: tuple[FloatArray, ...]) -> Fit
     triangle = np.asarray(np.linalg.qr(inside / scale, mode="r"))
     inverse = np.linalg.pinv(triangle.T @ triangle) / np.outer(scale, scale)
     return replace(found, solution=replace(found.solution, inverse=inverse))
-
-
-def _plain_residuals(fit: Fit, x: FloatArray) -> list[FloatArray]:
-    return [block.Y - block.W @ x for block in fit.blocks]
 
 
 def _spread(residual: FloatArray) -> float:

@@ -97,7 +97,10 @@ def _lines(
     entries = {f"entry {line}": line for line, terms in enumerate(found) if terms is None}
     left = {f"known {row}": row for row, terms in enumerate(of_known) if terms is None}
     inputs = tuple(key for key in module.SIGNALS if key not in forces)
-    read = {str(one["key"]): (_channel(one), int(one["derivative"])) for one in channels.signals}
+    read = {
+        str(one["key"]): (str(one["sensor"] or one["actuator"] or one["key"]), int(one["derivative"]))
+        for one in channels.signals
+    }
     reads_of = {key: read[key] for key in inputs if key in read}
     kernel = ArmKernel(module, inputs, forces, entries, left, reads_of)
     kept = [((1.0, f"entry {line}"),) if terms is None else terms for line, terms in enumerate(found)]
@@ -107,10 +110,6 @@ def _lines(
     ]
     used = {key for terms in (*kept, *sides) for _, key in terms}
     return kept, sides, kernel, (*(one for one in features if one["key"] in used), *_kernel_features(kernel))
-
-
-def _channel(signal: Mapping[str, Any]) -> str:
-    return str(signal["sensor"] or signal["actuator"] or signal["key"])
 
 
 def _kernel_features(kernel: ArmKernel | DeflectedKernel) -> tuple[dict[str, Any], ...]:

@@ -81,7 +81,7 @@ def pair_values(
     if free:
         if not pair.sum:
             return PairValues(None, None, ())
-        return PairValues(None, None, (_inverse(told(_decay_rate, np.array([1.0, 0.0]))),))
+        return PairValues(None, None, (_inverse(told(lambda pair: pair.sum, np.array([1.0, 0.0]))),))
     s, p = pair.sum, pair.product
     frequency = told(_frequency_hz, np.array([0.0, _frequency_hz(pair) / (2.0 * p)]))
     half = 0.5 / math.sqrt(p)
@@ -115,10 +115,6 @@ def _damping_ratio(pair: PolePair) -> float:
     if pair.product <= 0.0:
         return math.copysign(math.inf, pair.sum)
     return 0.5 * pair.sum / math.sqrt(pair.product)
-
-
-def _decay_rate(pair: PolePair) -> float:
-    return pair.sum
 
 
 def _slow_rate(pair: PolePair) -> float:

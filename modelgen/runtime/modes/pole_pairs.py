@@ -191,7 +191,8 @@ def _modal(
 ) -> tuple[FloatArray, float]:
     """Return A in coordinates of the modes and in time units of its fastest motion, and 1/s of these."""
     n = len(inertia)
-    M, damping, stiffness = (modes.shapes.T @ part @ modes.shapes for part in (_mass(inertia), D, K))
+    mass = np.diag(inertia) if inertia.ndim == 1 else inertia
+    M, damping, stiffness = (modes.shapes.T @ part @ modes.shapes for part in (mass, D, K))
     free = modes.squares == 0.0
     # what rounding leaves of a free motion's stiffness would be a frequency
     stiffness[:, free] = 0.0
@@ -200,10 +201,6 @@ def _modal(
     unit = fastest or 1.0
     lower = -np.linalg.solve(M, np.hstack((stiffness / unit**2, damping / unit)))
     return np.vstack((np.hstack((np.zeros((n, n)), np.eye(n))), lower)), unit
-
-
-def _mass(inertia: FloatArray) -> FloatArray:
-    return np.diag(inertia) if inertia.ndim == 1 else inertia
 
 
 def _assigned(shares: FloatArray) -> list[tuple[int, int]]:

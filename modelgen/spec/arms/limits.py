@@ -48,7 +48,8 @@ def _given(table: Document) -> Iterator[tuple[str, Any]]:
 
 def _value(key: str, value: Any, kind: JointKind) -> float | tuple[float, float]:
     if key == "position_limits":
-        lower, upper = (_position(item, kind) for item in value)
+        slides = kind == "prismatic"
+        lower, upper = (float(_number(one)) if slides else read_angle(one).radians for one in value)
         if lower >= upper:
             raise Misread(f"has its lower limit {shown(value[0])} not below {shown(value[1])}", "swap them")
         return lower, upper
@@ -57,10 +58,6 @@ def _value(key: str, value: Any, kind: JointKind) -> float | tuple[float, float]
     if size <= 0:
         raise Misread(f"is {shown(value)}", "give a limit greater than 0; it holds in both directions")
     return size
-
-
-def _position(value: Any, kind: JointKind) -> float:
-    return float(_number(value)) if kind == "prismatic" else read_angle(value).radians
 
 
 def _rate(value: Any, kind: JointKind, per: str) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
@@ -66,14 +67,6 @@ def _read(value: object, reader: Callable[[object], Any]) -> object:
         raise misread(what, found.remedy) from None
 
 
-def _length(value: object) -> object:
-    return _read(value, read_length)
-
-
-def _angle(value: object) -> object:
-    return _read(value, read_angle)
-
-
 def _exact(value: object) -> object:
     """Return the number that was written, not its nearest double."""
     return exact_number(value) if isinstance(value, str) else value
@@ -128,8 +121,8 @@ def _scalar(value: object) -> object:
     raise misread(f"is {shown(value)}, no limit", 'write for example "180 deg/s", or 0.5 (m/s) of a slide')
 
 
-_Length = Annotated[Any, BeforeValidator(_length)]
-_Angle = Annotated[Any, BeforeValidator(_angle)]
+_Length = Annotated[Any, BeforeValidator(partial(_read, reader=read_length))]
+_Angle = Annotated[Any, BeforeValidator(partial(_read, reader=read_angle))]
 _Scalar = Annotated[Any, BeforeValidator(_scalar)]
 _JointName = Annotated[str, AfterValidator(_joint_name)]
 _OwnName = Annotated[Any, BeforeValidator(_own_name)]

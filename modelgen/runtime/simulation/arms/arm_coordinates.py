@@ -13,7 +13,6 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.arm_channels import moving
-from modelgen.runtime.model.mechanical_parts import Role
 from modelgen.runtime.model.model import Model
 
 MOTOR = " motor"
@@ -109,7 +108,8 @@ def coordinates_about_rest(model: Model) -> ArmCoordinates | None:
     if not model.is_arm or model.loads or model.by_power or not hasattr(module, "SENSORS"):
         return None
     joints, rows = tuple(joint_units(model)), list(module.ROWS)
-    springs = [name for name in joints if any(_is_spring(role, name) for role in model.roles.values())]
+    sprung = {role.bodies[0] for role in model.roles.values() if role.role == "stiffness"}
+    springs = [name for name in joints if name in sprung]
     names = (*joints, *(name + MOTOR for name in springs))
     at = {name: place for place, name in enumerate(names)}
     driven = tuple(at.get(name + MOTOR, at[name]) for name in joints)
@@ -137,10 +137,6 @@ def coordinates_about_rest(model: Model) -> ArmCoordinates | None:
             return None
     forces = tuple(one.key for one in model.actuators if one.key.startswith("tau_"))
     return replace(_assembled(joints, forces, driven, reads, rows, sums), rates=rates)
-
-
-def _is_spring(role: Role, joint: str) -> bool:
-    return role.role == "stiffness" and role.bodies[0] == joint
 
 
 def _parted(name: str, sprung: bool, felt: bool, rows: Set[str]) -> dict[str, dict[str, float]] | None:
