@@ -84,7 +84,8 @@ def _concluded(search: Search, seen: Seen, labels: tuple[str, ...]) -> Explained
     found = [one for one, certain in zip(every, search.told(seen), strict=True) if certain]
     fit = replace(now.fit, notes=now.fit.notes + labels)
     drift = search.drift + weighed + apart + unknown_timing(search.job, seen)
-    return Explained(now.observation, fit, effects, now.sizes, drift, (*found, *search.advice, *told))
+    advice = (*found, *search.advice, *told)
+    return Explained(now.observation, fit, effects, now.sizes, drift, advice, search.held)
 
 
 def _others(search: Search, seen: Seen) -> tuple[list[list[tuple[Effect, float]]], FloatArray]:

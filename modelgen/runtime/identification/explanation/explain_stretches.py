@@ -16,17 +16,20 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explanation.explain_residual import (
+    found_by,
     timing_is_open,
     timing_moves,
     with_timing,
 )
 from modelgen.runtime.identification.explanation.explained import Begun, Explained, begun_with, run_method
+from modelgen.runtime.identification.explanation.look_at_residual import look
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, WLS, Method
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LATE_CLEARLY, SEARCHED, STRETCHES
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.model_errors import zero_effect
+from modelgen.runtime.iv.score_tests import Score, slope_of
 from modelgen.runtime.iv.shaped_effects import fit_in_shape
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
@@ -109,8 +112,10 @@ def explained_by_stretches(task: Task, method: IV, explain: Callable[[Task], Beg
 
 def _with_effects(task: Task, plain: Explained, told: Explained, record_of: list[int]) -> Explained:
     """Return the fit of whole records with the effects of their stretches, and what else may move it."""
-    if not told.effects or not isinstance(task.method, IV):
+    if not isinstance(task.method, IV):
         return replace(plain, drift=told.drift)
+    if not told.effects:
+        return replace(plain, drift=told.drift + _known_better(task.job, plain, told.held))
     effects, job = _of_records(told.effects, record_of, len(task.records)), task.job
     try:
         effects, freed = fit_in_shape(job.setting(), job.calm, plain.fit, effects, (), job.sharpened)
@@ -118,6 +123,22 @@ def _with_effects(task: Task, plain: Explained, told: Explained, record_of: list
         move = told.fit.solution.x - plain.fit.solution.x
         return replace(plain, drift=told.drift + np.outer(move, move))
     return Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, ())
+
+
+def _known_better(job: Job, plain: Explained, held: Score | None) -> FloatArray:
+    """Return what is added to a drift that holds an effect which stretches find likely, (c, c) in SI.
+
+    All samples know its size better. Of some thirty effects of a right model one is likely by chance now
+    and then, and moves as much as the noise of the stretches.
+    """
+    none = np.zeros_like(plain.drift)
+    if held is None:
+        return none
+    now, slope = found_by(job, plain.observation, plain.fit), slope_of(job.model, plain.fit)
+    seen = look(job, now, (), slope, (held.effect.kind,))
+    alike = [one for one in seen.found if one.effect.name == held.effect.name]
+    added = [np.outer(one.move, one.move) for one in alike if one.likely]
+    return sum(added, none) - np.outer(held.move, held.move) if alike else none
 
 
 def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:

@@ -17,6 +17,7 @@ from modelgen.runtime.rows.observation import Observation
 if TYPE_CHECKING:
     from modelgen.runtime.identification.explanation.drive_noise import DriveBias
     from modelgen.runtime.iv.effect import Effect
+    from modelgen.runtime.iv.score_tests import Score
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,8 @@ class Explained:
     drift : array, shape (c, c)
         Mean square of what other effects would move.
     advice : tuple of Advice
+    held : Score, optional
+        Of an effect in `drift` that is likely and not certain: more samples may know better.
     """
 
     observation: Observation
@@ -40,6 +43,7 @@ class Explained:
     sizes: tuple[float, ...]
     drift: FloatArray
     advice: tuple[Advice, ...]
+    held: Score | None = None
 
 
 @dataclass(frozen=True, eq=False)

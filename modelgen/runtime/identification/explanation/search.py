@@ -64,6 +64,8 @@ class Search:
         Whether nothing more is to be estimated.
     before : frozenset of frozenset of str
         The effects that were estimated at each step before: what leads back to them is not taken.
+    held : Score, optional
+        Of an effect in `drift` that is likely and not certain.
     """
 
     job: Job
@@ -76,6 +78,7 @@ class Search:
     advice: tuple[Advice, ...] = ()
     ended: bool = False
     before: frozenset[frozenset[str]] = frozenset()
+    held: Score | None = None
 
     def look(self) -> Seen:
         """Return what the residual shows of effects that are not estimated."""
@@ -89,7 +92,7 @@ class Search:
         tried = [one for one in self._with_mass(seen.masses)] if room else []
         if not tried and not shown:
             likely = likely_of(seen.found)
-            return self._holding(likely[0]) if likely else replace(self, ended=True)
+            return replace(self._holding(likely[0]), held=likely[0]) if likely else replace(self, ended=True)
         if not tried and _of_the_same(shown[0], self.effects):
             return self._holding(shown[0])
         tried += [one for one in self._tried(shown) if _names(one[1]) not in self.before] if room else []

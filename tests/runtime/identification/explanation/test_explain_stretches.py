@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,8 +11,9 @@ from generated import emps_rigid_qm
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification import default_method
 from modelgen.runtime.identification.explanation import explain_stretches
-from modelgen.runtime.identification.explanation.explain_residual import timing_moves
+from modelgen.runtime.identification.explanation.explain_residual import found_by, timing_moves
 from modelgen.runtime.identification.explanation.explained import Begun, Explained
+from modelgen.runtime.identification.explanation.look_at_residual import look
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import WLS, Auto
@@ -122,3 +125,27 @@ def test_what_a_late_force_moves_is_seen_in_stretches_as_in_the_whole(
     # an offset hardly moves
     told = [found.fit.columns.index(name) for name in ("M", "Fv", "Fc")]
     assert np.diag(short)[told] ** 0.5 == pytest.approx(np.diag(whole)[told] ** 0.5, rel=0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [0, 4])
+def test_what_stretches_find_likely_all_samples_keep_or_drop(
+    width: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # the encoder of the load as it is, or averaged over a sample, which acts as a lag
+    asked: list[tuple[Job, Explained]] = []
+    monkeypatch.setattr(
+        explain_stretches, "_with_effects", lambda task, plain, *_: asked.append((task.job, plain)) or plain
+    )
+    identify(SMALL, two_mass_records(averaged={"q_c": width}))
+    job, plain = asked[0]
+    seen = look(job, found_by(job, plain.observation, plain.fit), (), None, ("lag",))
+    (known,) = [one for one in seen.found if one.effect.name == "bandwidth of q_c"]
+    assert known.likely == bool(width)
+    held = replace(known, move=10.0 * known.move, likely=True)
+    added = explain_stretches._known_better(job, plain, held)
+    left = np.outer(held.move, held.move) + added
+    assert np.allclose(
+        left, bool(width) * np.outer(known.move, known.move), rtol=1e-9, atol=1e-12 * left.max()
+    )
+    assert not np.any(explain_stretches._known_better(job, plain, None))
