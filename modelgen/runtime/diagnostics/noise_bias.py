@@ -96,18 +96,20 @@ def noise_effect(
     for index, (block, weight) in enumerate(zip(fit.blocks, fit.weights, strict=True)):
         record, factor = records[block.record], choice.decimation[block.record]
         ways = noise_ways(model, record, choice, factor)[block.row]
-        most = 1.0
+        # forces that are left open take noise below the cut-off with them
+        band = min(1.0, 2.0 * choice.cutoff_hz * factor / record.fs)
+        most = max(0.0, 1.0 - block.opened / (band * block.count))
         if seen:
             expected = row_noise(model, record, choice, factor, block.row, x)
-            most = min(1.0, (fit.rms(index) / expected) ** 2) if expected else 0.0
+            most = min(most, (fit.rms(index) / expected) ** 2) if expected else 0.0
         own = np.flatnonzero(place[ways.columns] >= 0)
         at = place[ways.columns[own]]
-        band = noise_band(record, choice)
+        spectrum = noise_band(record, choice)
         for channel in ways.slopes:
             if channel in free:
                 continue
             noise = most * weight**2 * block.count * record.facts.spectrum(channel).noise
-            shared = ways.products(channel, *band)
+            shared = ways.products(channel, *spectrum)
             added[np.ix_(at, at)] += noise * shared[np.ix_(own, own)]
             crossed[at] += noise * shared[own, -1]
         lifted = ways.of_residual(fit.all_parameters(model.base_parameters)).means[0]

@@ -90,7 +90,7 @@ class Job:
             blocks = tuple(replace(block.kept(), turning=feel[block.row]) for block in rows.blocks)
             rows = replace(rows, blocks=blocks)
         rows = with_given_directions(rows, self.model, records, self.choice, self.drop, every)
-        rows = without_uncertain_turns(rows, self.model, records, self.choice, self.drop)
+        rows = without_uncertain_turns(rows, self.model, records, self.choice, self.drop, turns)
         return self.only_rows_for_tag(rows)
 
     def observing(

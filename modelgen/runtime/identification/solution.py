@@ -124,9 +124,11 @@ class Solution:
     def found_at(self, task: Task, other: FilterChoice) -> SolvedColumns:
         """Return the solution of that fit; of least squares without a second set of rows in memory."""
         job, plain = self.job, isinstance(task.method, WLS) and self.treatment == Treatment()
-        opened = leaves_turns_open(job.model) and all(one.in_memory for one in self.observation.blocks)
-        if not plain or opened or job.rows_for_tag is not None or self.plain.projected is not None:
+        if not plain or job.rows_for_tag is not None or self.plain.projected is not None:
             return self.at(task, other)
+        if leaves_turns_open(job.model):
+            surveyed = replace(job, choice=other, surveys=self._surveys(task, other))
+            return solve_matched(surveyed.observed(self.moved).blocks, job.model.base_parameters)
         rows = observe_triangles(job.model, self.moved, other, job.drop, self._surveys(task, other))
         return solve_matched(rows, job.model.base_parameters)
 

@@ -39,13 +39,14 @@ NOISE_LINES = 2000
 # Before rows of records in files that take so many bytes, memory that was freed is given back: a few ms.
 MUCH_KEPT = 1 << 25
 
-# What a speed that rows give is off by is seen in a band so much wider, which holds three times as much noise
-# (speeds are made of third derivatives) and what the low-pass takes off the motion.
+# What a speed is off by is seen in a band so much wider, which holds more noise (of speeds that rows give,
+# from third derivatives, three times as much) and what the low-pass takes off the motion.
 WIDER_BAND, HIGHEST_WIDER = float(np.sqrt(2.0)), 0.45
 # A speed of more than so many of its errors tells the direction; what the estimate is off by is below them.
 CLEARLY_MOVING = 3.0
-# Forces are left open at no more than this share of a row's samples: what noise does to them is taken off as
-# if all were used, and known to a tenth.
-MOST_UNCERTAIN = 0.05
-# Of pulses near each other sums count that exceed this share of the largest; so many are taken at once.
-PULSE_ALIKE, MOST_PULSES = 0.03, 256
+# Forces are left open at no more than this share of a row's samples, and at fewer where rows give the speeds:
+# noise there is large, and is taken off as if its spectrum were that of all samples.
+MOST_UNCERTAIN, MOST_GIVEN = 0.25, 0.05
+# Of pulses near each other sums count that exceed this share of the largest, and of a pulse. Windows of so
+# many points hold some dozens of pulses, and are long against one.
+PULSE_ALIKE, PULSE_WINDOW = 0.03, 128

@@ -1,15 +1,15 @@
-"""Samples at which rows do not tell the direction of a motor that no sensor sees: forces there are left open.
+"""Samples at which rows do not tell the direction of a motor: forces there are left open.
 
-Near a reversal the speed that rows give has the wrong sign where noise, or the low-pass in front of the sign,
-moves its crossing over a sample. Along periodic motion the same samples are wrong again and again, and
-friction, and through it springs and inertias, come out wrong by what intervals hardly hold. What the force at
-such a sample is off by goes through the low-pass as a pulse; rows without their parts along these pulses do
-not depend on it.
+Near a reversal the sign of a speed is that of a part of a sample, and of none where the motor sticks: for
+some samples friction is whatever holds it. The speed of a motor that no sensor sees has the wrong sign where
+noise, or the low-pass in front of the sign, moves its crossing over a sample. Where that happens at each
+reversal, friction, and through it springs and inertias, come out wrong by what intervals hardly hold. Rows
+whose forces are open at such samples (`open_forces`) do not depend on them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 from math import sqrt
 
@@ -17,33 +17,40 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filters.butterworth import butterworth
-from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
-from modelgen.runtime.filters.zero_phase import support_samples
+from modelgen.runtime.filters.fused_operator import fused_operator
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.chunk import Chunk
+from modelgen.runtime.rows.masks import direction_keys
 from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.open_forces import OpenForces, joined, least_certain, pulse_of, with_open_forces
 from modelgen.runtime.rows.record_rows import RecordRows, full_rate, unmasked_rows
-from modelgen.runtime.rows.row_block import RowBlock
+from modelgen.runtime.rows.row_block import STRETCH, RowBlock
 from modelgen.runtime.rows.thresholds import (
     CLEARLY_MOVING,
     HIGHEST_WIDER,
-    MOST_PULSES,
+    MOST_GIVEN,
     MOST_UNCERTAIN,
-    PULSE_ALIKE,
-    TURN_TOLERANCE,
     WIDER_BAND,
 )
 
+#: Samples, and by how many of its errors the speed is off zero there, shape (s,) each.
+Near = tuple[IntArray, FloatArray]
+
 
 def without_uncertain_turns(
-    observation: Observation, model: Model, records: Sequence[Record], choice: FilterChoice, drop: int
+    observation: Observation,
+    model: Model,
+    records: Sequence[Record],
+    choice: FilterChoice,
+    drop: int,
+    turns: bool = True,
 ) -> Observation:
-    """Return rows that do not depend on directions which given speeds do not tell.
+    """Return rows of an arm that do not depend on directions which speeds do not tell.
 
-    Of rows about an estimate, with the directions of samples; others stay, and so do those that are made
-    again whenever they are asked for: over long records wrong directions average out.
+    Speeds that rows give count about an estimate only, with the directions of samples, and not in rows that
+    are made again whenever they are asked for.
 
     Parameters
     ----------
@@ -54,111 +61,126 @@ def without_uncertain_turns(
     choice : FilterChoice
     drop : int
         As for `observe`.
+    turns : bool
+        Whether the rows use samples that feel a reversal; without them, sensors tell all directions.
     """
-    kernel = model.kernel
-    if not isinstance(kernel, DeflectedKernel) or not leaves_turns_open(model):
+    if not leaves_turns_open(model):
         return observation
-    holding = _held_directions(model, kernel)
     found = list(observation.blocks)
     for index, record in enumerate(records):
-        own = [k for k, one in enumerate(found) if one.record == index and one.in_memory and one.count]
-        if not any(holding[found[k].row] for k in own):
+        own = {
+            k: _uncertain_directions(model, one, turns or one.turning)
+            for k, one in enumerate(found)
+            if one.record == index and one.count
+        }
+        if not any(own.values()):
             continue
         factor = choice.decimation[index]
         rows = unmasked_rows(model, record, choice, factor, drop)
-        uncertain = _uncertainty(rows, choice)
-        reach = support_samples(choice.filter_order, choice.cutoff_hz, record.fs, 0, TURN_TOLERANCE)
-        pulse = _pulse(rows, reach)
-        for k in own:
-            lines = [uncertain[name] for name in holding[found[k].row]]
-            found[k] = _without_pulses(found[k], factor, lines, pulse)
+        near = _near_reversals(rows, choice, frozenset().union(*own.values()))
+        pulse = pulse_of(rows, choice)
+        for k, names in own.items():
+            lines = [near[name] for name in names]
+            if not lines:
+                continue
+            given = any(name not in rows.plan.directions for name in names)
+            most = int((MOST_GIVEN if given else MOST_UNCERTAIN) * found[k].count)
+            forces = OpenForces(least_certain(*joined(lines), factor, most), pulse, rows.grid[0], factor)
+            found[k] = with_open_forces(found[k], forces, STRETCH)
     return replace(observation, blocks=tuple(found))
 
 
 def leaves_turns_open(model: Model) -> bool:
-    """Tell whether rows of a model hold directions of given speeds, at samples: about an estimate."""
+    """Tell whether rows of a model hold directions that may be left open."""
+    kernel, rows = model.kernel, range(len(model.rows))
+    given = isinstance(kernel, DeflectedKernel) and kernel.sampled and bool(kernel.speeds)
+    return given or (model.is_arm and any(direction_keys(model, row) for row in rows))
+
+
+def _uncertain_directions(model: Model, block: RowBlock, measured: bool) -> tuple[str, ...]:
+    """Return the names of speeds that rows give, and keys of `measured` ones, whose signs a block holds."""
     kernel = model.kernel
-    return isinstance(kernel, DeflectedKernel) and kernel.sampled and bool(kernel.speeds)
+    keys = direction_keys(model, block.row) if measured and model.is_arm else ()
+    if not isinstance(kernel, DeflectedKernel) or not kernel.sampled or not block.in_memory:
+        return keys
+    used = {key for terms in model.regressor_columns[block.row].values() for _, key in terms}
+    held = {term for key in used for _, term in kernel.sums.get(key, ())}
+    ways = ("sign", "forward", "backward")
+    given = [one.name for one in kernel.speeds if held.intersection(f"{way} {one.name}" for way in ways)]
+    return (*given, *keys)
 
 
-def _held_directions(model: Model, kernel: DeflectedKernel) -> list[tuple[str, ...]]:
-    """Return the names of the given speeds whose directions each row holds."""
-    names = [one.name for one in kernel.speeds]
-    found = []
-    for columns in model.regressor_columns:
-        keys = {key for terms in columns.values() for _, key in terms}
-        held = {term for key in keys for _, term in kernel.sums.get(key, ())}
-        ways = ("sign", "forward", "backward")
-        found.append(tuple(n for n in names if held.intersection(f"{way} {n}" for way in ways)))
+def _near_reversals(rows: RecordRows, choice: FilterChoice, names: Container[str]) -> dict[str, Near]:
+    """Return where each speed is within some of its errors of zero, by its name.
+
+    An error is what a wider band changes: noise, several times as much of it, and what the low-pass takes; or
+    what the speed changes by in a part of a sample.
+    """
+    every, wider = (_every_sample(rows, choice, band) for band in (1.0, WIDER_BAND))
+    found: dict[str, Near] = {}
+    inside = range(rows.grid[0], rows.grid[-1] + 1)
+    for name, (_, smooth) in every.plan.directions.items():
+        if name in names:
+            found[name] = _NOWHERE if smooth is None else _near(every, wider, name, inside)
+    kernel = rows.plan.model.kernel
+    if isinstance(kernel, DeflectedKernel) and any(one.name in names for one in kernel.speeds):
+        for name, speed in _given_speeds(every).items():
+            narrow, wide = (_low_passed(one, speed) for one in (every, wider))
+            square = float(np.mean((wide - narrow)[1:-1][inside.start : inside.stop] ** 2))
+            found[name] = _within(narrow, sqrt(square), -1)
     return found
 
 
-def _uncertainty(rows: RecordRows, choice: FilterChoice) -> dict[str, FloatArray]:
-    """Return by how many of its errors each given speed is off zero, at all samples, by its name, (n,) each.
+_NOWHERE: Near = np.zeros(0, dtype=np.int64), np.zeros(0)
 
-    Its error is what a wider band changes: noise, several times as much of it, and what the low-pass takes.
-    """
-    every = replace(rows, plan=full_rate(rows.plan), grid=range(rows.source.n))
+
+def _every_sample(rows: RecordRows, choice: FilterChoice, band: float) -> RecordRows:
+    """Return rows at all samples of a record, with directions of a band so many times as wide."""
+    source, hertz = rows.source, choice.direction_cutoff_hz
+    wide_hz = max(hertz, min(band * hertz, HIGHEST_WIDER * source.fs))
+    choice, grid = replace(choice, direction_cutoff_hz=wide_hz), rows.grid
+    plan = unmasked_rows(rows.plan.model, source, choice, grid.step, grid.start).plan
+    return replace(rows, plan=full_rate(plan), grid=range(source.n))
+
+
+def _near(every: RecordRows, wider: RecordRows, key: str, inside: range) -> Near:
+    """Return where a measured speed is near zero, from rows that keep every sample."""
+    total = 0.0
+    for (start, one), (_, other) in zip(_speeds(every, key), _speeds(wider, key), strict=True):
+        change = (other - one)[1:-1]
+        total += float(np.sum(change[max(inside[0] - start, 0) : max(inside[-1] + 1 - start, 0)] ** 2))
+    error = sqrt(total / len(inside))
+    parts = [_within(speed, error, start - 1) for start, speed in _speeds(every, key)]
+    return np.concatenate([near for near, _ in parts]), np.concatenate([certain for _, certain in parts])
+
+
+def _speeds(every: RecordRows, key: str) -> Iterator[tuple[int, FloatArray]]:
+    """Yield a measured speed in stretches, SI, a sample more at both ends, and where each starts."""
+
+    def of(chunk: Chunk) -> tuple[int, FloatArray]:
+        return chunk.start, chunk.direction(key, chunk.start - 1, chunk.stop + 1)
+
+    return every.over_chunks(of)
+
+
+def _given_speeds(every: RecordRows) -> dict[str, FloatArray]:
+    """Return speeds that rows give at all samples, by their names, SI, (n,) each."""
     parts = list(
         every.over_chunks(lambda chunk: chunk.plan.given_speeds(chunk, chunk.start, chunk.stop - chunk.start))
     )
-    fs, own_hz = rows.source.fs, choice.direction_cutoff_hz
-    wide_hz = min(WIDER_BAND * own_hz, HIGHEST_WIDER * fs)
-    own, wide = (butterworth(choice.filter_order, hz, fs) for hz in (own_hz, wide_hz))
-    found = {}
-    for name in parts[0]:
-        speed = np.concatenate([part[name] for part in parts])
-        narrow, wider = (
-            fused_operator(sections, fs, fast=rows.plan.fast).apply(speed, 0, len(speed))[:, 0]
-            for sections in (own, wide)
-        )
-        inside = slice(rows.grid[0], rows.grid[-1] + 1)
-        error = sqrt(float(np.mean((wider - narrow)[inside] ** 2)))
-        found[name] = np.abs(narrow) / error if error else np.full(len(speed), np.inf)
-    return found
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _pulse(rows: RecordRows, reach: int) -> FloatArray:
-    """Return what the low-pass of the rows makes of one sample of 1, from `reach` samples before it on."""
-    filtering = rows.plan.filtering
-    operator: FusedOperator = fused_operator(filtering.low_pass, filtering.fs, fast=rows.plan.fast)
-    one = np.zeros(2 * reach + 1)
-    one[reach] = 1.0
-    return operator.apply(one, 0, len(one))[:, 0]
+def _low_passed(every: RecordRows, speed: FloatArray) -> FloatArray:
+    """Return a speed behind the low-pass for directions, continued by a sample at both ends, (n + 2,)."""
+    operator = fused_operator(every.plan.filtering.directions, every.source.fs, fast=every.plan.fast)
+    return np.pad(operator.apply(speed, 0, len(speed))[:, 0], 1, mode="edge")
 
 
-def _without_pulses(block: RowBlock, factor: int, lines: Sequence[FloatArray], pulse: FloatArray) -> RowBlock:
-    """Return a block without its parts along the pulses of uncertain samples.
-
-    `lines` are the directions' certainties at all samples, shape (n,) each.
-    """
-    if not lines:
-        return block
-    times, reach = block.start + factor * block.place, len(pulse) // 2
-    certain = np.min(lines, axis=0)
-    near = np.flatnonzero(certain < CLEARLY_MOVING)
-    near = near[(near >= times[0] - reach) & (near <= times[-1] + reach)]
-    most = int(MOST_UNCERTAIN * block.count)
-    if len(near) > most:
-        near = np.sort(near[np.argsort(certain[near], kind="stable")[:most]])
-    if not near.size:
-        return block
-    Y, W = block.Y.copy(), block.W.copy()
-    for group in _groups(near, 2 * reach):
-        felt = slice(*np.searchsorted(times, (group[0] - reach, group[-1] + reach + 1)).tolist())
-        apart = times[felt, None] - group + reach
-        inside = (apart >= 0) & (apart < len(pulse))
-        along, sizes, _ = np.linalg.svd(
-            np.where(inside, pulse[np.clip(apart, 0, len(pulse) - 1)], 0.0), full_matrices=False
-        )
-        along = along[:, sizes > PULSE_ALIKE * sizes[0]] if sizes.size and sizes[0] else along[:, :0]
-        Y[felt] -= along @ (along.T @ Y[felt])
-        W[felt] -= along @ (along.T @ W[felt])
-    return replace(block, Y=Y, W=W)
-
-
-def _groups(places: IntArray, apart: int) -> Iterator[IntArray]:
-    """Yield places in groups that are farther than `apart` from each other, or of the largest size."""
-    for group in np.split(places, np.flatnonzero(np.diff(places) > apart) + 1):
-        for start in range(0, len(group), MOST_PULSES):
-            yield group[start : start + MOST_PULSES]
+def _within(speed: FloatArray, error: float, start: int) -> Near:
+    """Return the inner samples, from `start` + 1 on, at which a speed, shape (n + 2,), is near zero."""
+    step = 0.5 * np.abs(speed[2:] - speed[:-2])
+    scale = np.maximum(error, step / CLEARLY_MOVING)
+    size = np.abs(speed[1:-1])
+    near = np.flatnonzero(size < CLEARLY_MOVING * scale)
+    return near.astype(np.int64) + start + 1, size[near] / scale[near]

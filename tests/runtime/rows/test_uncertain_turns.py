@@ -10,6 +10,7 @@ import pytest
 
 from benchmarks.elastic_motion import elastic_motion, record_along
 from modelgen import CheckOptions, Filters, identify
+from modelgen.cli.arms.simulate_arm import mounted
 from modelgen.render.arms.arm_writer import arm_files
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
@@ -19,8 +20,13 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
 from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.rows.uncertain_turns import leaves_turns_open, without_uncertain_turns
+from modelgen.runtime.simulation.arms.arm_plant import arm_plant
+from modelgen.runtime.simulation.arms.joint_reference import JointLimits, fourier_reference
+from modelgen.runtime.simulation.arms.mounted_sensors import sensor_channels
+from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm
 from modelgen.spec.arms.load import load_arm
 from modelgen.spec.load import catalog_path
+from tests.runtime.planning.arms.test_fast_excitation import arm
 from tests.symbolic.arms.elastic_arms import with_sensors
 from tests.symbolic.arms.test_elastic_rows import both
 
@@ -39,16 +45,25 @@ def models() -> tuple[Model, Model]:
     return found[0], found[1]
 
 
-@lru_cache(maxsize=4)
 def periodic(noise: bool = False) -> Record:
     """Return a record whose motors reverse at the same places between samples period after period."""
+    return along(0, noise)
+
+
+def periodic_on_both() -> Record:
+    """Return the same with encoders on motors as well."""
+    return along(1, False)
+
+
+@lru_cache(maxsize=4)
+def along(of: int, noise: bool) -> Record:
     t, rng = np.arange(0.0, 6.0, 1.0 / FS), np.random.default_rng(3)
     links = {}
     for joint in ARM.moving:
         parts = [(0.5 / k, 2.0 * np.pi * HIGHEST_HZ * k / 5.0) for k in range(1, 6)]
         links[joint.name] = sum(size * np.sin(w * t + rng.uniform(0.0, 6.0)) for size, w in parts)
     moved = elastic_motion(models()[1], ARM.parameter_sets["nominal"], links, FS)
-    return record_along(models()[0], moved, noise=None if noise else QUIET)
+    return record_along(models()[of], moved, noise=None if noise else QUIET)
 
 
 def test_reversals_that_a_low_pass_moves_over_a_sample_move_no_parameter() -> None:
@@ -101,3 +116,35 @@ def test_rows_about_no_estimate_stay_as_they_are() -> None:
     rows = observe(model, [record], choice)
     assert not leaves_turns_open(model)
     assert without_uncertain_turns(rows, model, [record], choice, 0) is rows
+
+
+def test_motors_that_stick_for_some_samples_move_no_parameter() -> None:
+    full, given, joints = arm()
+    model, values = models()[1], {**given, **{name: 4.0 * given[name] for name in ("Fs_1", "Fs_2")}}
+    limits = {one.name: JointLimits(one.position, 1.0, 100.0) for one in joints}
+    moved = simulate_arm(full, values, fourier_reference(full, 10.0, 1000.0, limits, seed=1))
+    stuck = np.abs(np.asarray(moved.motion.v)[2:]) < 1e-12
+    assert 0.01 < stuck.mean() < 0.1
+    sensors = mounted(with_sensors(ARM, *both(), *both("link")), "s")
+    true = sensor_channels(arm_plant(full, full.base_from_physical(values)), sensors, moved.motion)
+    every = {**true, **{name: moved.true[name] for name in ("tau_1", "tau_2")}}
+    record = Record({key: np.asarray(every[key])[::4] for key in model.channels}, 250.0, "slow")
+    exact = dict(zip(model.base_parameters, model.base_from_physical(values), strict=True))
+    found = identify(model, record, "wls", Filters(cutoff_hz=10.0), CheckOptions(tests=False)).params
+    # springs were up to 0.13 % off, rotors 0.9 and 6.4 %, Fs_2 1.4 %, Fv_2 7.7 %
+    for names, most in (
+        (("K_1", "K_2", "mx_1_R", "mx_2"), 5e-5),
+        (("Fs_1", "Fs_2", "Ia_1", "Ia_2"), 1e-3),
+        (("Fv_1", "Fv_2"), 4e-3),
+    ):
+        for name in names:
+            assert found[name] == pytest.approx(exact[name], rel=most), name
+
+
+def test_rows_without_samples_that_feel_reversals_stay_as_they_are() -> None:
+    model, record = models()[1], periodic_on_both()
+    choice = choose_filter(model, [record], cutoff_hz=CUTOFF_HZ)
+    rows = observe(model, [record], choice)
+    for turns in (True, False):
+        blocks = without_uncertain_turns(rows, model, [record], choice, 0, turns).blocks
+        assert any(block.opened for block in blocks) is turns
