@@ -21,6 +21,7 @@ from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
 from modelgen.runtime.rows.row_block import RowBlock
+from modelgen.runtime.rows.uncertain_turns import without_uncertain_turns
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,17 +70,17 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     model = _about(model, estimate, x)
     weights = {(entry.record, entry.row): entry.weight for entry in estimate.fit.rows}
     fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.parameters.nuisance))
-    observation = _observed(model, records, estimate).dense()
+    observation, used = _observed(model, records, estimate)
     found: list[Rebuilt] = []
     stacked: list[FloatArray] = []
-    for block in observation.blocks:
+    for block, left in zip(observation.dense().blocks, used.dense().blocks, strict=True):
         if (block.record_name, block.row_name) not in weights:
             continue  # a row that this record was not allowed to feed
         record = records[block.record]
-        found.append(_rebuilt(model, record, estimate, block, x))
+        found.append(_rebuilt(record, estimate, block, left.residual(x)))
         weight = weights[block.record_name, block.row_name]
         if np.isfinite(weight) and block.place.size:
-            stacked.append(np.asarray(np.linalg.qr(weight * block.W[:, fitted], mode="r")))
+            stacked.append(np.asarray(np.linalg.qr(weight * left.W[:, fitted], mode="r")))
     return found, _singular_values(stacked)
 
 
@@ -107,20 +108,22 @@ def autocorrelation(residual: FloatArray, step_s: float) -> Autocorrelation | No
     return Autocorrelation(products / products[0], Z_99 / float(np.sqrt(count)), step_s)
 
 
-def _observed(model: Model, records: Sequence[Record], estimate: Estimate) -> Observation:
+def _observed(model: Model, records: Sequence[Record], estimate: Estimate) -> tuple[Observation, Observation]:
     """Return the rows at the samples that the estimate used, delays that it found compensated.
 
     Whether samples near a reversal were used depends on the method and its substitute: the counts show it.
+    The second ones leave forces open as those of the estimate did.
     """
-    moved = [advanced(record, estimate.delays) for record in records]
+    moved, choice = [advanced(record, estimate.delays) for record in records], estimate.fit.filtering
     if estimate.fit.method == "pham2002":
-        return observe_paper(model, moved, estimate.fit.filtering)
+        found = observe_paper(model, moved, choice)
+        return found, found
     used = {(entry.record, entry.row): entry.used for entry in estimate.fit.rows}
-    observation = observe(model, moved, estimate.fit.filtering)
+    observation, turns = observe(model, moved, choice), True
     counts = {(block.record_name, block.row_name): len(block.place) for block in observation.blocks}
-    if all(counts[key] == used[key] for key in counts.keys() & used.keys()):
-        return observation
-    return observe(model, moved, estimate.fit.filtering, turns=False)
+    if any(counts[key] != used[key] for key in counts.keys() & used.keys()):
+        observation, turns = observe(model, moved, choice, turns=False), False
+    return observation, without_uncertain_turns(observation, model, moved, choice, 0, turns)
 
 
 def _solution(model: Model, estimate: Estimate) -> FloatArray:
@@ -143,14 +146,18 @@ def _about(model: Model, estimate: Estimate, x: FloatArray) -> Model:
     used = {entry.row for entry in estimate.fit.rows}
     if used.isdisjoint(model.rows[row].name for row in kernel.rows):
         return rows_without(model, kernel)
-    return replace(model, kernel=kernel.at(x, sampled=True))
+    return replace(model, kernel=kernel.at(x, sampled=not estimate.fit.filtering.between))
 
 
-def _rebuilt(model: Model, record: Record, estimate: Estimate, block: RowBlock, x: FloatArray) -> Rebuilt:
+def _rebuilt(record: Record, estimate: Estimate, block: RowBlock, left: FloatArray) -> Rebuilt:
+    """Return a block as it was identified, which leaves the residual `left`, shape (n,), in its unit.
+
+    Forces that rows leave open are rebuilt as they have to be.
+    """
     factor = estimate.fit.filtering.decimation[block.record]
     measured, rebuilt = np.full(block.grid, np.nan), np.full(block.grid, np.nan)
     measured[block.place] = block.Y
-    rebuilt[block.place] = block.W @ x
+    rebuilt[block.place] = block.Y - left
     return Rebuilt(
         record.name,
         block.row_name,

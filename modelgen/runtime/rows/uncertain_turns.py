@@ -83,8 +83,8 @@ def without_uncertain_turns(
             lines = [near[name] for name in names]
             if not lines:
                 continue
-            given = any(name not in rows.plan.directions for name in names)
-            most = int((MOST_GIVEN if given else MOST_UNCERTAIN) * found[k].count)
+            share = MOST_UNCERTAIN if names[0] in rows.plan.directions else MOST_GIVEN
+            most = int(share * found[k].count)
             forces = OpenForces(least_certain(*joined(lines), factor, most), pulse, rows.grid[0], factor)
             found[k] = with_open_forces(found[k], forces, STRETCH)
     return replace(observation, blocks=tuple(found))
@@ -93,21 +93,26 @@ def without_uncertain_turns(
 def leaves_turns_open(model: Model) -> bool:
     """Tell whether rows of a model hold directions that may be left open."""
     kernel, rows = model.kernel, range(len(model.rows))
-    given = isinstance(kernel, DeflectedKernel) and kernel.sampled and bool(kernel.speeds)
-    return given or (model.is_arm and any(direction_keys(model, row) for row in rows))
+    if isinstance(kernel, DeflectedKernel):
+        return kernel.sampled and bool(kernel.speeds)
+    return model.is_arm and any(direction_keys(model, row) for row in rows)
 
 
-def _uncertain_directions(model: Model, block: RowBlock, measured: bool) -> tuple[str, ...]:
-    """Return the names of speeds that rows give, and keys of `measured` ones, whose signs a block holds."""
+def _uncertain_directions(model: Model, block: RowBlock, turns: bool) -> tuple[str, ...]:
+    """Return the names of speeds that rows give, or keys of measured ones, whose signs a block holds.
+
+    `turns` says that it uses samples that feel a reversal. Where springs place links, what friction is off by
+    moves these, and is no pulse alone: there directions of sensors stay.
+    """
     kernel = model.kernel
-    keys = direction_keys(model, block.row) if measured and model.is_arm else ()
-    if not isinstance(kernel, DeflectedKernel) or not kernel.sampled or not block.in_memory:
-        return keys
+    if not isinstance(kernel, DeflectedKernel):
+        return direction_keys(model, block.row) if turns and model.is_arm else ()
+    if not kernel.sampled or not block.in_memory:
+        return ()
     used = {key for terms in model.regressor_columns[block.row].values() for _, key in terms}
     held = {term for key in used for _, term in kernel.sums.get(key, ())}
     ways = ("sign", "forward", "backward")
-    given = [one.name for one in kernel.speeds if held.intersection(f"{way} {one.name}" for way in ways)]
-    return (*given, *keys)
+    return tuple(one.name for one in kernel.speeds if held.intersection(f"{way} {one.name}" for way in ways))
 
 
 def _near_reversals(rows: RecordRows, choice: FilterChoice, names: Container[str]) -> dict[str, Near]:
@@ -140,7 +145,8 @@ def _every_sample(rows: RecordRows, choice: FilterChoice, band: float) -> Record
     wide_hz = max(hertz, min(band * hertz, HIGHEST_WIDER * source.fs))
     choice, grid = replace(choice, direction_cutoff_hz=wide_hz), rows.grid
     plan = unmasked_rows(rows.plan.model, source, choice, grid.step, grid.start).plan
-    return replace(rows, plan=full_rate(plan), grid=range(source.n))
+    # both bands in the same stretches
+    return replace(rows, plan=full_rate(plan), grid=range(source.n), samples=STRETCH)
 
 
 def _near(every: RecordRows, wider: RecordRows, key: str, inside: range) -> Near:
