@@ -18,10 +18,10 @@ from modelgen.runtime.records.directions import with_directions
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.derived_channels import with_derived
+from modelgen.runtime.rows.left_open.uncertain_turns import without_uncertain_turns
 from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
 from modelgen.runtime.rows.row_block import RowBlock
-from modelgen.runtime.rows.uncertain_turns import without_uncertain_turns
 
 
 @dataclass(frozen=True, eq=False)

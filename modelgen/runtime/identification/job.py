@@ -18,10 +18,10 @@ from modelgen.runtime.least_squares.gain_instruments import gain_columns, with_g
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.given_directions import with_given_directions
+from modelgen.runtime.rows.left_open.uncertain_turns import without_uncertain_turns
 from modelgen.runtime.rows.masks import Survey, direction_keys
 from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.rows_by_tag import rows_by_tag
-from modelgen.runtime.rows.uncertain_turns import without_uncertain_turns
 
 if TYPE_CHECKING:
     from modelgen.runtime.iv.companion_simulation import Loop

@@ -47,11 +47,11 @@ from modelgen.runtime.least_squares.wls import solve_matched
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.parameters.bounds import BoundCost, bound_reasons
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
 from modelgen.runtime.rows.masks import Survey
 from modelgen.runtime.rows.observation import Observation, observe
 from modelgen.runtime.rows.paper_rows import observe_paper
 from modelgen.runtime.rows.row_triangles import observe_triangles
-from modelgen.runtime.rows.uncertain_turns import leaves_turns_open
 
 
 @dataclass(frozen=True, eq=False)

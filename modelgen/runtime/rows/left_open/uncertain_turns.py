@@ -22,9 +22,15 @@ from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
+from modelgen.runtime.rows.left_open.open_forces import (
+    OpenForces,
+    joined,
+    least_certain,
+    pulse_of,
+    with_open_forces,
+)
 from modelgen.runtime.rows.masks import direction_keys
 from modelgen.runtime.rows.observation import Observation
-from modelgen.runtime.rows.open_forces import OpenForces, joined, least_certain, pulse_of, with_open_forces
 from modelgen.runtime.rows.record_rows import RecordRows, full_rate, unmasked_rows
 from modelgen.runtime.rows.row_block import STRETCH, RowBlock
 from modelgen.runtime.rows.thresholds import (

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from modelgen.array_types import FloatArray, IntArray
-from modelgen.runtime.rows.open_forces import OpenedRows, OpenForces, joined, least_certain, with_open_forces
+from modelgen.runtime.rows.left_open.open_forces import (
+    OpenedRows,
+    OpenForces,
+    joined,
+    least_certain,
+    with_open_forces,
+)
 from modelgen.runtime.rows.row_block import RowBlock
 
 START, FACTOR, GRID = 30, 5, 700

@@ -24,7 +24,7 @@ from modelgen.runtime.rows.thresholds import PULSE_ALIKE, PULSE_WINDOW, TURN_TOL
 
 
 def pulse_of(rows: RecordRows, choice: FilterChoice) -> FloatArray:
-    """Return what the low-pass of rows makes of one sample of 1, about that sample, shape (2 reach + 1,)."""
+    """Return what the low-pass of rows makes of one sample of 1, without a unit, shape (2 reach + 1,)."""
     filtering = rows.plan.filtering
     reach = support_samples(choice.filter_order, choice.cutoff_hz, filtering.fs, 0, TURN_TOLERANCE)
     operator: FusedOperator = fused_operator(filtering.low_pass, filtering.fs, fast=rows.plan.fast)

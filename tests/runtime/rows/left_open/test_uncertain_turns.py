@@ -17,9 +17,9 @@ from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.planning.arms.predicted_sets import USUAL_NOISE
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open, without_uncertain_turns
 from modelgen.runtime.rows.observation import observe
 from modelgen.runtime.rows.row_block import RowBlock
-from modelgen.runtime.rows.uncertain_turns import leaves_turns_open, without_uncertain_turns
 from modelgen.runtime.simulation.arms.arm_plant import arm_plant
 from modelgen.runtime.simulation.arms.joint_reference import JointLimits, fourier_reference
 from modelgen.runtime.simulation.arms.mounted_sensors import sensor_channels

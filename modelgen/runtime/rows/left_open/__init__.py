@@ -1,0 +1,1 @@
+"""Forces at single samples that rows are made not to depend on."""
