@@ -38,11 +38,11 @@ from modelgen.runtime.iv.thresholds import (
     LED,
     LED_ORDER,
 )
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_terms import mismatch_terms
 from modelgen.runtime.simulation.arms.joint_controller import JointController
-from modelgen.runtime.simulation.closed_loop import PositionVelocityController
+from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import excitation_from_record
 from modelgen.runtime.simulation.followed_motion import followed_motion
@@ -52,6 +52,16 @@ from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 
 # An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
 REFERENCE = "reference"
+
+
+@dataclass(frozen=True, eq=False)
+class Further:
+    """Position (order 0) or velocity (1), SI, (n,); noise in unit^2/Hz; whether its own sensor shows it."""
+
+    motion: FloatArray
+    order: int
+    noise: float
+    own: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,23 +100,28 @@ class Simulated:
         model = self.plant.model
         return mismatch_terms(model, model.base_from_physical(self.plant.parameters))
 
-    def further(self, body: str, record: Record) -> tuple[FloatArray, Sensor]:
-        """Return by how much further than in the simulation a body moves in a record, in SI, shape (n,).
+    def further(self, body: str, record: Record) -> Further | None:
+        """Return by how much further than in the simulation a body moves in a record, None if unknown.
 
-        As position or velocity, whichever the sensor reads that comes with it: its own, or that which shows
-        its slow motion best. A body without one is carried along by those that have one.
+        What its own sensor of position or velocity reads shows it; else the sensors of lowest order do, as
+        the bodies that they are on carry it along.
         """
-        plant = self.plant
-        sensor, gear = nearest_sensor(plant, body, record)
-        alike = [one for one in plant.model.sensors if one.body and one.order == sensor.order]
-        further = {
-            one.body or "": record.signals[one.key] - self.record.signals[one.key]
-            for one in alike
-            if one.key in record.signals
-        }
-        if sensor.body == body or sensor.order == 2 or not any(np.any(one) for one in further.values()):
-            return gear * further[sensor.body or ""], sensor
-        return followed_motion(plant, body, further, record.dt), sensor
+        plant, away = self.plant, dict[str, FloatArray]()
+        own = [one for one in plant.model.sensors if one.body == body and one.order < 2]
+        sensor = min(own, key=lambda one: one.order) if own else nearest_sensor(plant, body, record)[0]
+        if sensor.order == 2:
+            return None
+        for one in plant.model.sensors:
+            if one.body and one.order == sensor.order and one.key in record.signals:
+                away.setdefault(one.body, record.signals[one.key] - self.record.signals[one.key])
+        rigid = dict(zip(plant.bodies, vibration(plant).lowest.tolist(), strict=True))
+        gear = rigid[body] / rigid[sensor.body or body]
+        noise = gear**2 * record.facts.spectrum(sensor.key).noise
+        if body in away:
+            return Further(away[body], sensor.order, noise, own=True)
+        if not any(np.any(one) for one in away.values()):
+            return None
+        return Further(followed_motion(plant, body, away, record.dt), sensor.order, noise, own=False)
 
 
 @dataclass(frozen=True)
@@ -200,17 +215,17 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
     led_hz = min(LED * dynamics_hz(choice), HIGHEST_LED * record.fs)
     for body in simulated.plant.bodies:
         speeds[body] = motion[f"v_{body}"]
-        further, sensor = simulated.further(body, record)
-        if sensor.order > 1:
+        shown = simulated.further(body, record)
+        if shown is None:
             continue
-        further = zero_phase(further, LED_ORDER, led_hz, record.fs)
+        further = zero_phase(shown.motion, LED_ORDER, led_hz, record.fs)
         speed = speeds[body]
         # a body that sticks has no direction: noise must not give it one
         moving = np.abs(speed) > AT_REST * np.max(np.abs(speed))
-        change = further if sensor.order else differentiate(further, record.dt)
+        change = further if shown.order else differentiate(further, record.dt)
         motion[f"v_{body}"] = speed + np.where(moving, change, 0.0)
-        if sensor.body == body and sensor.order == 0:
-            away[body] = further, float(np.sqrt(record.facts.spectrum(sensor.key).noise * led_hz))
+        if shown.own and shown.order == 0:
+            away[body] = further, float(np.sqrt(shown.noise * led_hz))
     return replace(simulated, motion=motion, away=away, speed=speeds, measured=record, led_hz=led_hz)
 
 

@@ -46,14 +46,19 @@ def simulated_records(
     return found
 
 
-def simulated_with(values: Mapping[str, float], fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
-    """Return what a simulation with physical parameters (SI) reads; as `simulated_records`."""
+def simulated_with(
+    values: Mapping[str, float], fit: Fit, setting: Setting, close: bool = False
+) -> tuple[Simulated, ...]:
+    """Return what a simulation with physical parameters (SI) reads; as `simulated_records`.
+
+    It keeps as `close` to the records as `HeldMotion` says.
+    """
     model = setting.model
     parameters = possible(model, values)
 
     def of(index: int) -> Simulated:
         record = setting.records[index]
-        return simulated_beside(model, parameters, record, setting.choice, setting.loop, index)
+        return simulated_beside(model, parameters, record, setting.choice, setting.loop, index, close)
 
     try:
         found = tuple(_over_records(of, range(len(setting.records)), setting.records))

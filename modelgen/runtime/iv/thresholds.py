@@ -35,6 +35,9 @@ COMPOSITE_ROUNDS = 25
 NEAR, ROUGH_ROUNDS = 0.5, 8
 # Done when nothing moves by more than this share of its standard deviation, or of its value;
 COMPOSITE_MOVE = 0.02
+# Directions of motion jump from sample to sample as parameters move, so that steps do not shrink for ever:
+# after so many rounds those are small that are below this.
+STILL_ROUNDS, LATER_MOVE = 12, 0.1
 SMALL_CHANGE = 1e-6
 # what has a standard deviation beyond this share of its value may move: its value is not reported.
 HOPELESS = 0.5
@@ -181,3 +184,13 @@ SHAPE_ROUNDS, SHAPE_NUMBERS, SHAPE_SETTLED = 6, 2, 0.3
 DIFFERENCED = 1e-4
 # Rounds in which the instants of reversals and the speeds that bend there agree.
 TURNING_ROUNDS = 8
+
+# A start from responses: so many chains are tried, the best are searched from with so many evaluations.
+TRIED_CHAINS, RESPONSE_SEARCHES, RESPONSE_EVALUATIONS = 400, 5, 60
+# So many lines of each response are looked at, of those with this coherence at least; none counts for more
+# than one with this ratio of signal to noise.
+RESPONSE_LINES, COHERENT, MOST_COHERENT = 60, 0.5, 10.0
+# What is no number is as far off as this, as the logarithm of a ratio times its weight.
+FARTHEST_RESPONSE = 100.0
+# A chain that misses half of the measured lines by less than this share comes before other starts.
+RESPONSE_CLOSE = 0.3

@@ -17,6 +17,7 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.physical.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.iv.physical.physical_iv import MORE, PLAIN, Found, Rows, fit_physical_iv
+from modelgen.runtime.iv.physical.response_start import response_start
 from modelgen.runtime.iv.physical.start_in_rows import start_in_rows
 from modelgen.runtime.iv.physical.starting_values import (
     cheap_starts,
@@ -25,7 +26,7 @@ from modelgen.runtime.iv.physical.starting_values import (
     vanished_names,
     with_shared_friction,
 )
-from modelgen.runtime.iv.thresholds import HELD_DELAY, HELD_PARTS, HELD_ROUNDS, HELD_STARTS
+from modelgen.runtime.iv.thresholds import HELD_DELAY, HELD_PARTS, HELD_ROUNDS, HELD_STARTS, RESPONSE_CLOSE
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
@@ -94,7 +95,11 @@ def _beginnings(
     if begin is not None:
         yield begin, on_time
     near = near_composites(setting.model, first)
-    nearest = start_in_rows(first, setting, cheap_starts(near, setting), late)
+    cheap = cheap_starts(near, setting)
+    responding = response_start(setting, near, late, cheap)
+    if responding is not None and responding.missed < RESPONSE_CLOSE:
+        yield responding.values, responding.delays
+    nearest = start_in_rows(first, setting, cheap, late)
     if nearest is not None:
         values, delays = nearest
         yield with_shared_friction(setting.model, values), delays

@@ -21,7 +21,6 @@ from modelgen.runtime.filter_choice.turning_band import turning_band_hz
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.held_motion import nearest_sensor
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.thresholds import DIFFERENCED, LED_ORDER, TURNING_ROUNDS
 from modelgen.runtime.least_squares.fit import Fit
@@ -42,8 +41,17 @@ def adds_friction(fit: Fit, setting: Setting) -> bool:
     return any(_dropped(fit, setting))
 
 
+def unseen_friction(fit: Fit, setting: Setting) -> bool:
+    """Tell whether such rows have the friction of a body without a sensor of its position or velocity."""
+    return bool(_bodies(fit, setting) - _seen(setting))
+
+
 def with_friction(
-    fit: Fit, setting: Setting, simulated: Sequence[Simulated], values: Mapping[str, float]
+    fit: Fit,
+    setting: Setting,
+    simulated: Sequence[Simulated],
+    values: Mapping[str, float],
+    close: Sequence[Simulated] = (),
 ) -> Fit:
     """Return the fit with that friction in its blocks, linear at its solution.
 
@@ -57,8 +65,16 @@ def with_friction(
         Of each of these records.
     values : mapping of str to float
         The physical parameters (SI) of the solution.
+    close : sequence of Simulated, optional
+        The same, kept close to the records: they show where bodies without a sensor turn.
     """
     records = [_with_directions(setting.records, fit, setting, one) for one in simulated]
+    if close:
+        unseen = _bodies(fit, setting) - _seen(setting)
+        records = [
+            record.edited(directions(one, sorted(unseen), record))
+            for one, record in zip(close, records, strict=True)
+        ]
     parts = [(block.W, block.Y) for block in fit.blocks]
     found = _added(parts, fit, setting, records, values)
     blocks = tuple(
@@ -93,9 +109,16 @@ def _dropped(fit: Fit, setting: Setting) -> list[tuple[DroppedFriction, ...]]:
 
 def _with_directions(records: Sequence[Record], fit: Fit, setting: Setting, simulated: Simulated) -> Record:
     """Return a record with directions of bodies that rows drop as channels, of the motion that it holds."""
-    bodies = {one.body for dropped in _dropped(fit, setting) for one in dropped}
     record = records[simulated.index]
-    return record.edited(directions(simulated, sorted(bodies), record))
+    return record.edited(directions(simulated, sorted(_bodies(fit, setting)), record))
+
+
+def _bodies(fit: Fit, setting: Setting) -> set[str]:
+    return {one.body for dropped in _dropped(fit, setting) for one in dropped}
+
+
+def _seen(setting: Setting) -> set[str]:
+    return {one.body for one in setting.model.sensors if one.body and one.order < 2}
 
 
 def directions(simulated: Simulated, bodies: Iterable[str], record: Record) -> dict[str, FloatArray]:
@@ -126,18 +149,17 @@ def _recorded_speed(
     instants: there, a force on a body moves its inertia alone. All arrays, `level` is the friction, have
     the shape (n,).
     """
-    further, sensor = simulated.further(body, record)
+    further = simulated.further(body, record)
     speed, change = simulated.speed[body], simulated.motion[f"a_{body}"] * record.dt
     turns = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
-    if not turns.size or not further.any():
+    if not turns.size or further is None or not further.motion.any():
         return speed, change
     turning = float(np.median(np.abs(simulated.motion[f"a_{body}"][turns])))
-    _, gear = nearest_sensor(simulated.plant, body, record)
-    noise, times = gear**2 * record.facts.spectrum(sensor.key).noise, 1 - sensor.order
-    wide_hz = min(turning_band_hz(turning, noise, times, record.fs), simulated.led_hz)
+    times = 1 - further.order
+    wide_hz = min(turning_band_hz(turning, further.noise, times, record.fs), simulated.led_hz)
     if wide_hz * record.n < record.fs:  # not a period of what noise leaves lies in the record
         return speed, change
-    smooth = zero_phase(further, LED_ORDER, wide_hz, record.fs)
+    smooth = zero_phase(further.motion, LED_ORDER, wide_hz, record.fs)
     slow = speed + (smooth if times == 0 else differentiate(smooth, record.dt))
     inertia = simulated.plant.inertia[simulated.plant.bodies.index(body)]
     push, before = level * record.dt / inertia, mean_direction(speed, change)

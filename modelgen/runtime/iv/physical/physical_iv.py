@@ -29,11 +29,13 @@ from modelgen.runtime.iv.thresholds import (
     FARTHEST,
     HOPELESS,
     LARGEST_STEP,
+    LATER_MOVE,
     LINEAR_SHARE,
     MANY_TIMES,
     NEAR,
     ROUGH_ROUNDS,
     SMALL_CHANGE,
+    STILL_ROUNDS,
 )
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
@@ -150,7 +152,8 @@ def fit_physical_iv(
         size = np.r_[
             np.abs(x[:c]), np.full(late, SMALLEST_STEP * sample / SMALL_CHANGE), np.zeros_like(now.zeros)
         ]
-        small = np.maximum(COMPOSITE_MOVE * spread, SMALL_CHANGE * size)
+        still = COMPOSITE_MOVE if done <= STILL_ROUNDS else LATER_MOVE
+        small = np.maximum(still * spread, SMALL_CHANGE * size)
         hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(late + len(now.zeros), np.inf)]
         if near and done > 1 and np.all((np.abs(move) <= small) | hopeless):
             lost, fit = _lost(setting, now, spread[: c + late]), in_base_columns(step, now, done)

@@ -222,7 +222,7 @@ def test_by_default_its_intervals_hold_both_encoders_estimate_as_well(shared_dat
 
 @pytest.mark.slow
 def test_model_error_reaches_the_physical_parameters() -> None:
-    # a force that is late by a fifth of a sample, taken as it is: every cut-off sees another chain
+    # a force that is late by a fifth of a sample, taken as it is: other cut-offs see another motor
     late = [
         Record(
             {**record.signals, "Gamma_m": shift("Gamma_m", -0.2).whole(record.signals["Gamma_m"])},
@@ -243,8 +243,8 @@ def test_model_error_reaches_the_physical_parameters() -> None:
         # the mean square over at most six settings, of which the note names the farthest
         farthest = 0.01 * float(said[1]) * entry.value
         assert 0.4 * farthest < entry.drift_std < farthest
-    assert all(f"{name} " in note for name in ("J_c", "K", "F_vmc"))
-    assert entries["F_vmc"].drift_std > entries["F_vmc"].noise_std
+    assert "J_m " in note
+    assert entries["J_m"].drift_std > entries["J_m"].noise_std
 
 
 @pytest.mark.slow
