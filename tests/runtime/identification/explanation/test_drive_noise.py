@@ -13,6 +13,8 @@ from modelgen.runtime.identification.explanation.drive_noise import DriveBias, d
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV
+from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence
@@ -163,3 +165,15 @@ def test_what_is_taken_off_widens_no_interval(loud: tuple[Job, Fit]) -> None:
     psi = np.concatenate(influence(found))
     assert np.all(np.abs(psi.sum(axis=0)) < 1e-6 * np.abs(psi).sum(axis=0))
     assert np.allclose(hac_covariance(found), hac_covariance(fit), rtol=1e-9)
+
+
+def test_beside_effects_that_are_simulated_it_stays_in_the_intervals(loud: tuple[Job, Fit]) -> None:
+    job, fit = loud
+    late = Effect("delay of q_c", "delay", "q_c is late", "q_c is early", "", lambda _: {})
+    found, left, told = less_driven.less_driven(replace(job, effects=(late,)), IV(), fit)
+    shift = drive_bias(job, fit).shift
+    assert found is fit and "the intervals are widened" in told[0]
+    assert np.allclose(left, np.outer(shift, shift))
+    # a zero holds no noise
+    found, _, _ = less_driven.less_driven(replace(job, effects=(zero_effect("q_c", 0, 1),)), IV(), fit)
+    assert np.allclose(found.solution.x, fit.solution.x - shift)
