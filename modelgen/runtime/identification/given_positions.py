@@ -7,7 +7,6 @@ values those are tried, and deflections of so many parts of the motion.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -17,12 +16,12 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.choose_cutoff import higher_cutoffs
+from modelgen.runtime.identification.elastic.starting_springs import springs_pull, starting_springs
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CUTOFFS_WITHOUT_ESTIMATE,
-    DEFLECTIONS,
     HELD_STEPS,
     LONGEST_LAG,
     LONGEST_SERIES,
@@ -39,7 +38,6 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.record import Record
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +111,14 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     """Return the task about its estimate, and where that rests; None where no start leads there."""
     job = replace(task.job, late=(), rows_for_tag=None)
     settled: list[tuple[float, int, FloatArray]] = []
-    for start in _starts(task.model, kernel, task.records):
+    for start in starting_springs(task.model, kernel, task.records):
         point, left = _stepped(job, kernel, start, SETTLING_STEPS)
         if point is not None:
             settled.append((left, len(settled), point))
     for _, _, point in sorted(settled, key=lambda one: one[:2]):
         found = _rested(job, kernel, point)
         if found is not None:
+            found = _near_its_estimate(job, kernel, found)
             model = replace(task.model, kernel=kernel.at(found.point, sampled=True))
             return replace(task, model=model, job=replace(task.job, model=model)), found
     return None
@@ -167,13 +166,42 @@ def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Rest | None
             share *= 0.5
         before, last = (point, change), size
         point = point + share * series * change
-        if not _holds(kernel, point):
+        if not springs_pull(kernel, point):
             return None
         if share * size / (1.0 - slow.ratio) <= max(POINT_TOLERANCE * left, rounding):
-            motion_hz = job.choice.dynamics_hz or job.choice.cutoff_hz
-            rests = kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG
-            return replace(slow, point=point) if rests else None
+            return replace(slow, point=point) if _lags_little(job, kernel, point) else None
     return None
+
+
+def _lags_little(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
+    """Return whether the series in a damper's lag ends at frequencies of the motion."""
+    motion_hz = job.choice.dynamics_hz or job.choice.cutoff_hz
+    return kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG
+
+
+def _near_its_estimate(job: Job, kernel: DeflectedKernel, rest: Rest) -> Rest:
+    """Return where rows that leave forces open, too, have come near their estimate, or leave least.
+
+    Where what directions are off by hides the springs, those with all forces come to rest far from it.
+    """
+    point, best, least = rest.point, rest.point, np.inf
+    if not kernel.speeds:
+        return rest
+    for _ in range(MOST_STEPS):
+        try:
+            fit = _fit(job, kernel, point, sampled=True)
+        except IdentifiabilityError:
+            break
+        change, left = _moved(job.model, kernel, fit, point) - point, _left(fit)
+        if left < least:
+            best, least = point, left
+        noise = abs(float(fit.triangle[-1, -1])) * np.sqrt(len(fit.columns) / fit.count)
+        point = point + change
+        if _size(fit, change, job.model) < noise or not springs_pull(kernel, point):
+            break
+        if not _lags_little(job, kernel, point):
+            break
+    return replace(rest, point=best)
 
 
 def _slow_ratio(fit: Fit, model: Model, steps: tuple[FloatArray, FloatArray, FloatArray]) -> float:
@@ -210,17 +238,22 @@ def _stepped(
         except IdentifiabilityError:
             return None, np.inf
         point = _moved(job.model, kernel, fit, point)
-        if not _holds(kernel, point):
+        if not springs_pull(kernel, point):
             return None, np.inf
-        counts = np.array([block.count for block in fit.blocks])
-        norms = np.array(fit.residual_norms)
-        left = float(np.sum(counts * np.log(np.maximum(norms, 1e-300))) / np.sum(counts))
+        left = _left(fit)
     return point, left
 
 
-def _fit(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit:
+def _left(fit: Fit) -> float:
+    """Return the logarithm of what rows leave, the mean over all samples."""
+    counts = np.array([block.count for block in fit.blocks])
+    norms = np.array(fit.residual_norms)
+    return float(np.sum(counts * np.log(np.maximum(norms, 1e-300))) / np.sum(counts))
+
+
+def _fit(job: Job, kernel: DeflectedKernel, point: FloatArray, sampled: bool = False) -> Fit:
     with np.errstate(all="ignore"):  # far from an estimate rows may overflow: such points do not hold
-        return run_wls(replace(job, model=replace(job.model, kernel=kernel.at(point))))[1]
+        return run_wls(replace(job, model=replace(job.model, kernel=kernel.at(point, sampled))))[1]
 
 
 def _moved(model: Model, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -> FloatArray:
@@ -255,36 +288,3 @@ def _weighted(fit: Fit, change: FloatArray, model: Model) -> FloatArray:
 def _size(fit: Fit, change: FloatArray, model: Model) -> float:
     """Return the norm of what a change of the estimate changes in the weighted rows."""
     return float(np.linalg.norm(_weighted(fit, change, model)))
-
-
-def _holds(kernel: DeflectedKernel, point: FloatArray) -> bool:
-    """Return whether every spring pulls the way a spring does."""
-    return bool(np.all(np.isfinite(point))) and all(
-        point[column] > 0.0 for row in kernel.giving for column in row.acting(0)
-    )
-
-
-def _starts(model: Model, kernel: DeflectedKernel, records: Sequence[Record]) -> Iterator[FloatArray]:
-    """Yield base parameters to start from: those of parameter sets, and springs alone."""
-    for values in model.parameter_sets.values():
-        if all(name in values for name in model.parameters):
-            point = model.base_from_physical({name: values[name] for name in model.parameters})
-            if _holds(kernel, point):
-                yield point
-    for share in DEFLECTIONS:
-        point = np.zeros(len(model.base_parameters))
-        for row in kernel.giving:
-            force, motion = (max(_span(kernel, terms, one) for one in records) for terms in row.size)
-            for column in row.acting(0):
-                point[column] = force / (share * motion) if force and motion else 1.0
-        yield point
-
-
-def _span(kernel: DeflectedKernel, terms: Sequence[tuple[float, str]], record: Record) -> float:
-    """Return over how much a sum of channels goes at most, without what is differentiated."""
-    total = 0.0
-    for weight, key in terms:
-        source, order = kernel.reads_of.get(key, ("", 1))
-        if not order and source in record.signals:
-            total += abs(weight) * record.facts.extent(source).span
-    return total

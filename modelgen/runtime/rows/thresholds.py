@@ -44,9 +44,9 @@ MUCH_KEPT = 1 << 25
 WIDER_BAND, HIGHEST_WIDER = float(np.sqrt(2.0)), 0.45
 # A speed of more than so many of its errors tells the direction; what the estimate is off by is below them.
 CLEARLY_MOVING = 3.0
-# Forces are left open at no more than this share of a row's samples, and at fewer where rows give the speeds:
-# noise there is large, and is taken off as if its spectrum were that of all samples.
-MOST_UNCERTAIN, MOST_GIVEN = 0.25, 0.05
+# Forces are left open at no more than this share of a row's samples: what noise does there is taken off as if
+# it were that of all samples, less this share.
+MOST_UNCERTAIN = 0.25
 # Of pulses near each other sums count that exceed this share of the largest, and of a pulse. Windows of so
 # many points hold some dozens of pulses, and are long against one.
 PULSE_ALIKE, PULSE_WINDOW = 0.03, 128

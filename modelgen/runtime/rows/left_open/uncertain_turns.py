@@ -36,7 +36,6 @@ from modelgen.runtime.rows.row_block import STRETCH, RowBlock
 from modelgen.runtime.rows.thresholds import (
     CLEARLY_MOVING,
     HIGHEST_WIDER,
-    MOST_GIVEN,
     MOST_UNCERTAIN,
     WIDER_BAND,
 )
@@ -89,8 +88,7 @@ def without_uncertain_turns(
             lines = [near[name] for name in names]
             if not lines:
                 continue
-            share = MOST_UNCERTAIN if names[0] in rows.plan.directions else MOST_GIVEN
-            most = int(share * found[k].count)
+            most = int(MOST_UNCERTAIN * found[k].count)
             forces = OpenForces(least_certain(*joined(lines), factor, most), pulse, rows.grid[0], factor)
             found[k] = with_open_forces(found[k], forces, STRETCH)
     return replace(observation, blocks=tuple(found))

@@ -1,0 +1,1 @@
+"""Arms whose springs say where links or motors are."""

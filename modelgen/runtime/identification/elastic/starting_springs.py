@@ -1,0 +1,51 @@
+"""Springs to start from where rows hold positions that springs give: of a file, or by parts of the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.identification.thresholds import DEFLECTIONS
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+
+
+def springs_pull(kernel: DeflectedKernel, point: FloatArray) -> bool:
+    """Return whether every spring of a point, shape (columns,) in SI, pulls the way a spring does."""
+    return bool(np.all(np.isfinite(point))) and all(
+        point[column] > 0.0 for row in kernel.giving for column in row.acting(0)
+    )
+
+
+def starting_springs(
+    model: Model, kernel: DeflectedKernel, records: Sequence[Record]
+) -> Iterator[FloatArray]:
+    """Yield base parameters to start from, (columns,) in SI: those of parameter sets, and springs alone.
+
+    Springs are such that they deflect by so many parts of the motion (`DEFLECTIONS`).
+    """
+    for values in model.parameter_sets.values():
+        if all(name in values for name in model.parameters):
+            point = model.base_from_physical({name: values[name] for name in model.parameters})
+            if springs_pull(kernel, point):
+                yield point
+    for share in DEFLECTIONS:
+        point = np.zeros(len(model.base_parameters))
+        for row in kernel.giving:
+            force, motion = (max(_span(kernel, terms, one) for one in records) for terms in row.size)
+            for column in row.acting(0):
+                point[column] = force / (share * motion) if force and motion else 1.0
+        yield point
+
+
+def _span(kernel: DeflectedKernel, terms: Sequence[tuple[float, str]], record: Record) -> float:
+    """Return over how much a sum of channels goes at most, without what is differentiated."""
+    total = 0.0
+    for weight, key in terms:
+        source, order = kernel.reads_of.get(key, ("", 1))
+        if not order and source in record.signals:
+            total += abs(weight) * record.facts.extent(source).span
+    return total
