@@ -25,6 +25,7 @@ class Kernel:
 
     giving = ()
     lag = 0.0
+    speeds: tuple[str, ...] = ()
 
     def at(self, _: np.ndarray) -> Kernel:
         return self
@@ -59,6 +60,32 @@ def test_steps_that_shrink_slowly_come_to_rest_at_their_goal(
 
 def test_the_goal_of_steps_that_grow_is_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     assert rested(monkeypatch, (1.15, 0.02, -0.01))[0] is None
+
+
+@pytest.mark.parametrize(("noise", "near"), [(1e-3, 1e-3), (100.0, 2.0)])
+def test_rows_with_open_forces_take_steps_to_their_own_estimate(
+    monkeypatch: pytest.MonkeyPatch, noise: float, near: float
+) -> None:
+    """From a point far from it, as long as steps exceed what noise does; none without given speeds."""
+    triangle = TRIANGLE.copy()
+    triangle[-1, -1] = noise
+
+    def fit(job: Any, kernel: Any, point: np.ndarray, sampled: bool = False) -> Any:
+        assert sampled
+        block, left = SimpleNamespace(count=100), 1.0 + float(np.linalg.norm(point - GOAL))
+        return SimpleNamespace(
+            columns=NAMES, triangle=triangle, count=100, blocks=(block,), residual_norms=(left,)
+        )
+
+    monkeypatch.setattr(given_positions, "_fit", fit)
+    monkeypatch.setattr(given_positions, "_moved", lambda *at: GOAL + 0.5 * (at[-1] - GOAL))
+    kernel: Any = Kernel()
+    start = Rest(GOAL + np.array([0.6, -0.4, 0.8]), np.zeros(3), 0.0)
+    assert given_positions._near_its_estimate(JOB, kernel, start) is start
+    kernel.speeds = ("motor",)
+    found = given_positions._near_its_estimate(JOB, kernel, start)
+    assert np.linalg.norm(found.point - GOAL) < near
+    assert np.array_equal(found.point, start.point) is (noise > 1.0)
 
 
 def test_noise_moves_the_estimate_by_the_sum_of_its_steps(monkeypatch: pytest.MonkeyPatch) -> None:
