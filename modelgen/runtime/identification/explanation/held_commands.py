@@ -54,7 +54,7 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
     task, known = at_cutoff_of(task, first.task), first
     for _ in range(HELD_ROUNDS if held else 0):
         try:
-            again = run(without_images(task, held, known))
+            again = run(_begun_at(without_images(task, held, known), known))
         except (IdentifiabilityError, DataError):
             return first
         # images feel when the command changes, which shows only without them
@@ -68,6 +68,14 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
     if not all(_follows(known, key, late) for key, late in held.items()):
         return first
     return better_held(first, known, held) or first
+
+
+def _begun_at(task: Task, known: Begun) -> Task:
+    """Return a task that begins where an estimate in physical parameters ended, if it is in these."""
+    fit = known.found.fit
+    if fit.carried is None or fit.carried.unknown:
+        return task
+    return replace(task, job=replace(task.job, begin=fit.physical(task.model.parameters)))
 
 
 def held_commands(begun: Begun) -> dict[str, float]:

@@ -119,8 +119,10 @@ def _first_found(setting: Setting, rows: Rows, beginnings: Iterable[Beginning], 
     What no machine is (friction far below zero) is one of several chains that belong to the same rows: the
     others are looked for, and the least impossible one is taken.
     """
-    failures, doubtful, tried = [], list[Found](), []
+    failures, doubtful, tried = [], list[Found](), list[Beginning]()
     for start, delays in beginnings:
+        if (start, delays) in tried:
+            continue
         tried.append((start, delays))
         try:
             found = fit_physical_iv(setting, rows, delays, start, rules)
