@@ -42,7 +42,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_terms import mismatch_terms
 from modelgen.runtime.simulation.arms.joint_controller import JointController
-from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
+from modelgen.runtime.simulation.closed_loop import PositionVelocityController
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import excitation_from_record
 from modelgen.runtime.simulation.followed_motion import followed_motion
@@ -106,22 +106,23 @@ class Simulated:
         What its own sensor of position or velocity reads shows it; else the sensors of lowest order do, as
         the bodies that they are on carry it along.
         """
-        plant, away = self.plant, dict[str, FloatArray]()
-        own = [one for one in plant.model.sensors if one.body == body and one.order < 2]
-        sensor = min(own, key=lambda one: one.order) if own else nearest_sensor(plant, body, record)[0]
+        plant, read = self.plant, record.signals
+        own = [one for one in plant.model.sensors if one.body == body and one.order < 2 and one.key in read]
+        nearest, gear = nearest_sensor(plant, body, record)
+        sensor = min(own, key=lambda one: one.order, default=nearest)
         if sensor.order == 2:
             return None
+        noise = record.facts.spectrum(sensor.key).noise
+        if own:
+            return Further(read[sensor.key] - self.record.signals[sensor.key], sensor.order, noise, own=True)
+        away = dict[str, FloatArray]()
         for one in plant.model.sensors:
-            if one.body and one.order == sensor.order and one.key in record.signals:
-                away.setdefault(one.body, record.signals[one.key] - self.record.signals[one.key])
-        rigid = dict(zip(plant.bodies, vibration(plant).lowest.tolist(), strict=True))
-        gear = rigid[body] / rigid[sensor.body or body]
-        noise = gear**2 * record.facts.spectrum(sensor.key).noise
-        if body in away:
-            return Further(away[body], sensor.order, noise, own=True)
+            if one.body and one.order == sensor.order and one.key in read:
+                away.setdefault(one.body, read[one.key] - self.record.signals[one.key])
         if not any(np.any(one) for one in away.values()):
             return None
-        return Further(followed_motion(plant, body, away, record.dt), sensor.order, noise, own=False)
+        followed = followed_motion(plant, body, away, record.dt)
+        return Further(followed, sensor.order, gear**2 * noise, own=False)
 
 
 @dataclass(frozen=True)

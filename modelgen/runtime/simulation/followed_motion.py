@@ -42,12 +42,15 @@ def followed_motion(plant: Plant, body: str, known: Mapping[str, FloatArray], dt
     h = len(free)
     within = np.ix_(free, free)
     alone = np.block([[np.zeros((h, h)), np.eye(h)], [springs[within], dampers[within]]])
+    if not np.all(np.isfinite(alone)):  # stiff beyond all numbers
+        return np.zeros(len(next(iter(known.values()))))
     rates, vectors = np.linalg.eig(alone)
     # what nothing damps would ring from one end of the record to the other
     least, size = LEAST_FOLLOWING_RATIO, np.abs(rates)
     damped = size * (-least + 1j * np.sign(rates.imag) * np.sqrt(1.0 - least**2))
     rates = np.where(rates.real > -least * size, damped, rates)
-    entering = np.linalg.solve(vectors, np.eye(2 * h)[:, h:])
+    # two alike poles have one vector: what nothing holds, nor damps
+    entering = np.linalg.pinv(vectors)[:, h:]
     shown = vectors[free.index(bodies.index(body))]
     across = np.ix_(free, led)
     pushed, dragged = (shown[:, None] * (entering @ part[across]) for part in (springs, dampers))

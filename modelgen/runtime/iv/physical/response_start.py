@@ -26,6 +26,7 @@ from modelgen.runtime.iv.thresholds import (
     RESPONSE_SEARCHES,
     TRIED_CHAINS,
 )
+from modelgen.runtime.least_squares.thresholds import EARLIEST, LATEST
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.simulation.closed_loop import rigid_motion
 from modelgen.runtime.simulation.plant import make_plant
@@ -74,14 +75,19 @@ def response_start(
     others : sequence of mapping
         Further chains (SI) to search from.
     """
-    measured = _measured(setting) if len(setting.model.actuators) == 1 else []
+    rigid = rigid_motion(setting.model)
+    measured = _measured(setting) if rigid and len(setting.model.actuators) == 1 else []
     if not measured:
         return None
     sample = 1.0 / min(record.fs for record in setting.records)
+    near = {name: value if np.isfinite(value) else 0.0 for name, value in near.items()}
     search = _Search(setting.model, measured, near, sample if late else 0.0)
-    tried = sorted(_tried(setting.model, search), key=search.cost)
+    tried = sorted(_tried(setting.model, search, rigid), key=search.cost)
     known = [u for one in (near, *others) if (u := search.of(one)) is not None]
-    best = min((search.refined(one) for one in [*known, *tried[:RESPONSE_SEARCHES]]), key=search.cost)
+    found = [search.refined(one) for one in [*known, *tried[:RESPONSE_SEARCHES]]]
+    if not found:
+        return None
+    best = min(found, key=search.cost)
     delays = dict.fromkeys(late, sample * float(best[-1]))
     values = search.values(best)
     rubbing = {name: near[name] for name in search.names if setting.model.roles[name].role == "viscous"}
@@ -135,27 +141,30 @@ class _Search:
         sizes = np.where(rubs, np.maximum(sizes, SMALLEST), sizes)
         return np.r_[np.log(sizes), 0.0] if np.all(np.isfinite(sizes) & (sizes > 0.0)) else None
 
-    def ratios(self, u: FloatArray) -> list[ComplexArray]:
-        """Return logarithms of the chain's responses over the measured ones, shape (lines,) each."""
-        plant = make_plant(self._model, self.values(u))
-        space = plant.space(tuple(1 for _ in plant.sticking))
-        rates, vectors = np.linalg.eig(np.asarray(space.A))
-        entering = np.linalg.solve(vectors, np.asarray(space.B)[:, 0].astype(complex))
-        shown, through = np.asarray(space.C) @ vectors, np.asarray(space.D)[:, 0]
+    def ratios(self, u: FloatArray) -> list[ComplexArray] | None:
+        """Return logarithms of the chain's responses over the measured ones, shape (lines,) each, if any."""
         found = []
-        for one in self.measured:
-            G = (1.0 / (one.s[:, None] - rates)) @ (shown[one.sensor] * entering) + through[one.sensor]
-            ratio = np.log(G / one.response) + one.s * self._sample * u[-1]
-            found.append(ratio.real + 1j * ((ratio.imag + pi) % (2.0 * pi) - pi))
+        with np.errstate(all="ignore"):
+            try:
+                plant = make_plant(self._model, self.values(u))
+                space = plant.space(tuple(1 for _ in plant.sticking))
+                rates, vectors = np.linalg.eig(np.asarray(space.A))
+                entering = np.linalg.solve(vectors, np.asarray(space.B)[:, 0].astype(complex))
+            except (ModelgenError, np.linalg.LinAlgError):
+                return None
+            shown, through = np.asarray(space.C) @ vectors, np.asarray(space.D)[:, 0]
+            for one in self.measured:
+                G = (1.0 / (one.s[:, None] - rates)) @ (shown[one.sensor] * entering) + through[one.sensor]
+                ratio = np.log(G / one.response) + one.s * self._sample * u[-1]
+                found.append(ratio.real + 1j * ((ratio.imag + pi) % (2.0 * pi) - pi))
         return found
 
     def errors(self, u: FloatArray) -> FloatArray:
         """Return these times the lines' weights, real parts and phases of each response in turn."""
-        try:
-            with np.errstate(all="ignore"):
-                weighted = [m.weight * one for m, one in zip(self.measured, self.ratios(u), strict=True)]
-        except (ModelgenError, np.linalg.LinAlgError):
+        ratios = self.ratios(u)
+        if ratios is None:
             return np.full(2 * sum(one.s.size for one in self.measured), FARTHEST_RESPONSE)
+        weighted = [m.weight * one for m, one in zip(self.measured, ratios, strict=True)]
         found = np.concatenate([part for one in weighted for part in (one.real, one.imag)])
         return np.where(np.isfinite(found), found, FARTHEST_RESPONSE)
 
@@ -165,26 +174,32 @@ class _Search:
 
     def missed(self, u: FloatArray) -> float:
         """Return the median of what is left, without weights."""
-        return float(np.median(np.abs(np.concatenate(self.ratios(u)))))
+        ratios = self.ratios(u)
+        return np.inf if ratios is None else float(np.median(np.abs(np.concatenate(ratios))))
 
     def refined(self, u: FloatArray) -> FloatArray:
         """Return the chain that leaves least, near one."""
         from scipy.optimize import least_squares
 
-        return np.asarray(least_squares(self.errors, u, loss="soft_l1", max_nfev=RESPONSE_EVALUATIONS).x)
-
-    def sized(self, u: FloatArray) -> FloatArray:
-        """Return a chain with all forces by the factor that the lines ask for: its responses fall by it."""
-        parts = [(m.weight, one.real) for m, one in zip(self.measured, self.ratios(u), strict=True)]
-        share = sum(float(weight @ real) for weight, real in parts) / sum(
-            float(weight.sum()) for weight, _ in parts
+        bounds = np.full((2, u.size), ((-np.inf,), (np.inf,)))
+        bounds[:, -1] = EARLIEST, LATEST
+        return np.asarray(
+            least_squares(self.errors, u, bounds=bounds, loss="soft_l1", max_nfev=RESPONSE_EVALUATIONS).x
         )
-        return np.asarray(np.r_[u[:-1] + share, u[-1]])
+
+    def sized(self, u: FloatArray) -> FloatArray | None:
+        """Return a chain with all forces by the factor that the lines ask for: its responses fall by it."""
+        ratios = self.ratios(u)
+        if ratios is None:
+            return None
+        left = sum(float(m.weight @ one.real) for m, one in zip(self.measured, ratios, strict=True))
+        share = left / sum(float(one.weight.sum()) for one in self.measured)
+        return np.asarray(np.r_[u[:-1] + share, u[-1]]) if np.isfinite(share) else None
 
 
-def _tried(model: Model, search: _Search) -> list[FloatArray]:
-    """Return chains with resonances all over the range of the lines."""
-    rng, rigid = np.random.default_rng(0), rigid_motion(model)
+def _tried(model: Model, search: _Search, rigid: Mapping[str, float]) -> list[FloatArray]:
+    """Return chains with resonances all over the range of the lines; `rigid` is as of `rigid_motion`."""
+    rng = np.random.default_rng(0)
     rates = np.concatenate([np.abs(one.s) for one in search.measured])
     low, high = log(rates.min()), log(1.5 * rates.max())
     found = []
@@ -204,8 +219,7 @@ def _tried(model: Model, search: _Search) -> list[FloatArray]:
                 "viscous": damping * np.exp(low),
             }
             u[place] = log(sizes[role.role])
-        with np.errstate(all="ignore"):
-            sized = search.sized(u)
-        if np.all(np.isfinite(sized)):
+        sized = search.sized(u)
+        if sized is not None:
             found.append(sized)
     return found

@@ -53,3 +53,11 @@ def test_the_same_record_gives_the_same_start_and_rest_gives_none() -> None:
     assert one == other
     rest = Record({key: np.zeros(records[0].n) for key in records[0].signals}, records[0].fs, "rest")
     assert response_start(replace(setting, records=(rest,)), near, ()) is None
+
+
+def test_starts_without_numbers_and_impossible_chains_are_no_obstacle() -> None:
+    setting, _ = setting_of(noisy("light", 0))
+    unknown = dict.fromkeys(MODEL.parameters, np.nan)
+    found = response_start(setting, unknown, (), (dict.fromkeys(MODEL.parameters, 0.0), unknown))
+    assert found is not None
+    assert np.all(np.isfinite(list(found.values.values())))
