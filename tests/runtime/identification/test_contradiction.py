@@ -66,7 +66,7 @@ def test_a_chain_that_cannot_be_is_taken_only_where_no_start_leads_to_another(
     wrong, worse = (replace(right, below=deviations) for deviations in (20.0, 30.0))
     tried = iter((worse, wrong, right))
     monkeypatch.setattr(composite_iv, "fit_physical_iv", lambda *_: next(tried))
-    beginnings = [(truth, {}), (truth, {}), (truth, {})]
+    beginnings = [({**truth, "K": stiffness}, {}) for stiffness in (0.1, 0.2, 0.3)]
 
     def first(count: int) -> Found:
         return composite_iv._first_found(job.setting(), lambda _: observation, beginnings[:count], PLAIN)
