@@ -27,8 +27,10 @@ from modelgen.runtime.iv.held_motion import (
     HeldChannels,
     HeldMotion,
     dynamics_hz,
+    feedback_hz,
     initial_state,
     nearest_sensor,
+    smoothing_hz,
 )
 from modelgen.runtime.iv.thresholds import (
     AT_REST,
@@ -56,12 +58,16 @@ REFERENCE = "reference"
 
 @dataclass(frozen=True, eq=False)
 class Further:
-    """Position (order 0) or velocity (1), SI, (n,); noise in unit^2/Hz; whether its own sensor shows it."""
+    """Position (order 0) or velocity (1), SI, shape (n,), and its noise in unit^2/Hz.
+
+    Its `own` sensor reads it, or it is that of the chain as a `rigid` body, or links carry it along.
+    """
 
     motion: FloatArray
     order: int
     noise: float
-    own: bool
+    own: bool = False
+    rigid: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +110,8 @@ class Simulated:
         """Return by how much further than in the simulation a body moves in a record, None if unknown.
 
         What its own sensor of position or velocity reads shows it; else the sensors of lowest order do, as
-        the bodies that they are on carry it along.
+        the bodies that they are on carry it along. The feedback pushes the driven body: where that has no
+        sensor, only slow motion is known.
         """
         plant, read = self.plant, record.signals
         own = [one for one in plant.model.sensors if one.body == body and one.order < 2 and one.key in read]
@@ -121,8 +128,9 @@ class Simulated:
                 away.setdefault(one.body, read[one.key] - self.record.signals[one.key])
         if not any(np.any(one) for one in away.values()):
             return None
-        followed = followed_motion(plant, body, away, record.dt)
-        return Further(followed, sensor.order, gear**2 * noise, own=False)
+        if plant.bodies[plant.driven] not in away:
+            return Further(gear * away[sensor.body or ""], sensor.order, gear**2 * noise, rigid=True)
+        return Further(followed_motion(plant, body, away, record.dt), sensor.order, gear**2 * noise)
 
 
 @dataclass(frozen=True)
@@ -210,7 +218,7 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
 
     The weak feedback bends the slow motion, and what the model lacks moved the record: a further force that
     is worked out along the simulated motion is some percent off. What a body's own sensor reads leads it, a
-    body without one is led by those that have one.
+    body without one is led by those that have one, or follows their slow part.
     """
     motion, away, speeds = dict(simulated.motion), {}, {}
     led_hz = min(LED * dynamics_hz(choice), HIGHEST_LED * record.fs)
@@ -219,7 +227,8 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
         shown = simulated.further(body, record)
         if shown is None:
             continue
-        further = zero_phase(shown.motion, LED_ORDER, led_hz, record.fs)
+        wide_hz = smoothing_hz(record, feedback_hz(choice)) if shown.rigid else led_hz
+        further = zero_phase(shown.motion, LED_ORDER, wide_hz, record.fs)
         speed = speeds[body]
         # a body that sticks has no direction: noise must not give it one
         moving = np.abs(speed) > AT_REST * np.max(np.abs(speed))

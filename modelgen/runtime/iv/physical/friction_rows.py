@@ -42,8 +42,12 @@ def adds_friction(fit: Fit, setting: Setting) -> bool:
 
 
 def unseen_friction(fit: Fit, setting: Setting) -> bool:
-    """Tell whether such rows have the friction of a body without a sensor of its position or velocity."""
-    return bool(_bodies(fit, setting) - _seen(setting))
+    """Tell whether such rows have the friction of a body without a sensor of its position or velocity.
+
+    Beside a driven body that has one: a simulation can be kept close to that only.
+    """
+    seen = _seen(setting)
+    return setting.model.actuators[0].body in seen and bool(_bodies(fit, setting) - seen)
 
 
 def with_friction(
