@@ -132,7 +132,9 @@ class _Search:
 
     def values(self, u: FloatArray) -> dict[str, float]:
         """Return all physical parameters, SI."""
-        return {**self._near, **dict(zip(self.names, np.exp(u[:-1]).tolist(), strict=True))}
+        with np.errstate(over="ignore"):  # no chain has such a value, and none is made of it
+            sizes = np.exp(u[:-1])
+        return {**self._near, **dict(zip(self.names, sizes.tolist(), strict=True))}
 
     def of(self, values: Mapping[str, float]) -> FloatArray | None:
         """Return u of physical parameters, SI, without a delay; None where it has none."""
@@ -157,7 +159,7 @@ class _Search:
                 G = (1.0 / (one.s[:, None] - rates)) @ (shown[one.sensor] * entering) + through[one.sensor]
                 ratio = np.log(G / one.response) + one.s * self._sample * u[-1]
                 found.append(ratio.real + 1j * ((ratio.imag + pi) % (2.0 * pi) - pi))
-        return found
+        return found if all(np.all(np.isfinite(one)) for one in found) else None
 
     def errors(self, u: FloatArray) -> FloatArray:
         """Return these times the lines' weights, real parts and phases of each response in turn."""
@@ -165,8 +167,7 @@ class _Search:
         if ratios is None:
             return np.full(2 * sum(one.s.size for one in self.measured), FARTHEST_RESPONSE)
         weighted = [m.weight * one for m, one in zip(self.measured, ratios, strict=True)]
-        found = np.concatenate([part for one in weighted for part in (one.real, one.imag)])
-        return np.where(np.isfinite(found), found, FARTHEST_RESPONSE)
+        return np.concatenate([part for one in weighted for part in (one.real, one.imag)])
 
     def cost(self, u: FloatArray) -> float:
         """Return what is left, with little weight on what is far off: friction bends a part of the lines."""
@@ -194,7 +195,7 @@ class _Search:
             return None
         left = sum(float(m.weight @ one.real) for m, one in zip(self.measured, ratios, strict=True))
         share = left / sum(float(one.weight.sum()) for one in self.measured)
-        return np.asarray(np.r_[u[:-1] + share, u[-1]]) if np.isfinite(share) else None
+        return np.asarray(np.r_[u[:-1] + share, u[-1]])
 
 
 def _tried(model: Model, search: _Search, rigid: Mapping[str, float]) -> list[FloatArray]:
