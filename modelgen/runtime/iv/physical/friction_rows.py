@@ -41,13 +41,13 @@ def adds_friction(fit: Fit, setting: Setting) -> bool:
     return any(_dropped(fit, setting))
 
 
-def unseen_friction(fit: Fit, setting: Setting) -> bool:
-    """Tell whether such rows have the friction of a body without a sensor of its position or velocity.
+def unseen_bodies(fit: Fit, setting: Setting) -> set[str]:
+    """Return the bodies whose friction such rows have, and of which no sensor reads position or velocity.
 
-    Beside a driven body that has one: a simulation can be kept close to that only.
+    None where the driven body is such a one itself: a simulation can be kept close to its sensor only.
     """
-    seen = _seen(setting)
-    return setting.model.actuators[0].body in seen and bool(_bodies(fit, setting) - seen)
+    seen = {one.body for one in setting.model.sensors if one.body and one.order < 2}
+    return _bodies(fit, setting) - seen if setting.model.actuators[0].body in seen else set()
 
 
 def with_friction(
@@ -72,13 +72,11 @@ def with_friction(
     close : sequence of Simulated, optional
         The same, kept close to the records: they show where bodies without a sensor turn.
     """
-    records = [_with_directions(setting.records, fit, setting, one) for one in simulated]
+    unseen = unseen_bodies(fit, setting) if close else set()
+    seen = _bodies(fit, setting) - unseen
+    records = [_with_directions(setting.records, seen, one) for one in simulated]
     if close:
-        unseen = _bodies(fit, setting) - _seen(setting)
-        records = [
-            record.edited(directions(one, sorted(unseen), record))
-            for one, record in zip(close, records, strict=True)
-        ]
+        records = [_with_directions(records, unseen, one) for one in close]
     parts = [(block.W, block.Y) for block in fit.blocks]
     found = _added(parts, fit, setting, records, values)
     blocks = tuple(
@@ -96,8 +94,8 @@ def instruments_with_friction(
     values: Mapping[str, float],
 ) -> tuple[FloatArray, ...]:
     """Return instruments, in SI, (n, columns) a block, with that friction as it is in the simulation."""
-    runs = [one.record for one in simulated]
-    records = [_with_directions(runs, fit, setting, one) for one in simulated]
+    runs, bodies = [one.record for one in simulated], _bodies(fit, setting)
+    records = [_with_directions(runs, bodies, one) for one in simulated]
     parts = [(z, np.zeros(len(z))) for z in Z]
     return tuple(W for W, _ in _added(parts, fit, setting, records, values))
 
@@ -111,18 +109,15 @@ def _dropped(fit: Fit, setting: Setting) -> list[tuple[DroppedFriction, ...]]:
     return found
 
 
-def _with_directions(records: Sequence[Record], fit: Fit, setting: Setting, simulated: Simulated) -> Record:
-    """Return a record with directions of bodies that rows drop as channels, of the motion that it holds."""
+def _with_directions(records: Sequence[Record], bodies: Iterable[str], simulated: Simulated) -> Record:
+    """Return a record with directions of bodies as channels, of the motion that it holds."""
     record = records[simulated.index]
-    return record.edited(directions(simulated, sorted(_bodies(fit, setting)), record))
+    return record.edited(directions(simulated, sorted(bodies), record))
 
 
 def _bodies(fit: Fit, setting: Setting) -> set[str]:
+    """Return the bodies whose friction rows of the fit drop."""
     return {one.body for dropped in _dropped(fit, setting) for one in dropped}
-
-
-def _seen(setting: Setting) -> set[str]:
-    return {one.body for one in setting.model.sensors if one.body and one.order < 2}
 
 
 def directions(simulated: Simulated, bodies: Iterable[str], record: Record) -> dict[str, FloatArray]:

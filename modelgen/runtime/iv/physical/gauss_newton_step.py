@@ -21,7 +21,7 @@ from modelgen.runtime.iv.instrumental_variables import Setting, instruments, sim
 from modelgen.runtime.iv.physical.friction_rows import (
     adds_friction,
     instruments_with_friction,
-    unseen_friction,
+    unseen_bodies,
     with_friction,
 )
 from modelgen.runtime.least_squares.delays import delay_rates
@@ -178,7 +178,7 @@ def _with_instruments(
     runs = {index: one.record for index, one in enumerate(beside)}
     Z = instruments_with_friction(instruments(fit, setting, runs), fit, setting, beside, values)
     # a weak feedback damps the chain, and what no sensor shows then turns elsewhere than in the records
-    close = simulated_with(values, fit, setting, close=True) if unseen_friction(fit, setting) else ()
+    close = simulated_with(values, fit, setting, close=True) if unseen_bodies(fit, setting) else ()
     return _with_residuals(with_friction(fit, setting, beside, values, close)), Z
 
 
