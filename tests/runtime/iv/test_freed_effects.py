@@ -25,7 +25,7 @@ LATE = EFFECTS["delay of q_c"]
 
 
 @cache
-def started(samples: float, force: float = 0.0) -> tuple[Job, Fit]:
+def started(samples: float, force: float) -> tuple[Job, Fit]:
     """Records whose load encoder and force are late, and their fit that knows of the force only."""
     records = tuple(two_mass_records(late={"q_c": samples, "Gamma_m": force}))
     job = Job(SMALL, records, choose_filter(SMALL, records), late=("Gamma_m",))
@@ -88,6 +88,7 @@ def test_sizes_that_run_away_are_an_error(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_few_samples_tell_nothing_of_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    started(0.25, 0.0)  # the fit without effects, which has samples enough
     monkeypatch.setattr(divergence, "SAMPLES_AN_UNKNOWN", 1_000_000)
     with pytest.raises(IdentifiabilityError, match="samples are left for 8 unknowns"):
         freed(0.25, LATE)
@@ -102,7 +103,7 @@ def test_effects_that_do_not_come_to_rest_are_an_error(monkeypatch: pytest.Monke
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", [60.0, -60.0])
 def test_an_encoder_that_is_far_out_of_step_is_no_small_effect(samples: float) -> None:
-    job, fit = started(0.25)
+    job, fit = started(0.25, 0.0)
     records = tuple(two_mass_records(late={"q_c": samples}))
     with pytest.raises(IdentifiabilityError):
         fit_with_effects(Setting(SMALL, records, job.choice), job.calm, fit, (LATE,))
