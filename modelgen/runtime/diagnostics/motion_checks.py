@@ -27,9 +27,9 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.thresholds import LEAST_TREND
 from modelgen.runtime.filters.zero_phase import DECIMATE_CUTOFF
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.hac_covariance import hac_covariance, influence_parts
+from modelgen.runtime.least_squares.hac_covariance import hac_bandwidth, hac_covariance, influence_parts
 from modelgen.runtime.model.model import Model, Sensor
-from modelgen.runtime.numerics.bandwidth import in_parts, scores_bandwidth
+from modelgen.runtime.numerics.bandwidth import in_parts
 from modelgen.runtime.parameters.unanswered_columns import columns_that_vanish
 from modelgen.runtime.records.channels import in_stretches
 from modelgen.runtime.records.record import Record
@@ -119,6 +119,7 @@ def one_way_friction(model: Model, fit: Fit) -> dict[str, str]:
     features = {feature.key: feature for feature in model.features}
     unused = {key for name in fit.absent for key in _keys(model, name)}
     found: dict[str, str] = {}
+    asked: list[int] = []
     for index, name in enumerate(fit.columns):
         role = model.roles.get(name)
         if role is None or role.role != "coulomb":
@@ -130,9 +131,13 @@ def one_way_friction(model: Model, fit: Fit) -> dict[str, str]:
             if feature.key in unused
             and any(feature.of == one.of and feature.function != one.function for one in used)
         ]
-        if opposite or (used and used[0].function == "sign" and _one_sided(model, fit, index)):
+        if opposite:
             found[name] = f"the velocity of {role.bodies[0]} never reverses"
-    return found
+        elif used and used[0].function == "sign":
+            asked.append(index)
+    for name in _one_sided(model, fit, asked):
+        found[name] = f"the velocity of {model.roles[name].bodies[0]} never reverses"
+    return {name: found[name] for name in fit.columns if name in found}
 
 
 def one_way_columns(model: Model, absent: Sequence[str]) -> dict[str, str]:
@@ -231,7 +236,7 @@ def _long_memory(fit: Fit, total_s: float) -> list[Advice]:
     """
     parts = influence_parts(fit)
     samples = sum({block.record: block.grid for block in fit.blocks}.values())
-    if samples >= FEWEST_STRETCHES * scores_bandwidth(parts):
+    if samples >= FEWEST_STRETCHES * hac_bandwidth(fit):
         return []
     alone = sum(np.einsum("nc,nc->c", psi, psi) for part in parts for psi in in_parts(part))
     told = alone > 0.0
@@ -252,17 +257,22 @@ def _keys(model: Model, column: str) -> dict[str, None]:
     return {key: None for row in rows for _, key in model.column_terms(row, index)}
 
 
-def _one_sided(model: Model, fit: Fit, index: int) -> bool:
-    """Return whether a column has one sign only, up to what a filter adds, coefficients set aside."""
-    column = model.base_parameters.index(fit.columns[index])
-    least, most = np.inf, -np.inf
+def _one_sided(model: Model, fit: Fit, columns: Sequence[int]) -> list[str]:
+    """Return which columns have one sign only, up to what a filter adds, coefficients set aside."""
+    least, most = np.full(len(columns), np.inf), np.full(len(columns), -np.inf)
+    of_model = [model.base_parameters.index(fit.columns[index]) for index in columns]
     for block in fit.blocks:
-        terms, place = model.column_terms(block.row, column), block.column_at(index)
-        for part in block.stretches() if terms and place is not None else ():
-            if part.Y.size:
-                values = part.W[:, place] * np.sign(terms[0][0])
-                least, most = min(least, float(values.min())), max(most, float(values.max()))
-    return min(-least, most) < LEAST_CHANGE * max(-least, most)
+        terms = [model.column_terms(block.row, column) for column in of_model]
+        places = [block.column_at(index) for index in columns]
+        held = [k for k, place in enumerate(places) if place is not None and terms[k]]
+        signs = [np.sign(terms[k][0][0]) for k in held]
+        # rows of one block are made once for all of its columns
+        for part in block.stretches() if held else ():
+            for k, sign in zip(held, signs, strict=True) if part.Y.size else ():
+                values = sign * part.W[:, places[k]]
+                least[k], most[k] = min(least[k], values.min()), max(most[k], values.max())
+    one_way = np.minimum(-least, most) < LEAST_CHANGE * np.maximum(-least, most)
+    return [fit.columns[index] for index, found in zip(columns, one_way.tolist(), strict=True) if found]
 
 
 def _sensors_of_bodies(model: Model) -> dict[str, list[Sensor]]:

@@ -46,6 +46,7 @@ class Job:
     with `turns`, instruments with `reversing`, or where few others are left. `changes` are what was done to
     the records that were given, in this order. The job of stretches has a `share` of the samples that are to
     be estimated from. `guessed` are directions in the records that neither a sensor nor the user gives.
+    `rough` solutions of least squares keep what rounding has moved, and directions that speeds do not tell.
     """
 
     model: Model
@@ -69,6 +70,7 @@ class Job:
     changes: tuple[Change, ...] = ()
     share: float = 1.0
     guessed: tuple[str, ...] = ()
+    rough: bool = False
 
     @property
     def all_sizes(self) -> tuple[float, ...]:
@@ -90,7 +92,8 @@ class Job:
             blocks = tuple(replace(block.kept(), turning=feel[block.row]) for block in rows.blocks)
             rows = replace(rows, blocks=blocks)
         rows = with_given_directions(rows, self.model, records, self.choice, self.drop, every)
-        rows = without_uncertain_turns(rows, self.model, records, self.choice, self.drop, turns)
+        if not self.rough:
+            rows = without_uncertain_turns(rows, self.model, records, self.choice, self.drop, turns)
         return self.only_rows_for_tag(rows)
 
     def observing(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -43,12 +44,36 @@ class _Change:
     apply: Callable[[Record], Record]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Sense:
-    """How many values of a fit contradict physics, and what share of its terms the worst row leaves."""
+    """What a fit contradicts; of some (record, row) only what they leave, of all without."""
 
-    impossible: int
-    unexplained: float
+    job: Job
+    fit: Fit
+    rows: Container[tuple[int, int]] | None = None
+
+    @cached_property
+    def unexplained(self) -> float:
+        """What share of its terms the worst row leaves."""
+        left = [0.0]
+        for index, block in enumerate(self.fit.blocks):
+            if self.rows is None or (block.record, block.row) in self.rows:
+                share = self.fit.unexplained(index)
+                left.append(1.0 if share is None else share)
+        return max(left)
+
+    @cached_property
+    def impossible(self) -> int:
+        """How many values contradict physics; asks for a covariance."""
+        fit, job = self.fit, self.job
+        refused = unanswered(job.model, job.records, job.choice, fit) | dependent_columns(fit)
+        spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+        spreads = dict(zip(fit.columns, spread.tolist(), strict=True))
+        # what cannot be told from others, or from zero, has a sign by chance
+        return sum(
+            name not in refused and -value > BEYOND_CHANCE * spreads[name]
+            for name, value in negative_columns(job.model, fit).items()
+        )
 
     def as_well(self, other: _Sense) -> bool:
         """Tell whether another fit leaves about as much or less; what explains nothing has any sign."""
@@ -57,6 +82,13 @@ class _Sense:
     def explained_by(self, other: _Sense) -> bool:
         """Tell whether the worst row of another fit leaves much less; to leave all of a term is the worst."""
         return other.unexplained < BETTER * min(self.unexplained, 1.0)
+
+    def mended_by(self, other: _Sense) -> bool:
+        """Tell whether another fit explains what this one does not, and contradicts nothing."""
+        # only what fits is worth a covariance
+        if not self.explained_by(other) and not (self.as_well(other) and self.impossible):
+            return False
+        return not other.impossible
 
 
 def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
@@ -70,31 +102,31 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         Of the channels as they are given.
     """
     job = replace(job, late=())
-    given, rows = _sense(job, fit), None
+    given, rows = _Sense(job, fit), None
     if not given.impossible:
         # a derivative may be all noise in a record that hardly moves: that says nothing of the channels
         rows = _beyond_noise(job, fit)
-        given = _sense(job, fit, rows)
+        given = _Sense(job, fit, rows)
         if given.unexplained < UNEXPLAINED:
             return ()
     run = METHODS["wls"].run
     parts = tuple(part_tried(record) for record in job.records)
     shorter = any(part.n < record.n for part, record in zip(parts, job.records, strict=True))
-    if shorter or fit.carried is not None:
+    job = replace(job, rough=True)
+    job = replace(job, records=parts, surveys=(), start=None) if shorter else job
+    if shorter or fit.carried is not None or any(block.opened for block in fit.blocks):
         # composites that are free of each other explain by terms that cancel what physical values leave
-        job = replace(job, records=parts, surveys=(), start=None) if shorter else job
-        given = _sense(job, run(job)[1], rows)
+        given = _Sense(job, run(job)[1], rows)
     still = [key for key in job.model.channels if not any(_spans(record, key) for record in job.records)]
     tried: list[tuple[_Sense, _Change]] = []
     for change in list(_changes(job.model, still))[:TRIES]:
         try:
             other = _changed(job, change)
-            found = _sense(other, run(other)[1], rows)
+            found = _Sense(other, run(other)[1], rows)
+            if given.mended_by(found):
+                tried.append((found, change))
         except ModelgenError:
             continue
-        better = given.explained_by(found)
-        if not found.impossible and (better or (given.impossible and given.as_well(found))):
-            tried.append((found, change))
     return (_told(job, given, *min(tried, key=lambda entry: entry[0].unexplained)),) if tried else ()
 
 
@@ -167,22 +199,3 @@ def _beyond_noise(job: Job, fit: Fit) -> frozenset[tuple[int, int]]:
         if (block.record, block.row) in found and hardly_weighed(fit, index)
     }
     return frozenset(found - light)
-
-
-def _sense(job: Job, fit: Fit, rows: Container[tuple[int, int]] | None = None) -> _Sense:
-    """Return what a fit contradicts; of the given (record, row) only what they leave, of all without."""
-    refused = unanswered(job.model, job.records, job.choice, fit) | dependent_columns(fit)
-    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
-    spreads = dict(zip(fit.columns, spread.tolist(), strict=True))
-    # what cannot be told from others, or from zero, has a sign by chance
-    impossible = [
-        name
-        for name, value in negative_columns(job.model, fit).items()
-        if name not in refused and -value > BEYOND_CHANCE * spreads[name]
-    ]
-    left = [0.0]
-    for index, block in enumerate(fit.blocks):
-        if rows is None or (block.record, block.row) in rows:
-            share = fit.unexplained(index)
-            left.append(1.0 if share is None else share)
-    return _Sense(len(impossible), max(left))

@@ -26,7 +26,7 @@ from modelgen.runtime.iv.thresholds import (
     LEVEL,
 )
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_run_covariances
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_run
 from modelgen.runtime.least_squares.spanned import Spanned
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.block_column import block_column
@@ -294,5 +294,5 @@ def _deviations(
         first, last = last, last + len(block.place)
         psi = series.setdefault(block.record, np.zeros((block.grid, 1)))
         psi[block.place, 0] += own[first:last] * (r[first:last] - own[first:last] * size) / power
-    variances = long_run_covariances(list(series.values()), quantiles, grown=False)
+    variances = long_run(list(series.values()), quantiles, grown=False).covariances
     return [float(np.sqrt(max(one[0, 0], 0.0))) for one in variances]

@@ -9,16 +9,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import partial
 from operator import is_
+from typing import NamedTuple
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.numerics.bandwidth import (
+    KEPT_WHOLE,
     PART,
+    KeptOnce,
     Series,
     in_parts,
-    kept,
     moving_sum,
     scores_bandwidth,
     window_power,
@@ -26,7 +28,7 @@ from modelgen.runtime.numerics.bandwidth import (
 )
 from modelgen.runtime.numerics.few_instants import USUAL, EveryFew, KernelSums, joined_covariance
 
-# Of how many instants an influence is held at a time at least: each part asks every block.
+# Of so many instants, or a multiple, an influence is held at a time: each part asks every block.
 INSTANTS = 1 << 10
 
 
@@ -50,12 +52,25 @@ def hac_covariance(fit: Fit, grown: bool = True) -> FloatArray:
     their place, records as independent. It is computed once a solution: copies of a fit with other notes or
     delays have the same.
     """
+    r = fit.count
+    return np.asarray(_long_run(fit, grown).covariances[0] * r / (r - len(fit.columns) - fit.lost))
+
+
+def hac_bandwidth(fit: Fit) -> float:
+    """Return the bandwidth of `hac_covariance`, in instants."""
+    return _long_run(fit, True).bandwidth
+
+
+def _long_run(fit: Fit, grown: bool) -> LongRun:
+    """Return the covariance of the sum of a fit's influence, kept with its solution."""
     of = (fit.blocks, fit.weights, fit.residuals, fit.projected, fit.series, fit.carried)
     known, name = vars(fit.solution), "long_run" if grown else "shorter_run"
     if name not in known or not all(map(is_, known[name][0], of)):
-        known[name] = of, long_run_covariance(influence_parts(fit), grown=grown)
-    r = fit.count
-    return np.asarray(known[name][1] * r / (r - len(fit.columns) - fit.lost))
+        numbers = sum(fit.blocks[one[0]].grid for one in fit.by_record.values()) * len(fit.columns)
+        most = KEPT_WHOLE if numbers <= KEPT_WHOLE else 0
+        known[name] = of, long_run([KeptOnce(one, most) for one in influence_parts(fit)], grown=grown)
+    found: LongRun = known[name][1]
+    return found
 
 
 def covariance_of_bandwidth(fit: Fit, series: Sequence[FloatArray], least: float) -> FloatArray:
@@ -87,21 +102,32 @@ def long_run_covariance(
     quantile : float
         The normal quantile, 1.96 or more, that is to hold where few instants tell a variance.
     """
-    return long_run_covariances(series, (quantile,), least, grown)[0]
+    return long_run(series, (quantile,), least, grown).covariances[0]
 
 
-def long_run_covariances(
-    series: Sequence[Series | FloatArray], quantiles: Sequence[float], least: float = 1.0, grown: bool = True
-) -> list[FloatArray]:
+class LongRun(NamedTuple):
+    """Covariances of a sum, (c, c) each, one for each of some quantiles, and their bandwidth in instants."""
+
+    covariances: list[FloatArray]
+    bandwidth: float
+
+
+def long_run(
+    series: Sequence[Series | FloatArray],
+    quantiles: Sequence[float] = (USUAL,),
+    least: float = 1.0,
+    grown: bool = True,
+) -> LongRun:
     """Return `long_run_covariance`, in its unit, (c, c), for each of some quantiles, from the same sums."""
-    series = [kept(one) for one in series]
+    series = [KeptOnce(one) if callable(one) and not isinstance(one, KeptOnce) else one for one in series]
     bandwidth = max(least, scores_bandwidth(series, grown))
     sums = [ParzenSums(bandwidth) for _ in series]
     for one, parzen in zip(series, sums, strict=True):
         for psi in in_parts(one, least=2 * parzen.width):
             parzen.add(psi)
     n, found = sum(one.n for one in sums), [one.result() for one in sums]
-    return [joined_covariance(found, bandwidth, n, quantile) for quantile in quantiles]
+    covariances = [joined_covariance(found, bandwidth, n, quantile) for quantile in quantiles]
+    return LongRun(covariances, bandwidth)
 
 
 class ParzenSums:
@@ -179,7 +205,7 @@ def _parts(fit: Fit, indices: Sequence[int]) -> Iterator[FloatArray]:
     mix = None if fit.projected is None else fit.projected.mix
     weigh = fit.solution.inverse if mix is None else mix @ fit.solution.inverse
     grid = fit.blocks[indices[0]].grid
-    step = max(INSTANTS, PART // weigh.shape[1])
+    step = max(1, PART // weigh.shape[1] // INSTANTS) * INSTANTS
     for start in range(0, grid, step):
         stop = min(start + step, grid)
         lines = np.zeros((len(weigh), stop - start))

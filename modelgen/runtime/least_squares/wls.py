@@ -44,10 +44,10 @@ from modelgen.runtime.rows.row_triangles import RowTriangle
 Part = TypeVar("Part", RowBlock, RowTriangle)
 
 
-def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE) -> Fit:
+def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE, polish: bool = True) -> Fit:
     """Fit matched-filtered rows: force-scaled start, weights from the residuals, load rows bounded.
 
-    With a single block this is ordinary least squares.
+    With a single block this is ordinary least squares. Without `polish` what rounding has moved stays in.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE
     """
     blocks, columns, absent = _used_with_force(observation.blocks, observation.columns)
     weights, scales = _matched_weights([block.summary for block in blocks], len(columns), load_row_share)
-    fit = _solve(blocks, columns, absent, weights)
+    fit = _solve(blocks, columns, absent, weights, polish=polish)
     return replace(fit, notes=_runaway_notes(fit, scales))
 
 

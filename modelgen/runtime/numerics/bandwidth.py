@@ -21,8 +21,8 @@ Series = Callable[[], Iterator[FloatArray]]
 PART = 1 << 16
 # Numbers that additions one after the other work on at a time: they stay in a cache.
 CACHED = 1 << 15
-# Up to so many numbers are kept between passes, else computed again.
-KEPT = 1 << 20
+# Up to so many numbers are kept between passes, else computed again; more where these are known to be all.
+KEPT, KEPT_WHOLE = 1 << 20, 1 << 22
 # As sums over blocks of instants, fewer are enough.
 KEPT_SUMS = 1 << 18
 
@@ -80,23 +80,36 @@ def scores_bandwidth(series: Sequence[Series | FloatArray], grown: bool = True) 
 
 def in_parts(series: Series | FloatArray, least: int = 1) -> Iterator[FloatArray]:
     """Yield a series in parts, shape (n, c) each; of an array at least so many instants at a time."""
-    if callable(series):
-        return series()
-    step = max(least, PART // series.shape[1])
-    return (series[start : start + step] for start in range(0, len(series), step))
+    found = series.whole if isinstance(series, KeptOnce) and series.whole is not None else series
+    if callable(found):
+        return found()
+    step = max(least, PART // found.shape[1])
+    return (found[start : start + step] for start in range(0, len(found), step))
 
 
-def kept(series: Series | FloatArray) -> Series | FloatArray:
-    """Return a short series as an array, shape (n, c), so that it is computed once."""
-    if not callable(series):
-        return series
-    found, held = [], 0
-    for psi in series():
-        found.append(psi)
-        held += psi.size
-        if held > KEPT:
-            return series
-    return np.concatenate(found)
+class KeptOnce:
+    """A series in parts that is computed once, if it is short: the first pass over all of it keeps it.
+
+    Attributes
+    ----------
+    whole : array, shape (n, c), optional
+        What was kept, no more than `most` numbers.
+    """
+
+    def __init__(self, series: Series, most: int = KEPT) -> None:
+        self._series, self._most = series, most
+        self.whole: FloatArray | None = None
+
+    def __call__(self) -> Iterator[FloatArray]:
+        """Yield the parts, shape (n, c) each."""
+        found: list[FloatArray] = []
+        held = 0
+        for psi in self._series():
+            held += psi.size
+            found = [*found, psi] if held <= self._most else []
+            yield psi
+        if found:
+            self.whole = np.concatenate(found)
 
 
 def bandwidth_from_moments(power: FloatArray, product: FloatArray, n: int) -> float:

@@ -77,8 +77,8 @@ class RowBlock:
         others.
     by_gain : bool
         Whether a force of the row is a column, of a drive's gain.
-    opened : int
-        Directions of all samples along which nothing is left, as forces are unknown there.
+    opened : float
+        Along how many directions of all samples nothing is left, as forces are unknown there.
     """
 
     record: int
@@ -98,7 +98,7 @@ class RowBlock:
     touched: IntArray | None = None
     turning: bool = False
     by_gain: bool = False
-    opened: int = 0
+    opened: float = 0.0
 
     @cached_property
     def summary(self) -> RowTriangle:

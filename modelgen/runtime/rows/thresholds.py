@@ -47,6 +47,8 @@ CLEARLY_MOVING = 3.0
 # Forces are left open at no more than this share of a row's samples: what noise does there is taken off as if
 # it were that of all samples, less this share.
 MOST_UNCERTAIN = 0.25
-# Of pulses near each other sums count that exceed this share of the largest, and of a pulse. Windows of so
-# many points hold some dozens of pulses, and are long against one.
-PULSE_ALIKE, PULSE_WINDOW = 0.03, 128
+# Rows that leave a force open hold of a pulse, or of sums of pulses, at most half of this share of one.
+# Windows of so many points hold some dozens of pulses, and are long against one; so many at a time.
+PULSE_LEFT, PULSE_WINDOW, WINDOWS = 0.03, 128, 64
+# Directions that are taken out are counted by what a change of that share's square by so much does.
+POWERS_APART = 0.1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,7 +19,6 @@ from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.identification.swapped_channels import (
     _changes,
     _Sense,
-    _sense,
     swapped_channels,
 )
 from modelgen.runtime.model.model import Model, model_from_module
@@ -131,24 +131,47 @@ def test_a_derivative_that_is_all_noise_says_nothing_of_the_channels(monkeypatch
     ]
     job = Job(AC, tuple(records), choose_filter(AC, records))
     fit = METHODS["wls"].run(job)[1]
-    assert _sense(job, fit).unexplained > 0.9
+    assert _Sense(job, fit).unexplained > 0.9
     monkeypatch.setattr(
         "modelgen.runtime.identification.swapped_channels._changes", lambda *_: pytest.fail("tried")
     )
     assert swapped_channels(job, fit) == ()
 
 
+def leaving(unexplained: float, impossible: int | None = None) -> _Sense:
+    """Return what a fit would leave; without a number of impossible values none can be asked for."""
+    job = Job(QC, (), choose_filter(QC, experiments("qc")))
+    found = _Sense(job, METHODS["wls"].run(replace(job, records=experiments("qc")))[1])
+    vars(found)["unexplained"] = unexplained
+    if impossible is not None:
+        vars(found)["impossible"] = impossible
+    return found
+
+
 def test_a_row_that_leaves_more_than_all_is_not_mended_by_leaving_all() -> None:
-    given = _Sense(0, 3.54)
-    assert not given.explained_by(_Sense(0, 0.995))
-    assert given.explained_by(_Sense(0, 0.3))
+    given = leaving(3.54)
+    assert not given.explained_by(leaving(0.995))
+    assert given.explained_by(leaving(0.3))
 
 
 def test_a_reversal_that_explains_less_is_not_told_for_a_sign() -> None:
-    given = _Sense(2, 0.03)
-    assert given.as_well(_Sense(0, 0.03))
-    assert not given.as_well(_Sense(0, 0.4))
-    assert not _Sense(2, 0.8).as_well(_Sense(0, 0.6))
+    given = leaving(0.03)
+    assert given.as_well(leaving(0.03))
+    assert not given.as_well(leaving(0.4))
+    assert not leaving(0.8).as_well(leaving(0.6))
+
+
+def test_only_an_exchange_that_fits_is_asked_for_values_that_cannot_be(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given, poor, good, bad = leaving(0.03, 2), leaving(0.4), leaving(0.03, 0), leaving(0.03, 1)
+    monkeypatch.setattr(
+        "modelgen.runtime.identification.swapped_channels.hac_covariance", lambda _: pytest.fail("asked")
+    )
+    assert not given.mended_by(poor)
+    assert given.mended_by(good)
+    assert not given.mended_by(bad)
+    assert not leaving(0.03, 0).mended_by(good)
 
 
 def test_a_channel_that_never_changes_is_exchanged_with_none() -> None:

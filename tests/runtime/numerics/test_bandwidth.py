@@ -110,3 +110,22 @@ def test_a_series_in_parts_gives_the_same_and_so_do_sums_over_blocks(monkeypatch
     assert whole / 2.0 < scores_bandwidth([parts]) < 2.0 * whole
     # what lasts for as long as the record cannot be distinguished from none
     assert scores_bandwidth([psi, np.zeros((0, 3))]) <= LONGEST_WINDOW * len(psi)
+
+
+def test_a_short_series_is_computed_once() -> None:
+    x, asked = np.random.default_rng(3).standard_normal((900, 2)), []
+
+    def parts() -> Iterator[np.ndarray]:
+        asked.append(1)
+        return iter(np.split(x, 9))
+
+    for most, times in ((1800, 1), (1799, 2)):
+        asked.clear()
+        series = bandwidth.KeptOnce(parts, most)
+        for _ in range(2):
+            np.testing.assert_array_equal(np.concatenate(list(bandwidth.in_parts(series))), x)
+        assert len(asked) == times
+    # a pass that ends early keeps nothing
+    series = bandwidth.KeptOnce(parts, 1800)
+    next(iter(series()))
+    assert series.whole is None

@@ -1,18 +1,21 @@
-"""Rows that do not depend on a force at some samples: without their parts along what a low-pass makes of it.
+"""Rows that hardly depend on a force at some samples: what a low-pass makes of it weighs next to nothing.
 
-A force that is off at one sample enters rows as the low-pass's response to one sample, a pulse. Rows are made
-orthogonal to the pulses window by window of the grid, each by itself: what stretches hold is the same however
-they are cut.
+A force that is off at one sample enters rows as the low-pass's response to one sample, a pulse. Rows are
+multiplied by the inverse of a covariance, the unit matrix and much of every pulse: each then holds no more of
+it than `PULSE_LEFT`, and sums of pulses that are small, as neighbours differ little, stay. That is done
+window by window of the grid, each by itself: what stretches hold is the same however they are cut.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from modelgen.array_types import FloatArray, IntArray
+from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
 from modelgen.runtime.filters.zero_phase import support_samples
@@ -20,7 +23,13 @@ from modelgen.runtime.numerics.qr_triangle import tall_triangle, triangle_of
 from modelgen.runtime.rows.record_rows import RecordRows
 from modelgen.runtime.rows.row_block import DrawnBlock, InStretches, RowBlock, Stretch
 from modelgen.runtime.rows.row_triangles import AT_A_TIME
-from modelgen.runtime.rows.thresholds import PULSE_ALIKE, PULSE_WINDOW, TURN_TOLERANCE
+from modelgen.runtime.rows.thresholds import (
+    POWERS_APART,
+    PULSE_LEFT,
+    PULSE_WINDOW,
+    TURN_TOLERANCE,
+    WINDOWS,
+)
 
 
 def pulse_of(rows: RecordRows, choice: FilterChoice) -> FloatArray:
@@ -52,37 +61,105 @@ class OpenForces:
     start: int
     factor: int
 
-    def along(self, place: IntArray) -> FloatArray:
-        """Return an orthonormal basis of the pulses at points of the grid, shape (points, directions)."""
-        times, reach = self.start + self.factor * place, len(self.pulse) // 2
-        felt = slice(*np.searchsorted(self.samples, (times[0] - reach, times[-1] + reach + 1)).tolist())
-        apart = times[:, None] - self.samples[felt] + reach
-        if not apart.size:
-            return np.zeros((len(place), 0))
-        inside = (apart >= 0) & (apart < len(self.pulse))
-        held = np.where(inside, self.pulse[np.clip(apart, 0, len(self.pulse) - 1)], 0.0)
-        # of the smaller product the eigenvalues are squares of singular values
-        wide = len(held) < held.shape[1]
-        squares, vectors = np.linalg.eigh(held @ held.T if wide else held.T @ held)
-        whole = float(np.sum(self.pulse[:: self.factor] ** 2))
-        count = squares > PULSE_ALIKE**2 * max(float(squares[-1]), whole)
-        basis = vectors[:, count] if wide else held @ (vectors[:, count] / np.sqrt(squares[count]))
-        return np.asarray(basis)
+    @property
+    def reach(self) -> int:
+        """How many samples off a pulse is felt."""
+        return len(self.pulse) // 2
 
-    def left(self, part: Stretch) -> tuple[Stretch, int]:
-        """Return a stretch of whole windows without the pulses, and along how many directions nothing is."""
-        Y, W, taken = part.Y.copy(), part.W.copy(), 0
-        edges = np.flatnonzero(np.diff(part.place // PULSE_WINDOW)) + 1
-        for window in np.split(np.arange(len(part.place)), edges):
-            if not window.size:
-                continue
-            along = self.along(part.place[window])
-            if along.shape[1]:
-                at = slice(int(window[0]), int(window[-1]) + 1)
-                Y[at] -= along @ (along.T @ Y[at])
-                W[at] -= along @ (along.T @ W[at])
-                taken += along.shape[1]
-        return part._replace(Y=Y, W=W), taken
+    @cached_property
+    def power(self) -> float:
+        """What of the sum of squares of a pulse, at points of the grid, the unit matrix is to weigh."""
+        return PULSE_LEFT**2 * float(np.sum(self.pulse[:: self.factor] ** 2))
+
+    @cached_property
+    def products(self) -> FloatArray:
+        """Products of a pulse with itself, so many points later, by its samples, (2 reach + 1, points)."""
+        later = range(min(-(-len(self.pulse) // self.factor), PULSE_WINDOW))
+        found = np.zeros((len(self.pulse), len(later)))
+        for count in later:
+            shift = count * self.factor
+            found[: len(found) - shift, count] = self.pulse[: len(found) - shift] * self.pulse[shift:]
+        return found[::-1]
+
+    def feel(self, windows: IntArray) -> IntArray:
+        """Return those of some windows of the grid, shape (w,), that feel an open force."""
+        first = self.start + self.factor * PULSE_WINDOW * windows
+        last = first + self.factor * (PULSE_WINDOW - 1)
+        low, high = np.searchsorted(self.samples, (first - self.reach, last + self.reach + 1))
+        return np.asarray(windows[high > low])
+
+    def covariance(self, windows: IntArray, used: BoolArray) -> FloatArray:
+        """Return sums of products of the pulses at points that are used, and the unit matrix times `power`.
+
+        Parameters
+        ----------
+        windows : array of int, shape (w,)
+        used : array of bool, shape (w, points of a window)
+
+        Returns
+        -------
+        array, shape (points that feel the same, w points)
+            Of the matrix of all points of the windows the diagonal, and those below it.
+        """
+        first = self.start + self.factor * PULSE_WINDOW * windows - self.reach
+        size = self.factor * (PULSE_WINDOW - 1) + len(self.pulse)
+        opened = np.zeros((len(windows), size))
+        for line, low in zip(opened, first.tolist(), strict=True):
+            inside = slice(*np.searchsorted(self.samples, (low, low + size)).tolist())
+            line[self.samples[inside] - low] = 1.0
+        near = sliding_window_view(opened, len(self.pulse), axis=1)[:, :: self.factor]
+        every, found = bool(used.all()), np.array(self.products.T @ near.reshape(-1, len(self.pulse)).T)
+        for later, band in enumerate(found.reshape(-1, *used.shape)):
+            behind = PULSE_WINDOW - later
+            band[:, behind:] = 0.0
+            if not every:
+                band[:, :behind] *= used[:, later:] & used[:, :behind]
+        found[0] += self.power
+        return found
+
+    def parts(self, place: IntArray) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
+        """Yield which of some points of the grid, shape (n,), feel the forces, some windows at a time.
+
+        With them come their places among all points of these windows, and the covariance.
+        """
+        of, at = np.divmod(place, PULSE_WINDOW)
+        felt = self.feel(np.unique(of))
+        for windows in np.split(felt, range(WINDOWS, len(felt), WINDOWS)) if felt.size else ():
+            rows = np.flatnonzero(np.isin(of, windows))
+            inside = PULSE_WINDOW * np.searchsorted(windows, of[rows]) + at[rows]
+            used = np.zeros((len(windows), PULSE_WINDOW), dtype=bool)
+            used.flat[inside] = True
+            yield rows, inside, self.covariance(windows, used)
+
+    def left(self, part: Stretch) -> Stretch:
+        """Return a stretch of whole windows that leaves the forces open."""
+        from scipy.linalg import solveh_banded
+
+        Y, W = part.Y.copy(), part.W.copy()
+        for rows, inside, band in self.parts(part.place):
+            lines = np.zeros((band.shape[1], W.shape[1] + 1), order="F")
+            lines[inside, :-1], lines[inside, -1] = W[rows], Y[rows]
+            lines = solveh_banded(band, lines, True, True, lower=True, check_finite=False)
+            W[rows], Y[rows] = self.power * lines[inside, :-1], self.power * lines[inside, -1]
+        return part._replace(Y=Y, W=W)
+
+    def directions(self, place: IntArray) -> float:
+        """Return along how many directions nothing is left of rows at points of the grid, shape (n,).
+
+        A direction of which a part is left counts in part: their number is that of the points less what the
+        logarithm of the covariance's determinant changes by with that of `power`.
+        """
+        from scipy.linalg import cholesky_banded
+
+        taken, near = 0.0, np.array([-POWERS_APART, POWERS_APART])
+        for _, _, band in self.parts(place):
+            logs = []
+            for more in self.power * np.expm1(near):
+                moved = band.copy()
+                moved[0] += more
+                logs.append(2.0 * float(np.sum(np.log(cholesky_banded(moved, True, True, False)[0]))))
+            taken += band.shape[1] - (logs[1] - logs[0]) / (near[1] - near[0])
+        return taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +171,11 @@ class OpenedRows:
 
     def between(self, start: int, stop: int) -> Stretch:
         """Return the samples used among those points of the grid."""
-        return self.counted(start, stop)[0]
-
-    def counted(self, start: int, stop: int) -> tuple[Stretch, int]:
-        """Return the same, and along how many directions nothing is left of the windows that these are in."""
         low, high = start // PULSE_WINDOW * PULSE_WINDOW, -(-stop // PULSE_WINDOW) * PULSE_WINDOW
-        part, taken = self.forces.left(self.source.between(low, high))
+        part = self.forces.left(self.source.between(low, high))
         first, behind = np.searchsorted(part.place, (start, stop)).tolist()
         rows, at = slice(part.rows.start + first, part.rows.start + behind), slice(first, behind)
-        return Stretch(rows, part.place[at], part.Y[at], part.W[at]), taken
+        return Stretch(rows, part.place[at], part.Y[at], part.W[at])
 
     def longest_run(self, most: int) -> Stretch:
         """Return the longest stretch without a gap, or so many of its first samples."""
@@ -116,19 +189,19 @@ def with_open_forces(block: RowBlock, forces: OpenForces, stretch: int) -> RowBl
         return block
     opened = OpenedRows(block, forces)
     if block.in_memory:
-        part, taken = opened.counted(0, block.grid)
-        return replace(block.kept(), Y=part.Y, W=part.W, opened=taken)
+        part = opened.between(0, block.grid)
+        return replace(block.kept(), Y=part.Y, W=part.W, opened=forces.directions(part.place))
     triangles: list[FloatArray] = []
-    total = 0
+    taken = 0.0
     for start in range(0, block.grid, stretch):
-        part, taken = opened.counted(start, start + stretch)
+        part = opened.between(start, start + stretch)
         triangles.append(tall_triangle(part.W, part.Y))
-        total += taken
+        taken += forces.directions(part.place)
         if len(triangles) == AT_A_TIME:
             triangles = [triangle_of(np.concatenate(triangles))]
     summary = replace(block.summary, triangle=triangle_of(np.concatenate(triangles)))
     inside = range(summary.triangle.shape[1] - 2)
-    return DrawnBlock(opened, inside, vars(block) | {"summary": summary, "opened": total, "whole": None})
+    return DrawnBlock(opened, inside, vars(block) | {"summary": summary, "opened": taken, "whole": None})
 
 
 def least_certain(near: IntArray, certain: FloatArray, factor: int, most: int) -> IntArray:
@@ -157,6 +230,8 @@ def least_certain(near: IntArray, certain: FloatArray, factor: int, most: int) -
 
 def joined(found: Sequence[tuple[IntArray, FloatArray]]) -> tuple[IntArray, FloatArray]:
     """Return samples and how certain each is, shape (s,) each, the least where several say so."""
+    if len(found) == 1:
+        return found[0]
     near = np.concatenate([one for one, _ in found])
     certain = np.concatenate([one for _, one in found])
     order = np.lexsort((certain, near))

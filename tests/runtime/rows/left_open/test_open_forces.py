@@ -1,4 +1,4 @@
-"""Rows with open forces hold nothing along their pulses, and are the same however they are cut."""
+"""Rows with open forces hold next to nothing of their pulses, and are the same however they are cut."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from modelgen.runtime.rows.left_open.open_forces import (
     with_open_forces,
 )
 from modelgen.runtime.rows.row_block import RowBlock
+from modelgen.runtime.rows.thresholds import PULSE_LEFT, PULSE_WINDOW
 
 START, FACTOR, GRID = 30, 5, 700
 
@@ -49,17 +50,33 @@ def forces() -> OpenForces:
     return OpenForces(np.sort(rng.choice(3600, 60, replace=False)), pulse(), START, FACTOR)
 
 
-def test_a_force_that_is_open_is_in_no_row() -> None:
-    at, one = forces(), block()
+def felt(at: OpenForces, place: IntArray) -> FloatArray:
+    """Return the pulses at points of the grid, shape (points, samples)."""
+    apart = START + FACTOR * place[:, None] - at.samples + 40
+    return np.where((apart >= 0) & (apart <= 80), pulse()[np.clip(apart, 0, 80)], 0.0)
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+def test_a_force_that_is_open_is_in_no_row(gaps: bool) -> None:
+    place = np.setdiff1d(np.arange(GRID), np.arange(200, 350)) if gaps else np.arange(GRID)
+    at, one = forces(), block(place)
     opened = with_open_forces(one, at, 256)
-    assert 0 < opened.opened < 1.2 * len(at.samples)
-    for sample in at.samples.tolist():
-        apart = START + FACTOR * one.place - sample + 40
-        felt = np.where((apart >= 0) & (apart <= 80), pulse()[np.clip(apart, 0, 80)], 0.0)
-        bumped = with_open_forces(RowBlock(**{**vars(one), "Y": one.Y + 7.0 * felt}), at, 256)
-        assert np.abs(bumped.Y - opened.Y).max() < 0.05 * 7.0  # sums that are alike to 3 % are one
-    gone = one.Y - opened.Y
-    assert gone @ opened.Y == pytest.approx(0.0, abs=1e-9)
+    pulses = felt(at, place)
+    size = float(np.sum(pulse()[::FACTOR] ** 2))
+    for column in pulses.T:
+        bumped = with_open_forces(RowBlock(**{**vars(one), "Y": one.Y + 7.0 * column}), at, 256)
+        assert np.linalg.norm(bumped.Y - opened.Y) <= 7.0 * PULSE_LEFT * np.sqrt(size / 2.0)
+    # by its definition, window by window
+    taken = 0.0
+    for window in range(-(-GRID // PULSE_WINDOW)):
+        own = place // PULSE_WINDOW == window
+        powers, ways = np.linalg.eigh(pulses[own] @ pulses[own].T)
+        less = PULSE_LEFT**2 * size / (powers + PULSE_LEFT**2 * size)
+        taken += float(np.sum(1.0 - less))
+        for before, behind in ((one.Y, opened.Y), (one.W, opened.W)):
+            expected = (ways * less) @ (ways.T @ before[own])
+            np.testing.assert_allclose(behind[own], expected, rtol=0.0, atol=1e-10)
+    assert opened.opened == pytest.approx(taken, rel=1e-3)
 
 
 @pytest.mark.parametrize("gaps", [False, True])

@@ -98,8 +98,8 @@ def test_what_the_force_does_where_a_direction_is_uncertain_is_in_no_row() -> No
     for one, other in zip(before, after, strict=True):
         gone = one.Y - other.Y
         assert one.count == other.count
-        # orthogonal: nothing but parts along pulses is taken, and these are few
-        assert gone @ other.Y == pytest.approx(0.0, abs=1e-9 * float(one.Y @ one.Y))
+        # parts along pulses are taken, whole or, of small sums of them, a share; and these are few
+        assert 0.0 <= gone @ other.Y < 2e-3 * float(one.Y @ one.Y)
         assert np.any(gone) == (other.opened > 0) and other.opened < 0.3 * one.count
 
 
