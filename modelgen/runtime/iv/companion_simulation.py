@@ -47,10 +47,10 @@ from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import excitation_from_record
-from modelgen.runtime.simulation.followed_motion import followed_motion
 from modelgen.runtime.simulation.held_chain import HeldChain, held_chain
 from modelgen.runtime.simulation.motion import Motion, move, readings, true_signals
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
+from modelgen.runtime.simulation.smoothed_motion import Difference, smoothed_speeds
 
 # An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
 REFERENCE = "reference"
@@ -60,14 +60,13 @@ REFERENCE = "reference"
 class Further:
     """Position (order 0) or velocity (1), SI, shape (n,), and its noise in unit^2/Hz.
 
-    Its `own` sensor reads it, or it is that of the chain as a `rigid` body, or links carry it along.
+    Its `own` sensor reads it, or all sensors show it as far as links carry it to them, noise left out.
     """
 
     motion: FloatArray
     order: int
     noise: float
     own: bool = False
-    rigid: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +78,8 @@ class Simulated:
     positions of bodies with an encoder were elsewhere in it, and the noise of that, rms, `speed`
     the speeds of bodies as simulated. `slow` is a speed that counts as low, by body, the same in all records.
     `felt` is for `modelgen.runtime.iv.pushed_chain`: which rows feel the pushes that it has looked at.
-    `measured` is the record itself, which leads the motion up to `led_hz`.
+    `measured` is the record itself, which leads the motion up to `led_hz`; below `slow_hz` the sensors of
+    lowest order alone do so. `smoothed` are speeds of all bodies in the record asked for last.
     """
 
     plant: Plant
@@ -92,6 +92,8 @@ class Simulated:
     felt: dict[tuple[float, ...], tuple[int, ...]] = field(default_factory=dict, repr=False)
     measured: Record | None = None
     led_hz: float = 0.0
+    slow_hz: float = 0.0
+    smoothed: list[tuple[Record, FloatArray | None]] = field(default_factory=list, repr=False)
 
     @cached_property
     def held(self) -> HeldChain:
@@ -109,9 +111,8 @@ class Simulated:
     def further(self, body: str, record: Record) -> Further | None:
         """Return by how much further than in the simulation a body moves in a record, None if unknown.
 
-        What its own sensor of position or velocity reads shows it; else the sensors of lowest order do, as
-        the bodies that they are on carry it along. The feedback pushes the driven body: where that has no
-        sensor, only slow motion is known.
+        What its own sensor of position or velocity reads shows it; else all sensors do, by what links
+        carry of its motion to them.
         """
         plant, read = self.plant, record.signals
         own = [one for one in plant.model.sensors if one.body == body and one.order < 2 and one.key in read]
@@ -119,18 +120,30 @@ class Simulated:
         sensor = min(own, key=lambda one: one.order, default=nearest)
         if sensor.order == 2:
             return None
-        noise = record.facts.spectrum(sensor.key).noise
+        away = read[sensor.key] - self.record.signals[sensor.key]
         if own:
-            return Further(read[sensor.key] - self.record.signals[sensor.key], sensor.order, noise, own=True)
-        away = dict[str, FloatArray]()
-        for one in plant.model.sensors:
-            if one.body and one.order == sensor.order and one.key in read:
-                away.setdefault(one.body, read[one.key] - self.record.signals[one.key])
-        if not any(np.any(one) for one in away.values()):
+            noise = record.facts.spectrum(sensor.key).noise
+            return Further(away, sensor.order, noise, own=True)
+        if not away.any():
             return None
-        if plant.bodies[plant.driven] not in away:
-            return Further(gear * away[sensor.body or ""], sensor.order, gear**2 * noise, rigid=True)
-        return Further(followed_motion(plant, body, away, record.dt), sensor.order, gear**2 * noise)
+        speeds = self._smoothed(record)
+        if speeds is None:
+            return None
+        mean = away.mean() if sensor.order else (away[-1] - away[0]) / (record.dt * (record.n - 1))
+        return Further(speeds[plant.bodies.index(body)] + gear * float(mean), 1, 0.0)
+
+    def _smoothed(self, record: Record) -> FloatArray | None:
+        # all bodies of a record are asked for, one after the other
+        if self.smoothed and self.smoothed[0][0] is record:
+            return self.smoothed[0][1]
+        read, own, key = record.signals, self.record.signals, self.plant.force
+        keys = [one.key for one in self.plant.model.sensors if one.key in read]
+        away = {key: read[key] - own[key] for key in keys}
+        noise = {key: record.facts.spectrum(key).noise for key in keys}
+        difference = Difference(away, noise, read[key] - own[key], record.dt)
+        found = smoothed_speeds(self.plant, difference, self.slow_hz, self.led_hz)
+        self.smoothed[:] = [(record, found)]
+        return found
 
 
 @dataclass(frozen=True)
@@ -205,7 +218,11 @@ def simulated_beside(
             true = HeldMotion(plant, record, choice, true_signals, close, true).whole()
     keys = [entry.key for entry in model.actuators] + [entry.key for entry in model.sensors]
     read = {key: true[key] for key in keys}
-    return _as_moved(Simulated(plant, _as_read(record, read), true, index), record, choice)
+    led_hz = min(LED * dynamics_hz(choice), HIGHEST_LED * record.fs)
+    slow_hz = smoothing_hz(record, feedback_hz(choice))
+    return _as_moved(
+        Simulated(plant, _as_read(record, read), true, index, led_hz=led_hz, slow_hz=slow_hz), record
+    )
 
 
 @lru_cache(maxsize=4)  # all records are simulated with the same parameters, one after the other
@@ -213,7 +230,7 @@ def _plant(model: Model, parameters: tuple[tuple[str, float], ...]) -> Plant:
     return make_plant(model, dict(parameters))
 
 
-def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Simulated:
+def _as_moved(simulated: Simulated, record: Record) -> Simulated:
     """Return a simulation with the motion of the measured record.
 
     The weak feedback bends the slow motion, and what the model lacks moved the record: a further force that
@@ -221,22 +238,20 @@ def _as_moved(simulated: Simulated, record: Record, choice: FilterChoice) -> Sim
     body without one is led by those that have one, or follows their slow part.
     """
     motion, away, speeds = dict(simulated.motion), {}, {}
-    led_hz = min(LED * dynamics_hz(choice), HIGHEST_LED * record.fs)
     for body in simulated.plant.bodies:
         speeds[body] = motion[f"v_{body}"]
         shown = simulated.further(body, record)
         if shown is None:
             continue
-        wide_hz = smoothing_hz(record, feedback_hz(choice)) if shown.rigid else led_hz
-        further = zero_phase(shown.motion, LED_ORDER, wide_hz, record.fs)
+        further = zero_phase(shown.motion, LED_ORDER, simulated.led_hz, record.fs)
         speed = speeds[body]
         # a body that sticks has no direction: noise must not give it one
         moving = np.abs(speed) > AT_REST * np.max(np.abs(speed))
         change = further if shown.order else differentiate(further, record.dt)
         motion[f"v_{body}"] = speed + np.where(moving, change, 0.0)
         if shown.own and shown.order == 0:
-            away[body] = further, float(np.sqrt(shown.noise * led_hz))
-    return replace(simulated, motion=motion, away=away, speed=speeds, measured=record, led_hz=led_hz)
+            away[body] = further, float(np.sqrt(shown.noise * simulated.led_hz))
+    return replace(simulated, motion=motion, away=away, speed=speeds, measured=record)
 
 
 def _closed(plant: Plant, record: Record, choice: FilterChoice, loop: Loop) -> Motion:
