@@ -152,7 +152,7 @@ class _Chain:
         power, turned = np.linalg.eigh((seen * self.shares) @ _adjoint(seen))
         level = share * np.abs(_adjoint(turned) @ read[:, :, None])[:, :, 0] ** 2
         power = np.maximum(power, 0.0)
-        # noise has a power of one: from pushes far below it at all frequencies to those that are all that is read
+        # noise has a power of one: from pushes far below it at all frequencies to those that are all of it
         strongest, typical = float(power.max()) or 1.0, float(np.median(power.max(axis=1))) or 1.0
         sizes = np.geomspace(UNSEEN_PUSH / strongest, max(float(level.max()), 1.0) / typical, PUSHES_TRIED)
         fits = [np.sum(np.log1p(size * power) + level / (1.0 + size * power)) for size in sizes]
@@ -173,7 +173,7 @@ class _Chain:
     def _parts(
         self, omega: FloatArray, spectra: ComplexArray
     ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Return how forces move bodies (f, b, b), what is read without a known cause (f, s), and of forces."""
+        """Return how forces move bodies (f, b, b), what is read for no known reason (f, s), and of forces."""
         b, s = len(self.inertia), 1j * omega[:, None, None]
         moved = s**2 * np.eye(b) - s * self.A[b:, b:] - self.A[b:, :b]
         compliance = np.asarray(np.linalg.inv(moved) / self.inertia, dtype=complex)

@@ -59,9 +59,9 @@ STEPS_A_SAMPLE = 8
 HOLDING_SHARE = 0.1
 
 # Of a chain that is smoothed: every body is pushed by at least this share of what friction pushes the first
-# one by, as power; a sensor has at least this share of its power as noise, at every frequency, since no model is
-# exact; and noise of drifting sensors rises with this power of the frequency below the lowest one.
+# one by, as power; a sensor has at least this share of its power as noise, at every frequency, since no model
+# is exact; and noise of drifting sensors rises with this power of the frequency below the lowest one.
 ELSEWHERE, LEAST_NOISE, SCREENED_ORDER = 1e-4, 1e-9, 4
-# The size of pushes is the most likely one of so many, judged at so many frequencies, from a share of noise on;
-# so many complex numbers are worked out at once.
+# The size of pushes is the most likely one of so many, judged at so many frequencies, from a share of noise
+# on; so many complex numbers are worked out at once.
 PUSHES_TRIED, SEEN_FREQUENCIES, UNSEEN_PUSH, NUMBERS_AT_ONCE = 61, 1000, 1e-3, 200_000
