@@ -50,7 +50,7 @@ from modelgen.runtime.simulation.excitation import excitation_from_record
 from modelgen.runtime.simulation.held_chain import HeldChain, held_chain
 from modelgen.runtime.simulation.motion import Motion, move, readings, true_signals
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
-from modelgen.runtime.simulation.smoothed_motion import Difference, smoothed_speeds
+from modelgen.runtime.simulation.smoothed_motion import Beyond, smoothed_speeds
 
 # An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
 REFERENCE = "reference"
@@ -140,7 +140,7 @@ class Simulated:
         keys = [one.key for one in self.plant.model.sensors if one.key in read]
         away = {key: read[key] - own[key] for key in keys}
         noise = {key: record.facts.spectrum(key).noise for key in keys}
-        difference = Difference(away, noise, read[key] - own[key], record.dt)
+        difference = Beyond(away, noise, read[key] - own[key], record.dt)
         found = smoothed_speeds(self.plant, difference, self.slow_hz, self.led_hz)
         self.smoothed[:] = [(record, found)]
         return found

@@ -28,7 +28,7 @@ from modelgen.runtime.simulation.thresholds import (
 
 
 @dataclass(frozen=True, eq=False)
-class Difference:
+class Beyond:
     """What a record shows beyond a simulation of it.
 
     Attributes
@@ -49,16 +49,14 @@ class Difference:
     dt: float
 
 
-def smoothed_speeds(
-    plant: Plant, difference: Difference, least_hz: float, most_hz: float
-) -> FloatArray | None:
+def smoothed_speeds(plant: Plant, difference: Beyond, least_hz: float, most_hz: float) -> FloatArray | None:
     """Return by how much faster than in the simulation every body moves, but for its mean.
 
     Parameters
     ----------
     plant : Plant
         As simulated; Coulomb friction is among the pushes that are not known.
-    difference : Difference
+    difference : Beyond
     least_hz : float
         Below this frequency sensors of lowest order alone count, as drift of accelerometers is no motion.
     most_hz : float
@@ -121,7 +119,7 @@ class _Chain:
     least: float
 
     @staticmethod
-    def of(plant: Plant, difference: Difference, least_hz: float) -> _Chain | None:
+    def of(plant: Plant, difference: Beyond, least_hz: float) -> _Chain | None:
         A = np.asarray(plant.space(tuple(1 for _ in plant.sticking)).A)
         if not np.all(np.isfinite(A)):
             return None

@@ -12,7 +12,7 @@ from scipy.signal import lsim
 from modelgen.array_types import FloatArray
 from modelgen.cli.candidates import spec_model
 from modelgen.runtime.simulation.plant import Plant, make_plant
-from modelgen.runtime.simulation.smoothed_motion import Difference, mirrored, smoothed_speeds
+from modelgen.runtime.simulation.smoothed_motion import Beyond, mirrored, smoothed_speeds
 from modelgen.spec.load import parse_spec
 from tests.runtime.two_mass_records import GEARED_TEXT, GEARED_TRUTH
 
@@ -49,7 +49,7 @@ def moved() -> tuple[FloatArray, FloatArray, FloatArray]:
     return known, found[:, 2:4].T, found[:, [0, 4, 3, 5]].T
 
 
-def difference(*keys: str, drift: float = 0.0) -> Difference:
+def difference(*keys: str, drift: float = 0.0) -> Beyond:
     """Return what some sensors read more than in a simulation, and the push that is known."""
     rng = np.random.default_rng(5)
     known, _, read = moved()
@@ -60,7 +60,7 @@ def difference(*keys: str, drift: float = 0.0) -> Difference:
         if key.startswith("a"):
             noisy[key] += drift * (1.0 + np.linspace(0.0, 1.0, N) ** 2)
     density: Mapping[str, float] = {key: 2.0 * NOISE[key] ** 2 / FS for key in keys}
-    return Difference(noisy, density, known, 1.0 / FS)
+    return Beyond(noisy, density, known, 1.0 / FS)
 
 
 def error(body: int, *keys: str, drift: float = 0.0) -> float:
@@ -94,7 +94,7 @@ def test_a_push_that_is_known_moves_the_chain_where_no_sensor_sees_much() -> Non
     space = plant().space((1,))
     A, B = np.asarray(space.A), np.asarray(space.B)
     _, expected, _ = lsim((A, B, np.eye(4)[3:], np.zeros((1, 1))), known, np.arange(N) / FS)
-    deaf = Difference({"v_c": np.zeros(N)}, {"v_c": 1e6}, known, 1.0 / FS)
+    deaf = Beyond({"v_c": np.zeros(N)}, {"v_c": 1e6}, known, 1.0 / FS)
     found = smoothed_speeds(plant(), deaf, LEAST_HZ, MOST_HZ)
     assert found is not None
     wrong = (found[1] - expected)[2000:-2000]
