@@ -52,7 +52,6 @@ from modelgen.runtime.simulation.motion import Motion, move, readings, true_sign
 from modelgen.runtime.simulation.plant import Plant, make_plant, measured_forces
 from modelgen.runtime.simulation.smoothed_motion import Beyond, smoothed_speeds
 
-# An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
 REFERENCE = "reference"
 
 
@@ -203,26 +202,36 @@ def simulated_beside(
     choice: FilterChoice,
     loop: Loop | None = None,
     index: int = 0,
-    close: bool = False,
 ) -> Simulated:
-    """Return the same with the plant and the signals of all bodies; `index` says which record it is.
-
-    It keeps as `close` to the record as `HeldMotion` says.
-    """
+    """Return the same with the plant and the signals of all bodies; `index` says which record it is."""
     plant = _plant(model, tuple(parameters.items()))
     if loop is not None and REFERENCE in record.signals:
         true = true_signals(plant, _closed(plant, record, choice, loop))
     else:
-        true = HeldMotion(plant, record, choice, true_signals, close).whole()
-        for _ in range(FOLLOWED_AGAIN if close else 0):
-            true = HeldMotion(plant, record, choice, true_signals, close, true).whole()
-    keys = [entry.key for entry in model.actuators] + [entry.key for entry in model.sensors]
+        true = HeldMotion(plant, record, choice, true_signals).whole()
+    return _along(plant, true, record, choice, index)
+
+
+def followed_closely(simulated: Simulated, choice: FilterChoice, loop: Loop | None = None) -> Simulated:
+    """Return the same kept as close to its record as `HeldMotion` says; a closed loop stays as it is."""
+    plant, record = simulated.plant, simulated.measured
+    if record is None or (loop is not None and REFERENCE in record.signals):
+        return simulated
+    true = {**simulated.motion, **{f"v_{body}": speed for body, speed in simulated.speed.items()}}
+    for _ in range(FOLLOWED_AGAIN):
+        true = HeldMotion(plant, record, choice, true_signals, true).whole()
+    return _along(plant, true, record, choice, simulated.index)
+
+
+def _along(
+    plant: Plant, true: Mapping[str, FloatArray], record: Record, choice: FilterChoice, index: int
+) -> Simulated:
+    """Return a simulation along a record from its true signals."""
+    keys = [entry.key for entry in plant.model.actuators] + [entry.key for entry in plant.model.sensors]
     read = {key: true[key] for key in keys}
     led_hz = min(LED * dynamics_hz(choice), HIGHEST_LED * record.fs)
-    slow_hz = smoothing_hz(record, feedback_hz(choice))
-    return _as_moved(
-        Simulated(plant, _as_read(record, read), true, index, led_hz=led_hz, slow_hz=slow_hz), record
-    )
+    slow_hz, read_by = smoothing_hz(record, feedback_hz(choice)), _as_read(record, read)
+    return _as_moved(Simulated(plant, read_by, true, index, led_hz=led_hz, slow_hz=slow_hz), record)
 
 
 @lru_cache(maxsize=4)  # all records are simulated with the same parameters, one after the other

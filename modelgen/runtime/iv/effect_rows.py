@@ -11,7 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filters.block_numpy import largest
-from modelgen.runtime.iv.companion_simulation import Simulated, possible, simulated_beside
+from modelgen.runtime.iv.companion_simulation import Simulated, followed_closely, possible, simulated_beside
 from modelgen.runtime.iv.divergence import simulation_failed
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
@@ -46,26 +46,32 @@ def simulated_records(
     return found
 
 
-def simulated_with(
-    values: Mapping[str, float], fit: Fit, setting: Setting, close: bool = False
-) -> tuple[Simulated, ...]:
-    """Return what a simulation with physical parameters (SI) reads; as `simulated_records`.
-
-    It keeps as `close` to the records as `HeldMotion` says.
-    """
+def simulated_with(values: Mapping[str, float], fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
+    """Return what a simulation with physical parameters (SI) reads; as `simulated_records`."""
     model = setting.model
     parameters = possible(model, values)
 
     def of(index: int) -> Simulated:
         record = setting.records[index]
-        return simulated_beside(model, parameters, record, setting.choice, setting.loop, index, close)
+        return simulated_beside(model, parameters, record, setting.choice, setting.loop, index)
 
-    try:
-        found = tuple(_over_records(of, range(len(setting.records)), setting.records))
-    except DataError as error:
-        raise simulation_failed(error, fit, model) from error
+    found = _simulations(of, fit, setting)
     slow = _LowSpeeds(found)
     return tuple(replace(one, slow=slow) for one in found)
+
+
+def followed_records(simulated: Sequence[Simulated], fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
+    """Return simulations kept close to the records, see `followed_closely`; as `simulated_records`."""
+    return _simulations(
+        lambda index: followed_closely(simulated[index], setting.choice, setting.loop), fit, setting
+    )
+
+
+def _simulations(of: Callable[[int], Simulated], fit: Fit, setting: Setting) -> tuple[Simulated, ...]:
+    try:
+        return tuple(_over_records(of, range(len(setting.records)), setting.records))
+    except DataError as error:
+        raise simulation_failed(error, fit, setting.model) from error
 
 
 class _LowSpeeds(dict[str, float]):

@@ -22,6 +22,7 @@ from modelgen.runtime.filters.derivatives import EIGHTH_ORDER, differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
 from modelgen.runtime.iv.thresholds import (
     FEEDBACK_SHARE,
+    FOLLOWED_SHARE,
     HELD_REACHES,
     HELD_STRETCH,
     HIGHEST_LED,
@@ -68,17 +69,17 @@ class HeldMotion:
         record: Record,
         choice: FilterChoice,
         seen: Seen,
-        close: bool = False,
         near: Mapping[str, FloatArray] | None = None,
     ) -> None:
-        """Take what to follow, and whether as `close` as the dynamics let a simulation.
+        """Take what to follow.
 
-        `near` are the true signals of a motion near to the record's, see `SlowPart`.
+        `near` are the true signals of a motion near to the record's, see `SlowPart`: beside these it keeps
+        as close to the record as bodies that stick allow.
         """
         refuse_lacking_forces(plant, record)
         self._plant, self._record, self._seen = plant, record, seen
         driven = plant.bodies[plant.driven]
-        hz = followed_hz(plant, record, choice) if close else feedback_hz(choice)
+        hz = followed_hz(plant, record, choice) if near is not None else feedback_hz(choice)
         self._slow = SlowPart.of(plant, driven, record, smoothing_hz(record, hz), near)
         self._starts = [_Start(initial_state(plant, record, choice), None, (0.0, 0.0))]
         further = [key for key in plant.further if record.facts.extent(key).peak > 0.0]
@@ -256,12 +257,13 @@ def feedback_hz(choice: FilterChoice) -> float:
 def followed_hz(plant: Plant, record: Record, choice: FilterChoice) -> float:
     """Return the bandwidth in Hz of a feedback that keeps a simulation close to the record.
 
-    That of the dynamics where the driven body has a sensor of its own, else weak: what another body does is
-    no motion of this one.
+    A share of the dynamics' where the driven body has a sensor of its own, else weak: what another body does
+    is no motion of this one.
     """
     driven = plant.bodies[plant.driven]
     sensor, _ = nearest_sensor(plant, driven, record)
-    return dynamics_hz(choice) if sensor.body == driven and sensor.order < 2 else feedback_hz(choice)
+    own = sensor.body == driven and sensor.order < 2
+    return FOLLOWED_SHARE * dynamics_hz(choice) if own else feedback_hz(choice)
 
 
 def dynamics_hz(choice: FilterChoice) -> float:

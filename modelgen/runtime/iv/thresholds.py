@@ -7,8 +7,11 @@ from __future__ import annotations
 FEEDBACK_SHARE = 1.0 / 30.0
 SMOOTHING = 4.0
 SMOOTHING_ORDER = 2
-# A simulation that follows closely follows itself so many times, less what it was off: a velocity that a
-# low-pass has bent at every reversal of the record had made it turn late.
+# A simulation that follows closely has a feedback of this share of the dynamics' frequency. As fast as these,
+# it pulled at a body that sticks until that slipped at another instant; a thirtieth leaves further errors.
+FOLLOWED_SHARE = 0.2
+# It follows itself so many times, less what it was off: a feedback that sees a low-passed motion damps what
+# is faster, and a velocity that a low-pass has bent at every reversal of the record had made it turn late.
 FOLLOWED_AGAIN = 2
 # A record leads a simulation up to this multiple of the dynamics' frequency, whatever the rows' cut-off, and
 # up to this share of the sampling frequency at most.

@@ -16,7 +16,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explanation.explained import Begun, run_method, with_note
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import TURNED_ROUNDS
-from modelgen.runtime.iv.companion_simulation import Loop, possible, simulated_beside
+from modelgen.runtime.iv.companion_simulation import Loop, followed_closely, possible, simulated_beside
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.physical.friction_rows import directions
 from modelgen.runtime.least_squares.delays import advanced
@@ -86,6 +86,6 @@ def _with_directions(
     found, bodies = [], bodies_with_signs(model)
     for record in records:
         on_time = advanced(record, late)
-        one = simulated_beside(model, values, on_time, choice, loop, close=True)
-        found.append(record.edited(directions(one, bodies, on_time)))
+        one = simulated_beside(model, values, on_time, choice, loop)
+        found.append(record.edited(directions(followed_closely(one, choice, loop), bodies, on_time)))
     return tuple(found)

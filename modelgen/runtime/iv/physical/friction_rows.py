@@ -41,21 +41,11 @@ def adds_friction(fit: Fit, setting: Setting) -> bool:
     return any(_dropped(fit, setting))
 
 
-def unseen_bodies(fit: Fit, setting: Setting) -> set[str]:
-    """Return the bodies whose friction such rows have, and of which no sensor reads position or velocity.
-
-    None where the driven body is such a one itself: a simulation can be kept close to its sensor only.
-    """
-    seen = {one.body for one in setting.model.sensors if one.body and one.order < 2}
-    return _bodies(fit, setting) - seen if setting.model.actuators[0].body in seen else set()
-
-
 def with_friction(
     fit: Fit,
     setting: Setting,
     simulated: Sequence[Simulated],
     values: Mapping[str, float],
-    close: Sequence[Simulated] = (),
 ) -> Fit:
     """Return the fit with that friction in its blocks, linear at its solution.
 
@@ -66,17 +56,11 @@ def with_friction(
     setting : Setting
         With the records that the blocks were made of.
     simulated : sequence of Simulated
-        Of each of these records.
+        Of each of these records, kept close to it: where bodies turn and stick.
     values : mapping of str to float
         The physical parameters (SI) of the solution.
-    close : sequence of Simulated, optional
-        The same, kept close to the records: they show where bodies without a sensor turn.
     """
-    unseen = unseen_bodies(fit, setting) if close else set()
-    seen = _bodies(fit, setting) - unseen
-    records = [_with_directions(setting.records, seen, one) for one in simulated]
-    if close:
-        records = [_with_directions(records, unseen, one) for one in close]
+    records = [_with_directions(setting.records, _bodies(fit, setting), one) for one in simulated]
     parts = [(block.W, block.Y) for block in fit.blocks]
     found = _added(parts, fit, setting, records, values)
     blocks = tuple(

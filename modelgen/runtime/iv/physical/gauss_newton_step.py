@@ -15,13 +15,12 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.iv.divergence import simulation_failed
 from modelgen.runtime.iv.effect import Effect
-from modelgen.runtime.iv.effect_rows import simulated_with
+from modelgen.runtime.iv.effect_rows import followed_records, simulated_with
 from modelgen.runtime.iv.freed_effects import corrected
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments, simulated
 from modelgen.runtime.iv.physical.friction_rows import (
     adds_friction,
     instruments_with_friction,
-    unseen_bodies,
     with_friction,
 )
 from modelgen.runtime.least_squares.delays import delay_rates
@@ -177,9 +176,9 @@ def _with_instruments(
     beside = simulated_with(values, fit, setting)
     runs = {index: one.record for index, one in enumerate(beside)}
     Z = instruments_with_friction(instruments(fit, setting, runs), fit, setting, beside, values)
-    # a weak feedback damps the chain, and what no sensor shows then turns elsewhere than in the records
-    close = simulated_with(values, fit, setting, close=True) if unseen_bodies(fit, setting) else ()
-    return _with_residuals(with_friction(fit, setting, beside, values, close)), Z
+    # a weak feedback damps the chain, and bodies then turn and stick elsewhere than in the records
+    close = followed_records(beside, fit, setting)
+    return _with_residuals(with_friction(fit, setting, close, values)), Z
 
 
 def _with_residuals(fit: Fit) -> Fit:
