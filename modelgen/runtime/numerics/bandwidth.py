@@ -22,7 +22,7 @@ PART = 1 << 16
 # Numbers that additions one after the other work on at a time: they stay in a cache.
 CACHED = 1 << 15
 # Up to so many numbers are kept between passes, else computed again; more where these are known to be all.
-KEPT, KEPT_WHOLE = 1 << 20, 1 << 22
+KEPT, KEPT_WHOLE = 1 << 20, 1 << 21
 # As sums over blocks of instants, fewer are enough.
 KEPT_SUMS = 1 << 18
 

@@ -97,26 +97,38 @@ def without_uncertain_turns(
 def leaves_turns_open(model: Model) -> bool:
     """Tell whether rows of a model hold directions that may be left open."""
     kernel, rows = model.kernel, range(len(model.rows))
+    if isinstance(kernel, DeflectedKernel) and kernel.sampled and kernel.speeds:
+        return True
+    return any(_of_sensors(model, row) for row in rows)
+
+
+def _of_sensors(model: Model, row: int) -> tuple[str, ...]:
+    """Return the keys of measured speeds whose signs a row of an arm holds, if what they are off by is alone.
+
+    Where springs place links by rows that hold friction, it moves these, and is no pulse: directions stay.
+    """
+    kernel = model.kernel
     if isinstance(kernel, DeflectedKernel):
-        return kernel.sampled and bool(kernel.speeds)
-    return model.is_arm and any(direction_keys(model, row) for row in rows)
+        signs = {feature.key for feature in model.features if isinstance(feature.of, str)}
+        giving = (terms for one in kernel.giving for terms in (one.left, *one.columns.values()))
+        if any(key in signs for terms in giving for _, key in terms):
+            return ()
+    return direction_keys(model, row) if model.is_arm else ()
 
 
 def _uncertain_directions(model: Model, block: RowBlock, turns: bool) -> tuple[str, ...]:
-    """Return the names of speeds that rows give, or keys of measured ones, whose signs a block holds.
+    """Return keys of measured speeds, and names of those that rows give, whose signs a block holds.
 
-    `turns` says that it uses samples that feel a reversal. Where springs place links, what friction is off by
-    moves these, and is no pulse alone: there directions of sensors stay.
+    `turns` says that it uses samples that feel a reversal.
     """
-    kernel = model.kernel
-    if not isinstance(kernel, DeflectedKernel):
-        return direction_keys(model, block.row) if turns and model.is_arm else ()
-    if not kernel.sampled or not block.in_memory:
-        return ()
+    kernel, measured = model.kernel, _of_sensors(model, block.row) if turns else ()
+    if not isinstance(kernel, DeflectedKernel) or not kernel.sampled or not block.in_memory:
+        return measured
     used = {key for terms in model.regressor_columns[block.row].values() for _, key in terms}
     held = {term for key in used for _, term in kernel.sums.get(key, ())}
     ways = ("sign", "forward", "backward")
-    return tuple(one.name for one in kernel.speeds if held.intersection(f"{way} {one.name}" for way in ways))
+    given = (one.name for one in kernel.speeds if held.intersection(f"{way} {one.name}" for way in ways))
+    return (*measured, *given)
 
 
 def _near_reversals(rows: RecordRows, choice: FilterChoice, names: Container[str]) -> dict[str, Near]:
