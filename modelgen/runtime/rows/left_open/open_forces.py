@@ -32,14 +32,22 @@ from modelgen.runtime.rows.thresholds import (
 )
 
 
-def pulse_of(rows: RecordRows, choice: FilterChoice) -> FloatArray:
-    """Return what the low-pass of rows makes of one sample of 1, without a unit, shape (2 reach + 1,)."""
-    filtering = rows.plan.filtering
+def pulses_of(rows: RecordRows, choice: FilterChoice, orders: tuple[int, ...] = (0,)) -> FloatArray:
+    """Return derivatives of what the low-pass of rows makes of one sample of 1, (orders, 2 reach + 1).
+
+    They have no unit: all are as large as the pulse itself.
+    """
+    filtering, every = rows.plan.filtering, (0, *orders)
     reach = support_samples(choice.filter_order, choice.cutoff_hz, filtering.fs, 0, TURN_TOLERANCE)
-    operator: FusedOperator = fused_operator(filtering.low_pass, filtering.fs, fast=rows.plan.fast)
-    one = np.zeros(2 * reach + 1)
-    one[reach] = 1.0
-    return operator.apply(one, 0, len(one))[:, 0]
+    operator: FusedOperator = fused_operator(
+        filtering.low_pass, filtering.fs, every, 1, filtering.stencil, fast=rows.plan.fast
+    )
+    before, behind = operator.margins
+    one = np.zeros(before + 2 * reach + 1 + behind)
+    one[before + reach] = 1.0
+    found = operator.apply(one, before, 2 * reach + 1).T
+    sizes = np.linalg.norm(found, axis=1)
+    return np.asarray(found[1:] * (sizes[0] / sizes[1:])[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,35 +58,36 @@ class OpenForces:
     ----------
     samples : array of int, shape (s,)
         Of the record, in rising order.
-    pulse : array, shape (2 reach + 1,)
-        What the low-pass makes of one of them.
+    pulses : array, shape (pulses, 2 reach + 1)
+        What the low-pass makes of one of them, in any sum of these.
     start, factor : int
         Sample of the record at the grid's first point, and samples from one point to the next.
     """
 
     samples: IntArray
-    pulse: FloatArray
+    pulses: FloatArray
     start: int
     factor: int
 
     @property
     def reach(self) -> int:
         """How many samples off a pulse is felt."""
-        return len(self.pulse) // 2
+        return int(self.pulses.shape[1] // 2)
 
     @cached_property
     def power(self) -> float:
         """What of the sum of squares of a pulse, at points of the grid, the unit matrix is to weigh."""
-        return PULSE_LEFT**2 * float(np.sum(self.pulse[:: self.factor] ** 2))
+        return PULSE_LEFT**2 * float(np.sum(self.pulses[0, :: self.factor] ** 2))
 
     @cached_property
     def products(self) -> FloatArray:
-        """Products of a pulse with itself, so many points later, by its samples, (2 reach + 1, points)."""
-        later = range(min(-(-len(self.pulse) // self.factor), PULSE_WINDOW))
-        found = np.zeros((len(self.pulse), len(later)))
-        for count in later:
+        """Products of pulses with themselves, so many points later, by samples, (2 reach + 1, points)."""
+        length = self.pulses.shape[1]
+        found = np.zeros((length, min(-(-length // self.factor), PULSE_WINDOW)))
+        for count in range(found.shape[1]):
             shift = count * self.factor
-            found[: len(found) - shift, count] = self.pulse[: len(found) - shift] * self.pulse[shift:]
+            later = self.pulses[:, : length - shift] * self.pulses[:, shift:]
+            found[: length - shift, count] = np.sum(later, axis=0)
         return found[::-1]
 
     def feel(self, windows: IntArray) -> IntArray:
@@ -102,13 +111,14 @@ class OpenForces:
             Of the matrix of all points of the windows the diagonal, and those below it.
         """
         first = self.start + self.factor * PULSE_WINDOW * windows - self.reach
-        size = self.factor * (PULSE_WINDOW - 1) + len(self.pulse)
+        length = self.pulses.shape[1]
+        size = self.factor * (PULSE_WINDOW - 1) + length
         opened = np.zeros((len(windows), size))
         for line, low in zip(opened, first.tolist(), strict=True):
             inside = slice(*np.searchsorted(self.samples, (low, low + size)).tolist())
             line[self.samples[inside] - low] = 1.0
-        near = sliding_window_view(opened, len(self.pulse), axis=1)[:, :: self.factor]
-        every, found = bool(used.all()), np.array(self.products.T @ near.reshape(-1, len(self.pulse)).T)
+        near = sliding_window_view(opened, length, axis=1)[:, :: self.factor]
+        every, found = bool(used.all()), np.array(self.products.T @ near.reshape(-1, length).T)
         for later, band in enumerate(found.reshape(-1, *used.shape)):
             behind = PULSE_WINDOW - later
             band[:, behind:] = 0.0

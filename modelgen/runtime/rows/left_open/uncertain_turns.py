@@ -26,7 +26,7 @@ from modelgen.runtime.rows.left_open.open_forces import (
     OpenForces,
     joined,
     least_certain,
-    pulse_of,
+    pulses_of,
     with_open_forces,
 )
 from modelgen.runtime.rows.masks import direction_keys
@@ -83,13 +83,13 @@ def without_uncertain_turns(
         factor = choice.decimation[index]
         rows = unmasked_rows(model, record, choice, factor, drop)
         near = _near_reversals(rows, choice, frozenset().union(*own.values()))
-        pulse = pulse_of(rows, choice)
         for k, names in own.items():
             lines = [near[name] for name in names]
             if not lines:
                 continue
             most = int(MOST_UNCERTAIN * found[k].count)
-            forces = OpenForces(least_certain(*joined(lines), factor, most), pulse, rows.grid[0], factor)
+            pulses = pulses_of(rows, choice, _felt_orders(model, found[k].row))
+            forces = OpenForces(least_certain(*joined(lines), factor, most), pulses, rows.grid[0], factor)
             found[k] = with_open_forces(found[k], forces, STRETCH)
     return replace(observation, blocks=tuple(found))
 
@@ -103,17 +103,39 @@ def leaves_turns_open(model: Model) -> bool:
 
 
 def _of_sensors(model: Model, row: int) -> tuple[str, ...]:
-    """Return the keys of measured speeds whose signs a row of an arm holds, if what they are off by is alone.
+    """Return the keys of measured speeds whose signs a row of an arm holds, or what it holds of positions."""
+    own = direction_keys(model, row) if model.is_arm else ()
+    if not _moved_by_friction(model, row):
+        return own
+    every = (key for other in range(len(model.rows)) for key in direction_keys(model, other))
+    return tuple(dict.fromkeys((*own, *every)))
 
-    Where springs place links by rows that hold friction, it moves these, and is no pulse: directions stay.
+
+def _moved_by_friction(model: Model, row: int) -> bool:
+    """Tell whether a row holds positions that springs give by rows that hold friction."""
+    kernel = model.kernel
+    if not isinstance(kernel, DeflectedKernel) or row not in kernel.rows:
+        return False
+    signs = {feature.key for feature in model.features if isinstance(feature.of, str)}
+    giving = (terms for one in kernel.giving for terms in (one.left, *one.columns.values()))
+    return any(key in signs for terms in giving for _, key in terms)
+
+
+def _felt_orders(model: Model, row: int) -> tuple[int, ...]:
+    """Return which derivatives of a force that is off a row feels.
+
+    One that moves a position is felt in the highest derivative of that, of which the row holds inertia times
+    force over stiffness; the lower ones are slow against a pulse.
     """
     kernel = model.kernel
-    if isinstance(kernel, DeflectedKernel):
-        signs = {feature.key for feature in model.features if isinstance(feature.of, str)}
-        giving = (terms for one in kernel.giving for terms in (one.left, *one.columns.values()))
-        if any(key in signs for terms in giving for _, key in terms):
-            return ()
-    return direction_keys(model, row) if model.is_arm else ()
+    if not isinstance(kernel, DeflectedKernel) or not _moved_by_friction(model, row):
+        return (0,)
+    of = {f"d{order}_{one.channel}": order for one in kernel.giving for order in (1, 2)}
+    sums = [terms for key, terms in kernel.sums.items() if kernel.places[key][0] == row]
+    highest = max((of.get(name, 0) for terms in sums for _, name in terms), default=0)
+    if any(kernel.places[key][0] == row for key in kernel.kernel.keys):
+        highest = 2
+    return tuple(dict.fromkeys((0, highest) if direction_keys(model, row) else (highest,)))
 
 
 def _uncertain_directions(model: Model, block: RowBlock, turns: bool) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ def pulse() -> FloatArray:
 
 def forces() -> OpenForces:
     rng = np.random.default_rng(6)
-    return OpenForces(np.sort(rng.choice(3600, 60, replace=False)), pulse(), START, FACTOR)
+    return OpenForces(np.sort(rng.choice(3600, 60, replace=False)), pulse()[None], START, FACTOR)
 
 
 def felt(at: OpenForces, place: IntArray) -> FloatArray:

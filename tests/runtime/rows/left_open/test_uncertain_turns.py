@@ -125,6 +125,12 @@ STUCK_ON_BOTH = (
     (("Fv_1", "Fv_2"), 4e-3),
 )
 STUCK_WITH_TORQUES = ((("Fs_1", "Fs_2"), 5e-4), (("Ia_1", "Ia_2"), 1e-3), (("Fv_1", "Fv_2"), 2e-3))
+STUCK_ALONE = (
+    (("Fs_1", "Fs_2"), 5e-4),
+    (("mx_1_R", "mx_2"), 1e-4),
+    (("Fv_1", "Fv_2"), 1e-3),
+    (("K_1", "K_2"), 0.05),
+)
 
 
 @pytest.mark.parametrize(
@@ -134,8 +140,10 @@ STUCK_WITH_TORQUES = ((("Fs_1", "Fs_2"), 5e-4), (("Ia_1", "Ia_2"), 1e-3), (("Fv_
         (both("link"), STUCK_ON_BOTH),
         # where torques place links: rotors were 0.7 and 6.8 % off, Fs_2 1.1 %, Fv_2 5.9 %
         ((("1", "between", "torque"), ("2", "between", "torque")), STUCK_WITH_TORQUES),
+        # where friction moves links: Fs_1 was 0.3 % off, Fv_2 4.9 %, K_1 14 %, K_2 four times too large
+        ((), STUCK_ALONE),
     ],
-    ids=["link encoders", "joint torques"],
+    ids=["link encoders", "joint torques", "motors alone"],
 )
 def test_motors_that_stick_for_some_samples_move_no_parameter(
     others: Sequence[tuple[str, str, str]], limits: Sequence[tuple[tuple[str, ...], float]]
