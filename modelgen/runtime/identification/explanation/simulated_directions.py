@@ -23,7 +23,7 @@ from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.given_directions import bodies_with_signs
+from modelgen.runtime.rows.given_directions import bodies_with_signs, signs_of_rows
 
 SIMULATED = "directions near reversals are those of a simulation at the estimate"
 
@@ -34,9 +34,9 @@ def with_simulated_directions(begun: Begun) -> Begun:
     As they are where no row uses such samples, or where that leaves more unexplained.
     """
     task, found, fit = begun.task, begun, begun.found.fit
-    if fit.carried is not None or not fit.turning:
-        return begun
-    if not takes_directions(task.job):
+    signs = signs_of_rows(task.model)
+    # rows that drop friction have it from a simulation already, made anew in every step
+    if not any(block.turning and signs[block.row] for block in fit.blocks):
         return begun
     for _ in range(TURNED_ROUNDS):
         fit = found.found.fit
