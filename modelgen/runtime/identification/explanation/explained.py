@@ -65,6 +65,14 @@ def run_method(task: Task, method: Method) -> Begun:
     return Begun(replace(task, method=method), Explained(observation, fit, (), (), none, ()))
 
 
+def begun_at(task: Task, known: Begun) -> Task:
+    """Return a task that begins where an estimate in physical parameters ended, if it is in these."""
+    fit = known.found.fit
+    if fit.carried is None or fit.carried.unknown:
+        return task
+    return replace(task, job=replace(task.job, begin=fit.physical(task.model.parameters)))
+
+
 def begun_with(task: Task, found: Explained) -> Begun:
     """Return a task with what was found, whose effects are estimated with other filters as well."""
     job = replace(task.job, effects=found.effects, sizes=found.sizes)

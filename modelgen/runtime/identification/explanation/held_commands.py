@@ -18,7 +18,13 @@ import numpy as np
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.explanation.best_cutoff import at_cutoff_of
-from modelgen.runtime.identification.explanation.explained import Begun, Explained, delays_of, late_forces
+from modelgen.runtime.identification.explanation.explained import (
+    Begun,
+    Explained,
+    begun_at,
+    delays_of,
+    late_forces,
+)
 from modelgen.runtime.identification.explanation.held_images import without_images
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
@@ -54,7 +60,7 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
     task, known = at_cutoff_of(task, first.task), first
     for _ in range(HELD_ROUNDS if held else 0):
         try:
-            again = run(_begun_at(without_images(task, held, known), known))
+            again = run(begun_at(without_images(task, held, known), known))
         except (IdentifiabilityError, DataError):
             return first
         # images feel when the command changes, which shows only without them
@@ -68,14 +74,6 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
     if not all(_follows(known, key, late) for key, late in held.items()):
         return first
     return better_held(first, known, held) or first
-
-
-def _begun_at(task: Task, known: Begun) -> Task:
-    """Return a task that begins where an estimate in physical parameters ended, if it is in these."""
-    fit = known.found.fit
-    if fit.carried is None or fit.carried.unknown:
-        return task
-    return replace(task, job=replace(task.job, begin=fit.physical(task.model.parameters)))
 
 
 def held_commands(begun: Begun) -> dict[str, float]:

@@ -13,7 +13,7 @@ from functools import partial
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.identification.explanation.explained import Begun, run_method, with_note
+from modelgen.runtime.identification.explanation.explained import Begun, begun_at, run_method, with_note
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import TURNED_ROUNDS
 from modelgen.runtime.iv.companion_simulation import Loop, followed_closely, possible, simulated_beside
@@ -42,9 +42,8 @@ def with_simulated_directions(begun: Begun) -> Begun:
         fit = found.found.fit
         try:
             job = directed(task.job, fit)
-            again = run_method(
-                replace(task, job=replace(job, start=replace(fit, simulated=None))), task.method
-            )
+            job_from = replace(job, start=replace(fit, simulated=None))
+            again = run_method(begun_at(replace(task, job=job_from), found), task.method)
         except (DataError, IdentifiabilityError):
             break
         if again.found.fit.columns != fit.columns or again.found.fit.misfit > fit.misfit:
