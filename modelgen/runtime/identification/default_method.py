@@ -9,10 +9,9 @@ from functools import partial
 
 import numpy as np
 
-from modelgen.errors import DataError, IdentifiabilityError, Problem
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.advice import noted
-from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.parameter_checks import zero_columns
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
@@ -24,7 +23,6 @@ from modelgen.runtime.identification.explanation.explain_stretches import (
     decided_by_stretches,
     explained_by_stretches,
     long,
-    timing_by_stretches,
 )
 from modelgen.runtime.identification.explanation.explained import Begun, begun_with, run_method, with_note
 from modelgen.runtime.identification.explanation.from_starts import (
@@ -36,14 +34,14 @@ from modelgen.runtime.identification.explanation.held_commands import with_held_
 from modelgen.runtime.identification.explanation.least_squares_instead import (
     least_squares_instead,
     least_squares_of_long_arm,
+    stand_in,
 )
 from modelgen.runtime.identification.explanation.less_driven import driven_by_noise
 from modelgen.runtime.identification.explanation.simulated_directions import with_simulated_directions
 from modelgen.runtime.identification.explanation.wider_directions import with_wider_directions
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
-from modelgen.runtime.identification.refusals import all_refused, refusals, refused_problems
-from modelgen.runtime.identification.swapped_channels import swapped_channels
+from modelgen.runtime.identification.refusals import refused_problems
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     FAR_OVER_NOISE,
@@ -52,12 +50,12 @@ from modelgen.runtime.identification.thresholds import (
     LEFT_SHARE,
     MEGABYTE,
     OVER_NOISE,
-    STANDS_IN,
 )
 from modelgen.runtime.iv.thresholds import AS_GOOD
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
+from modelgen.runtime.rows.dropped_friction import dropped_friction
 from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
 
@@ -79,7 +77,7 @@ def default_method(task: Task, method: Auto) -> Begun:
     beyond = beyond_limit(task.job, method.instrumental)
     if beyond is not None:
         why = "instruments take more than memory_limit_mb; delays are not estimated"
-        return _stand_in(with_predicted_cutoff(task, consistent=False), method, DataError(beyond), why)
+        return stand_in(with_predicted_cutoff(task, consistent=False), method, DataError(beyond), why)
     if long(task.job):
         of_chain, of_all = partial(_of_chain, method=method), partial(_of_all, method=method)
         return decided_by_stretches(task, with_predicted_cutoff(task, consistent=True), of_chain, of_all)
@@ -104,7 +102,7 @@ def _of_chain(task: Task, method: Auto) -> Begun:
         other = with_predicted_cutoff(given, consistent=False)
         left = {one.choice.cutoff_hz: one for one in (other, given)}
         left.pop(task.choice.cutoff_hz, None)
-        found = _first_of(left.values(), method)
+        found = _with_added_friction(task, method) or _first_of(left.values(), method)
         if found is None:
             try:
                 return _last_resort(other, method, error)
@@ -139,6 +137,20 @@ def _first_of(tasks: Iterable[Task], method: Auto) -> Begun | None:
         with suppress(IdentifiabilityError, DataError):
             return _with_all_rows(_instrumental(task, method.instrumental))
     return None
+
+
+def _with_added_friction(task: Task, method: Auto) -> Begun | None:
+    """Return instruments in physical steps, which add friction that rows drop; None where they fail.
+
+    Rows that differentiate friction leave out what feels a reversal: of motion that reverses all the time,
+    all that tells a stiffness.
+    """
+    model = task.model
+    known = len(model.identifiable) == len(model.parameters) and not model.composites
+    if not known or not any(dropped_friction(model, row) for row in range(len(model.rows))):
+        return None
+    found = _first_of((replace(task, job=replace(task.job, physical=True)),), method)
+    return None if found is None or _unexplained(found) else found
 
 
 def _with_all_rows(found: Begun) -> Begun:
@@ -256,7 +268,7 @@ def _explained(task: Task, method: IV) -> Begun:
 def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataError) -> Begun:
     """Return least squares where instruments find nothing, else instruments that use reversals; or raise."""
     try:
-        return _stand_in(task, method, error)
+        return stand_in(task, method, error)
     except (IdentifiabilityError, DataError):
         if all_from_composites(task.model):
             raise
@@ -266,35 +278,3 @@ def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataErr
         if found is None or _unexplained(found) or negative_columns(task.model, found.found.fit):
             raise
     return with_note(found, "method iv, samples that feel a reversal included: others tell nothing")
-
-
-def _stand_in(
-    task: Task, method: Auto, error: IdentifiabilityError | DataError, why: str | None = None
-) -> Begun:
-    """Return least squares where instruments find nothing, if it can be trusted; else raise that error."""
-    if task.job.guessed:  # only a simulation knows these directions
-        raise error
-    why = why or f"instruments find nothing ({error.problems[0].what})"
-    # without the samples that feel a reversal, where memory holds that: a body that sticks has a friction of
-    # any size, and no instruments tell how much that matters
-    turns = beyond_limit(task.job, method.instrumental) is not None
-    try:
-        found = run_method(replace(task, job=replace(task.job, late=(), turns=turns)), method.least_squares)
-    except (IdentifiabilityError, DataError):
-        raise error from None
-    fit = found.found.fit
-    refused, _ = refusals(task.model, task.records, task.choice, fit, task.checks.keep)
-    if all(name in refused for name in fit.columns):
-        raise all_refused(refused, task.model) from None
-    bias = noise_bias(task.model, task.records, task.choice, fit)
-    impossible = negative_columns(task.model, fit).keys() - refused.keys()
-    biased = np.any(np.abs(bias) > STANDS_IN * np.abs(fit.solution.x))
-    if biased or impossible or max(fit.left_shares) > LEFT_SHARE:
-        reasons = refused_problems(refused, task.model)
-        swapped = [Problem(one.where, one.what, one.remedy) for one in swapped_channels(task.job, fit)]
-        # where channels are exchanged the rest follows
-        raise IdentifiabilityError(*(swapped or (*error.problems, *reasons))) from None
-    note, drift = f"method wls: {why}; noise pulls it little", found.found.drift + np.outer(bias, bias)
-    if not turns:
-        drift = drift + timing_by_stretches(replace(task.job, turns=False), method.least_squares, found.found)
-    return with_note(found, note, drift)

@@ -43,7 +43,8 @@ class Job:
     model lacks and is estimated as well, from `sizes` on. Rows of least squares that take more than
     `memory_limit` bytes are made again whenever they are asked for. Instruments start at the physical
     parameters `begin`, if there are any and no `start`. Least squares uses samples that feel a reversal only
-    with `turns`, instruments with `reversing`, or where few others are left. `changes` are what was done to
+    with `turns`, instruments with `reversing`, or where few others are left; in `physical` steps they take
+    these as well where rows drop friction, which is added. `changes` are what was done to
     the records that were given, in this order. The job of stretches has a `share` of the samples that are to
     be estimated from. `guessed` are directions in the records that neither a sensor nor the user gives.
     `rough` solutions of least squares keep what rounding has moved, and directions that speeds do not tell.
@@ -67,6 +68,7 @@ class Job:
     begin: Mapping[str, float] | None = None
     turns: bool = True
     reversing: bool = False
+    physical: bool = False
     changes: tuple[Change, ...] = ()
     share: float = 1.0
     guessed: tuple[str, ...] = ()

@@ -41,7 +41,7 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
     from modelgen.runtime.iv.physical.gauss_newton_step import Rules
     from modelgen.runtime.iv.shaped_effects import fit_in_shape
 
-    composites = all_from_composites(job.model)
+    composites = job.physical or all_from_composites(job.model)
     # steps in physical parameters add the friction that rows drop where they differentiate it
     observed = job.observing(turns=False, friction=composites)
 

@@ -1,4 +1,4 @@
-"""Least squares in place of instruments that the default has found."""
+"""Least squares in place of instruments that the default has found, or has not."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.parameter_checks import null_columns
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
@@ -23,13 +23,17 @@ from modelgen.runtime.identification.explanation.explained import Begun, run_met
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.explanation.simulated_directions import directed, takes_directions
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import Auto, Method
+from modelgen.runtime.identification.refusals import all_refused, refusals, refused_problems
+from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import BIAS_SHARE, CLEARLY_LESS, LEFT_SHARE
+from modelgen.runtime.identification.thresholds import BIAS_SHARE, CLEARLY_LESS, LEFT_SHARE, STANDS_IN
 from modelgen.runtime.iv.freed_effects import corrected
 from modelgen.runtime.iv.told_effects import held_instead
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.parameters.bounds import negative_columns
 
 
 def least_squares_instead(
@@ -102,6 +106,38 @@ def least_squares_of_long_arm(task: Task, method: Auto, plain: Begun) -> Begun |
         return None
     late = "; delays are not estimated, stretches show none" if task.job.late else ""
     return with_note(plain, f"method wls: noise of the sensors hardly biases these long records{late}", drift)
+
+
+def stand_in(
+    task: Task, method: Auto, error: IdentifiabilityError | DataError, why: str | None = None
+) -> Begun:
+    """Return least squares where instruments find nothing, if it can be trusted; else raise that error."""
+    if task.job.guessed:  # only a simulation knows these directions
+        raise error
+    why = why or f"instruments find nothing ({error.problems[0].what})"
+    # without the samples that feel a reversal, where memory holds that: a body that sticks has a friction of
+    # any size, and no instruments tell how much that matters
+    turns = beyond_limit(task.job, method.instrumental) is not None
+    try:
+        found = run_method(replace(task, job=replace(task.job, late=(), turns=turns)), method.least_squares)
+    except (IdentifiabilityError, DataError):
+        raise error from None
+    fit = found.found.fit
+    refused, _ = refusals(task.model, task.records, task.choice, fit, task.checks.keep)
+    if all(name in refused for name in fit.columns):
+        raise all_refused(refused, task.model) from None
+    bias = noise_bias(task.model, task.records, task.choice, fit)
+    impossible = negative_columns(task.model, fit).keys() - refused.keys()
+    biased = np.any(np.abs(bias) > STANDS_IN * np.abs(fit.solution.x))
+    if biased or impossible or max(fit.left_shares) > LEFT_SHARE:
+        reasons = refused_problems(refused, task.model)
+        swapped = [Problem(one.where, one.what, one.remedy) for one in swapped_channels(task.job, fit)]
+        # where channels are exchanged the rest follows
+        raise IdentifiabilityError(*(swapped or (*error.problems, *reasons))) from None
+    note, drift = f"method wls: {why}; noise pulls it little", found.found.drift + np.outer(bias, bias)
+    if not turns:
+        drift = drift + timing_by_stretches(replace(task.job, turns=False), method.least_squares, found.found)
+    return with_note(found, note, drift)
 
 
 def _run(task: Task, job: Job, method: Method, fit: Fit) -> tuple[Job, Begun]:
