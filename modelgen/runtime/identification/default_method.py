@@ -50,8 +50,10 @@ from modelgen.runtime.identification.thresholds import (
     LEFT_SHARE,
     MEGABYTE,
     OVER_NOISE,
+    TELLS_MORE,
 )
 from modelgen.runtime.iv.thresholds import AS_GOOD
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
@@ -111,6 +113,8 @@ def _of_chain(task: Task, method: Auto) -> Begun:
                 if found is None:
                     raise
         first, task = found, at_cutoff_of(other, found.task)
+    first = _with_all_samples(task, method, first)
+    task = replace(task, job=replace(task.job, physical=first.task.job.physical))
     first = _with_holds(task, method, first)
     task = first.task
     if first.found.fit.carried is not None:
@@ -147,10 +151,29 @@ def _with_added_friction(task: Task, method: Auto) -> Begun | None:
     """
     model = task.model
     known = len(model.identifiable) == len(model.parameters) and not model.composites
-    if not known or not any(dropped_friction(model, row) for row in range(len(model.rows))):
+    if (
+        task.job.share < 1.0
+        or not known
+        or not any(dropped_friction(model, row) for row in range(len(model.rows)))
+    ):
         return None
     found = _first_of((replace(task, job=replace(task.job, physical=True)),), method)
     return None if found is None or _unexplained(found) else found
+
+
+def _with_all_samples(task: Task, method: Auto, first: Begun) -> Begun:
+    """Return instruments; where rows are not used, those that add friction if they tell more."""
+    if len(first.found.fit.blocks) == len(task.job.records) * len(task.model.rows):
+        return first
+    found = _with_added_friction(task, method)
+    return first if found is None or _spread(found) > TELLS_MORE * _spread(first) else found
+
+
+def _spread(one: Begun) -> float:
+    """Return the largest relative standard deviation of a parameter."""
+    fit = one.found.fit
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit) + one.found.drift), 0.0))
+    return float(np.max(spread / np.maximum(np.abs(fit.solution.x), float(np.finfo(float).tiny))))
 
 
 def _with_all_rows(found: Begun) -> Begun:

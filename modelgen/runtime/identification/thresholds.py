@@ -161,3 +161,6 @@ LEAST_CALM, CALM_SHARE, CALM_DIGITS = 0.5, 0.75, 0.55
 # Least squares of an arm that leave this share of a row, and this multiple of the noise, lack what no
 # instruments would cure; in simulations stick and slip alone leaves up to four times the noise.
 LEFT_BY_ARMS, FAR_OVER_NOISE = 0.01, 6.0
+# Where a record tells nothing in a row, as friction reverses all the time, instruments that add friction are
+# taken if the parameter that is known worst is known by this factor better.
+TELLS_MORE = 0.5
