@@ -149,15 +149,11 @@ def _with_added_friction(task: Task, method: Auto) -> Begun | None:
     Rows that differentiate friction leave out what feels a reversal: of motion that reverses all the time,
     all that tells a stiffness.
     """
-    model = task.model
-    known = len(model.identifiable) == len(model.parameters) and not model.composites
-    if (
-        task.job.share < 1.0
-        or not known
-        or not any(dropped_friction(model, row) for row in range(len(model.rows)))
-    ):
+    model, job = task.model, task.job
+    known = len(model.identifiable) == len(model.parameters) and not model.composites and job.share == 1.0
+    if not known or not any(dropped_friction(model, row) for row in range(len(model.rows))):
         return None
-    found = _first_of((replace(task, job=replace(task.job, physical=True)),), method)
+    found = _first_of((replace(task, job=replace(job, physical=True)),), method)
     return None if found is None or _unexplained(found) else found
 
 
