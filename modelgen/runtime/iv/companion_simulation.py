@@ -135,11 +135,11 @@ class Simulated:
         # all bodies of a record are asked for, one after the other
         if self.smoothed and self.smoothed[0][0] is record:
             return self.smoothed[0][1]
-        read, own, key = record.signals, self.record.signals, self.plant.force
+        read, own, force = record.signals, self.record.signals, self.plant.force
         keys = [one.key for one in self.plant.model.sensors if one.key in read]
         away = {key: read[key] - own[key] for key in keys}
         noise = {key: record.facts.spectrum(key).noise for key in keys}
-        difference = Beyond(away, noise, read[key] - own[key], record.dt)
+        difference = Beyond(away, noise, read[force] - own[force], record.dt)
         found = smoothed_speeds(self.plant, difference, self.slow_hz, self.led_hz)
         self.smoothed[:] = [(record, found)]
         return found
