@@ -15,6 +15,7 @@ from math import pi
 import numpy as np
 
 from modelgen.array_types import ComplexArray, FloatArray
+from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.simulation.plant import Plant, sensor_levers
 from modelgen.runtime.simulation.thresholds import (
     ELSEWHERE,
@@ -67,10 +68,11 @@ def smoothed_speeds(plant: Plant, difference: Beyond, least_hz: float, most_hz: 
     array, shape (bodies, n), optional
         In m/s or rad/s; None where the chain is stiff beyond all numbers.
     """
-    n = len(difference.push)
+    n = quick_length(len(difference.push))
+    more = n - len(difference.push)
     orders = {sensor.key: sensor.order for sensor in plant.model.sensors}
-    signals = [mirrored(one, orders[key]) for key, one in difference.read.items()]
-    spectra = np.fft.rfft([*signals, mirrored(difference.push, 2)])
+    signals = [mirrored(one, orders[key], more) for key, one in difference.read.items()]
+    spectra = np.fft.rfft([*signals, mirrored(difference.push, 2, more)])
     places = np.flatnonzero(np.fft.rfftfreq(2 * n, difference.dt) <= most_hz)[1:]
     chain = _Chain.of(plant, difference, least_hz)
     if chain is None or not places.size:
@@ -85,19 +87,25 @@ def smoothed_speeds(plant: Plant, difference: Beyond, least_hz: float, most_hz: 
     for first in range(0, len(places), step):
         part = slice(first, first + step)
         found[:, places[part]] = chain.speeds(omega[part], spectra[:, places[part]], size)
-    return np.asarray(np.fft.irfft(found, 2 * n)[:, :n])
+    speeds = np.fft.irfft(found, 2 * n)[:, : len(difference.push)]
+    return np.asarray(speeds - speeds.mean(axis=1, keepdims=True))
 
 
-def mirrored(x: FloatArray, order: int) -> FloatArray:
+def mirrored(x: FloatArray, order: int, more: int = 0) -> FloatArray:
     """Return a signal and behind it the same backwards in time and negated, where it is periodic.
 
     Positions (order 0) are taken from the line between their ends; velocities (1) then come back with their
     sign, accelerations and forces (2) without: what one sensor reads stays the derivative of what another one
-    does, and only damping is of the wrong sign there. `x` has the shape (n,), the result (2 n,), of its unit.
+    does, and only damping is of the wrong sign there. `x` has the shape (n,) and goes back so for `more`
+    samples first, the result (2 (n + more),), of its unit.
     """
+    back = x[len(x) - more :][::-1]
     if order == 1:
-        return np.concatenate([x, x[::-1]])
-    bent = x - (np.linspace(x[0], x[-1], len(x)) if order == 0 else np.mean(x))
+        longer = np.concatenate([x, back])
+        return np.concatenate([longer, longer[::-1]])
+    x = x if order == 0 else x - np.mean(x)
+    longer = np.concatenate([x, (2.0 * x[-1] if order == 0 else 0.0) - back])
+    bent = longer - (np.linspace(longer[0], longer[-1], len(longer)) if order == 0 else 0.0)
     return np.concatenate([bent, -bent[::-1]])
 
 
