@@ -31,8 +31,7 @@ def zoomable(rows: Sequence[Rebuilt], validations: Sequence[Validation]) -> list
     most = min(MOST_BUCKETS, BUDGET // max(2 * series, 1))
     plots = [
         {
-            "title": f"{row.record}, row {row.row}"
-            + ("" if row.has_force else " (no force: measured is zero)"),
+            "title": _titled(row),
             "unit": row.unit,
             "start": row.start_s,
             "step": row.step_s,
@@ -62,6 +61,14 @@ def zoomable(rows: Sequence[Rebuilt], validations: Sequence[Validation]) -> list
         for validation, check in checks
     ]
     return plots
+
+
+def _titled(row: Rebuilt) -> str:
+    """Return the title of a row's plot, and why there is nothing in it."""
+    title = f"{row.record}, row {row.row}"
+    if not np.isfinite(row.measured).any():
+        return f"{title} (not drawn: every sample feels a reversal, and friction is that of a simulation)"
+    return title if row.has_force else f"{title} (no force: measured is zero)"
 
 
 def autocorrelation_plot(row: Rebuilt, found: Autocorrelation) -> Markup:
