@@ -71,7 +71,8 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
 
     The same task, and None, where rows are linear. Where no start leads to an estimate, or the records are
     too short, higher cut-offs are tried unless one is given: slow motion has little below the first one.
-    Where none leads anywhere, rows without given positions are left, if there are any.
+    Where none leads anywhere, rows that leave no force open are tried; then rows without given positions are
+    left, if there are any.
 
     Raises
     ------
@@ -85,7 +86,10 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
         return task, None
     step("finding how far springs deflect")
     short: DataError | None = None
-    for one in chain([task], higher_cutoffs(task, CUTOFFS_WITHOUT_ESTIMATE)):
+    # where friction reverses all the time, rows that leave it open may hold nothing of the springs
+    closed = replace(task, job=replace(task.job, rough=True))
+    every = (chain([one], higher_cutoffs(one, CUTOFFS_WITHOUT_ESTIMATE)) for one in (task, closed))
+    for one in chain.from_iterable(every):
         try:
             found = _about(one, kernel)
         except DataError as error:
