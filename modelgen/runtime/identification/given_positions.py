@@ -38,6 +38,7 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +88,10 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
     step("finding how far springs deflect")
     short: DataError | None = None
     # where friction reverses all the time, rows that leave it open may hold nothing of the springs
-    closed = replace(task, job=replace(task.job, rough=True))
-    every = (chain([one], higher_cutoffs(one, CUTOFFS_WITHOUT_ESTIMATE)) for one in (task, closed))
-    for one in chain.from_iterable(every):
+    tasks = [task]
+    if leaves_turns_open(task.model):
+        tasks.append(replace(task, job=replace(task.job, rough=True)))
+    for one in chain.from_iterable(chain([at], higher_cutoffs(at, CUTOFFS_WITHOUT_ESTIMATE)) for at in tasks):
         try:
             found = _about(one, kernel)
         except DataError as error:

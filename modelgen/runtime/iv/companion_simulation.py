@@ -244,7 +244,7 @@ def _as_moved(simulated: Simulated, record: Record) -> Simulated:
 
     The weak feedback bends the slow motion, and what the model lacks moved the record: a further force that
     is worked out along the simulated motion is some percent off. What a body's own sensor reads leads it, a
-    body without one is led by those that have one, or follows their slow part.
+    body without one is led by what all sensors show of it.
     """
     motion, away, speeds = dict(simulated.motion), {}, {}
     for body in simulated.plant.bodies:
