@@ -55,8 +55,8 @@ MOST_STEPS = 12
 # What an effect moves is known to this share, by kind: channels are set right by a low-pass of first order,
 # a held force has images beyond half the sampling frequency that fold back into the positions (0.4 (pi f /
 # fs)^2 of what the average does), what acts on the chain is worked out in first order and has one form of
-# many; friction about reversals is not known where rows are as inexact. What explains less than the last
-# share of the residual that it leaves may be of that order.
+# many; noise of the reading blurs the limit of a drive; friction about reversals is not known where rows are
+# as inexact. What explains less than the last share of the residual that it leaves may be of that order.
 INEXACT = {
     "lag": 0.002,
     "average": 0.02,
@@ -64,6 +64,7 @@ INEXACT = {
     "form": 0.05,
     "mass": 0.05,
     "resonance": 0.02,
+    "saturation": 0.02,
     "direction": 0.05,
     "reversal": 1.0,
 }

@@ -16,6 +16,7 @@ from modelgen.runtime.iv.chain_errors import chain_effects
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.low_pass import low_pass
+from modelgen.runtime.iv.thresholds import LONGEST_LIMIT, SATURATED
 from modelgen.runtime.least_squares.time_shifts import on_one_clock, shift
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.channels import Edit
@@ -23,19 +24,26 @@ from modelgen.runtime.records.record import Record
 
 
 def effects_of(
-    model: Model, bodies: Sequence[str], records: int, late: Sequence[str] = (), turning: bool = True
+    model: Model,
+    bodies: Sequence[str],
+    records: Sequence[Record],
+    late: Sequence[str] = (),
+    turning: bool = True,
 ) -> tuple[Effect, ...]:
     """Return the effects that are looked for: of sensors, of forces, of bodies and of links.
 
-    `late` are forces whose delay is not estimated otherwise; `turning` says whether samples about reversals
-    are used.
+    Those of one name are one at several settings: what explains most of them counts. `records` are as
+    measured; `late` are forces whose delay is not estimated otherwise; `turning` says whether samples about
+    reversals are used.
     """
     found: list[Effect] = []
     level = _read_with_their_level(model)
     for sensor in model.sensors:
-        found += _sensor_effects(sensor, records if sensor.key in level else 0)
+        found += _sensor_effects(sensor, len(records) if sensor.key in level else 0)
     for actuator in model.actuators:
-        found += _force_effects(actuator.key, actuator.key in late)
+        key = actuator.key
+        peaks = [record.facts.extent(key).peak for record in records if key in record.signals]
+        found += _force_effects(key, key in late, max(peaks, default=0.0))
     found += chain_effects(model, bodies, turning)
     return tuple(found)
 
@@ -106,11 +114,39 @@ def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
         yield zero_effect(key, index, records)
 
 
-def _force_effects(key: str, late: bool) -> Iterator[Effect]:
+def _force_effects(key: str, late: bool, peak: float) -> Iterator[Effect]:
+    """Yield the effects of a force whose largest reading is `peak`."""
     if late:
         yield delay_effect(key)
     yield low_pass(key, force=True)
     yield _clock(key)
+    if peak > 0.0:
+        yield from (_saturation(key, share * peak, peak) for share in SATURATED)
+
+
+def _saturation(key: str, limit: float, peak: float) -> Effect:
+    """Return that less of a force acts beyond a limit than is recorded; the size is the share that does not.
+
+    A command is recorded, and the drive's current has a limit, or its iron saturates.
+    """
+
+    def beyond(signal: FloatArray, dt: float) -> FloatArray:
+        return signal - np.clip(signal, -limit, limit)
+
+    def at_limit(signal: FloatArray, dt: float) -> FloatArray:
+        return np.sign(signal) * (np.abs(signal) > limit)
+
+    def moved(size: float, steps: Sequence[float]) -> Effect:
+        step = -steps[0] / size if size else 0.0
+        reach = -LONGEST_LIMIT * limit, LONGEST_LIMIT * (peak - limit)
+        return _saturation(key, limit + float(np.clip(step, *reach)), peak)
+
+    name = f"saturation of {key}"
+    words = f"{key} acts no further, or less, beyond {limit:.3g}: the drive does not follow its command there"
+    remedy = "record the force (the current) that acts, or command less"
+    shape = Effect(f"limit of {key}", "saturation", "", "", "", _with(key, at_limit), key)
+    return Effect(name, "saturation", words, "", remedy, _with(key, beyond), key,
+                  shape=lambda records: (shape,), moved=moved)  # fmt: skip
 
 
 def _on_time(key: str, size: float, record: Record) -> Edit:

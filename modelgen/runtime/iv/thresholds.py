@@ -197,3 +197,7 @@ RESPONSE_LINES, COHERENT, MOST_COHERENT = 60, 0.5, 10.0
 FARTHEST_RESPONSE = 100.0
 # A chain that misses half of the measured lines by less than this share comes before other starts.
 RESPONSE_CLOSE = 0.3
+
+# A drive's limit is looked for at these shares of the largest force; in one step it moves by no more than
+# this share of the way to nothing, or to the largest force.
+SATURATED, LONGEST_LIMIT = (0.85, 0.65, 0.45), 0.5

@@ -83,6 +83,8 @@ def _defect(W: FloatArray, Y: FloatArray, x: FloatArray, residual: FloatArray) -
 
 def _projection(W: FloatArray, residual: FloatArray) -> FloatArray:
     """Return W^T residual, shape (c,), adding up by halves."""
+    if not len(residual):  # every sample of this piece is masked
+        return np.zeros(W.shape[1])
     total, lost = _product(W, residual[:, None])
     while len(total) > 1:
         odd = total[-1:] if len(total) % 2 else total[:0]

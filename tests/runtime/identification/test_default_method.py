@@ -104,6 +104,27 @@ def test_an_encoder_out_of_step_is_named_and_does_not_spoil_the_stiffness(sample
     assert estimate.bse["K"] < 4.0 * plain_estimate().bse["K"]
 
 
+def limited(records: list[Record], key: str, limit: float, beyond: float) -> list[Record]:
+    """Return the records with a force read that acts by the share `beyond` only above a limit in its unit."""
+    found = []
+    for record in records:
+        acting = record.signals[key]
+        over = acting - np.clip(acting, -limit, limit)
+        found.append(record.edited({key: acting + (1.0 / beyond - 1.0) * over}))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.7, 0.85])
+def test_a_drive_that_saturates_is_named_and_does_not_spoil_the_inertia(share: float) -> None:
+    right = two_mass_records()
+    limit = share * max(float(np.max(np.abs(record.signals["Gamma_m"]))) for record in right)
+    estimate = identify(SMALL, limited(right, "Gamma_m", limit, beyond=0.5))
+    assert any("Gamma_m acts no further, or less, beyond" in what for _, _, what in told(estimate))
+    assert_truth_inside(estimate, TRUTH)
+    assert abs(estimate.params["J_m"] / TRUTH["J_m"] - 1.0) < 0.01
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("zero", [1.0, -1.0])
 def test_zeros_apart_do_not_spoil_the_stiffness(zero: float) -> None:

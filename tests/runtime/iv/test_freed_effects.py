@@ -20,7 +20,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from tests.runtime.two_mass_records import FS, SMALL, TRUTH, two_mass_records
 
-EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), 2)}
+EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), two_mass_records())}
 LATE = EFFECTS["delay of q_c"]
 
 

@@ -52,3 +52,13 @@ def test_few_rows_are_one_piece(monkeypatch: pytest.MonkeyPatch, most: int, proj
     parts, W = pieces(50)
     refined(parts, np.ones(3), np.linalg.pinv(W.T @ W))
     assert len(count) == projections
+
+
+def test_a_piece_without_samples_adds_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    # a long stretch of a record may be masked as a whole
+    monkeypatch.setattr(iterative_refinement, "ONE_PIECE", 0)
+    parts, W = pieces(50)
+    empty = (Regressor(np.empty((0, 3)), None, None, 3), np.empty(0))
+    start, inverse = np.ones(3), np.linalg.inv(W.T @ W)
+    found = refined([*parts[:4], empty, *parts[4:]], start, inverse)
+    np.testing.assert_array_equal(found, refined(parts, start, inverse))

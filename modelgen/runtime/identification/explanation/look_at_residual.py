@@ -61,7 +61,7 @@ def look(
     # where every sample feels a reversal, a delay of a force is estimated only where the residual shows it
     known_late = [channel for channel, _, _ in now.fit.delays]
     late = [channel for channel in job.late if channel not in known_late]
-    every = effects_of(job.model, simulated[0].plant.bodies, len(job.records), late, now.fit.turning)
+    every = effects_of(job.model, simulated[0].plant.bodies, job.records, late, now.fit.turning)
     tested = [one for one in unlike(every, known) if not kinds or one.kind in kinds]
     others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
                                  for channel, _, _ in now.fit.delays)  # fmt: skip
@@ -69,7 +69,8 @@ def look(
     grown = effect_rows(now.fit, now.setting, simulated, (*tested, *bent))
     rows, folds = grown[: len(tested)], grown[len(tested) :]
     span = Span(now.fit, others, slope)
-    found = scores(span, tested, rows)
+    found = _one_a_name(scores(span, tested, rows))
+    best = {one.effect.name: one.effect for one in found}
     masses: tuple[Effect, ...] = ()
     if masses_too and not job.model.cubic_springs and _unexplained(job, now):
         masses = tuple(further_masses(now.fit, now.setting, simulated, known, others))
@@ -88,9 +89,16 @@ def look(
     told = {one.effect.name for one in found if one.own > LITTLE_OWN}
     hidden = tuple(effect for effect in tested if effect.name not in told)
     folded = moves_within(span, folds)
-    left = [entry for entry in zip(tested, rows, strict=True) if entry[0].name not in beyond]
+    kept = [best.get(effect.name, effect) is effect and effect.name not in beyond for effect in tested]
+    left = [entry for entry, stays in zip(zip(tested, rows, strict=True), kept, strict=True) if stays]
     shown, told_by = tuple(one for one, _ in left), tuple(row for _, row in left)
     return Seen(found, hidden, shown, told_by, masses, folded, rounded)
+
+
+def _one_a_name(found: Sequence[Score]) -> tuple[Score, ...]:
+    """Return the first score of each name: an effect may be tested at several settings."""
+    names = [one.effect.name for one in found]
+    return tuple(one for place, one in enumerate(found) if one.effect.name not in names[:place])
 
 
 def believable(effect: Effect, size: float, late: Mapping[str, float], records: Sequence[Record]) -> bool:

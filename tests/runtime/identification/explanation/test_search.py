@@ -22,7 +22,7 @@ from modelgen.runtime.iv.score_tests import Score
 from tests.runtime.two_mass_records import FS, SMALL, two_mass_records
 
 Solved = tuple[tuple[Effect, ...], Freed]
-EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), 2)}
+EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), two_mass_records())}
 FRICTION, LATE, GAIN, OTHER, LAG = (
     EFFECTS[name]
     for name in (
