@@ -17,7 +17,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.noise_ways import noise_ways
-from modelgen.runtime.diagnostics.row_noise import noise_band, row_noise
+from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.diagnostics.thresholds import (
     HARMLESS_BIAS,
     LEAST_BIAS,
@@ -27,6 +27,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     LOST_SHARE,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.signal_to_noise import noise_band
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
@@ -104,12 +105,11 @@ def noise_effect(
             most = min(most, (fit.rms(index) / expected) ** 2) if expected else 0.0
         own = np.flatnonzero(place[ways.columns] >= 0)
         at = place[ways.columns[own]]
-        spectrum = noise_band(record, choice)
         for channel in ways.slopes:
             if channel in free:
                 continue
             noise = most * weight**2 * block.count * record.facts.spectrum(channel).noise
-            shared = ways.products(channel, *spectrum)
+            shared = ways.products(channel, noise_band(record, choice))
             added[np.ix_(at, at)] += noise * shared[np.ix_(own, own)]
             crossed[at] += noise * shared[own, -1]
         lifted = ways.of_residual(fit.all_parameters(model.base_parameters)).means[0]

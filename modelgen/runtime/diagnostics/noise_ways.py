@@ -22,6 +22,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     SLOPE_STRETCHES,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.signal_to_noise import NoiseBand
 from modelgen.runtime.model.arm_kernel import Kernel, Read
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model, Signal, Terms
@@ -64,30 +65,27 @@ class NoiseWays:
         }
         return NoiseWays(self.columns[:0], slopes, (mixed @ self.means)[None], self.at)
 
-    def products(self, channel: str, frequency_hz: FloatArray, power: FloatArray) -> FloatArray:
+    def products(self, channel: str, band: NoiseBand) -> FloatArray:
         """Return the mean products of what noise of a channel adds to columns and left side, (c + 1, c + 1).
 
-        `power`, shape (n,), is that of the noise in each line behind the low-pass.
+        Per unit of the density of that noise, behind the low-pass.
         """
-        s = 2j * np.pi * frequency_hz
-        total: FloatArray = np.zeros(())
-        for one, left in self.slopes[channel].items():
-            for other, right in self.slopes[channel].items():
-                alike = float(np.real(np.conj(s**one) * s**other) @ power)
-                total = total + alike * (left @ right.T) / left.shape[1]
+        total: FloatArray = np.zeros((len(self.columns) + 1,) * 2)
+        for (one, left), (other, right) in product(self.slopes[channel].items(), repeat=2):
+            if (one - other) % 2 == 0:
+                alike = (-1.0) ** ((one - other) // 2) * band.moment(one + other)
+                total += alike * (left @ right.T) / left.shape[1]
         return total
 
-    def spectra(self, frequency_hz: FloatArray) -> dict[str, FloatArray]:
-        """Return the power of what white noise of each channel adds to the left side, shape (n,) each."""
-        omega, found = 2.0 * np.pi * frequency_hz, {}
-        for channel, by_order in self.slopes.items():
-            left = np.array([slope[-1] for slope in by_order.values()])
-            shared, power = left @ left.T / left.shape[1], np.zeros(len(omega))
-            for (i, one), (j, other) in product(enumerate(by_order), repeat=2):
-                if (one - other) % 2 == 0:  # the real part of (-i omega)^one (i omega)^other
-                    power += (-1.0) ** ((one - other) // 2) * shared[i, j] * omega ** (one + other)
-            found[channel] = power
-        return found
+    def spectrum(self, channel: str, frequency_hz: FloatArray) -> FloatArray:
+        """Return the power of what white noise of a channel adds to the left side, shape (n,)."""
+        omega, by_order = 2.0 * np.pi * frequency_hz, self.slopes[channel]
+        left = np.array([slope[-1] for slope in by_order.values()])
+        shared, power = left @ left.T / left.shape[1], np.zeros(len(omega))
+        for (i, one), (j, other) in product(enumerate(by_order), repeat=2):
+            if (one - other) % 2 == 0:  # the real part of (-i omega)^one (i omega)^other
+                power += (-1.0) ** ((one - other) // 2) * shared[i, j] * omega ** (one + other)
+        return power
 
 
 def noise_ways(model: Model, record: Record, choice: FilterChoice, factor: int) -> tuple[NoiseWays, ...]:

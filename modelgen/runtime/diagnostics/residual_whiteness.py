@@ -123,7 +123,7 @@ def _shapes(
             if not valid.any():
                 continue
             force = (2.0 * np.pi * at[valid]) ** (2 * differentiated)
-            power = np.column_stack([*ways.spectra(at[valid]).values(), force])
+            power = np.column_stack([*(ways.spectrum(key, at[valid]) for key in ways.slopes), force])
             shapes[valid] += gain(at[valid], choice, 0, fs)[:, None] ** 2 * power
     return shapes[:, shapes.max(axis=0, initial=0.0) > 0.0]
 

@@ -15,29 +15,19 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.thresholds import (
     FRICTION_OVER_REST,
-    HIGHEST,
     LARGEST_NOISE,
     LONGEST_ROUNDED,
-    NOISE_LINES,
     NULL_SHARE,
     WITHIN_INTERVAL,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filter_choice.signal_to_noise import gain
+from modelgen.runtime.filter_choice.signal_to_noise import noise_band
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.tails import chi_square_tail
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock
-
-
-def noise_band(record: Record, choice: FilterChoice) -> tuple[FloatArray, FloatArray]:
-    """Return frequencies in Hz, and the filter's gain in power times a line's width in Hz: (lines,) each."""
-    lines = NOISE_LINES
-    top_hz = min(0.5 * record.fs, HIGHEST * choice.cutoff_hz)
-    frequency_hz = top_hz * (np.arange(lines) + 0.5) / lines
-    return frequency_hz, gain(frequency_hz, choice, 0, record.fs) ** 2 * top_hz / lines
 
 
 def row_noise(
@@ -60,14 +50,16 @@ def row_noise(
     moved : Record, optional
         The motion without noise: encoders are taken to round that.
     """
-    frequency_hz, power = noise_band(record, choice)
-    spectra = noise_ways(model, record, choice, factor)[row].of_residual(x).spectra(frequency_hz)
-    total = 0.0
-    for key, one in spectra.items():
+    band, total = noise_band(record, choice), 0.0
+    ways = noise_ways(model, record, choice, factor)[row].of_residual(x)
+    for key in ways.slopes:
         white = record.facts.spectrum(key).noise
-        density = white if moved is None else _as_rounded(record, moved, key, white, frequency_hz)
-        total += float(np.sum(density * one * power))
-    return sqrt(total)
+        density = white if moved is None else _as_rounded(record, moved, key, white, band.frequency_hz)
+        if isinstance(density, float):
+            total += density * float(ways.products(key, band)[0, 0])
+        else:
+            total += float(np.sum(density * ways.spectrum(key, band.frequency_hz) * band.power))
+    return sqrt(max(total, 0.0))
 
 
 def _as_rounded(

@@ -78,8 +78,6 @@ WHITENESS_ROUNDS = 8
 # Frequencies at which the filter leaves less than this share of its largest power hold only rounding.
 LEAST_POWER = 1e-4
 
-# The noise is integrated over so many frequencies up to this multiple of the cut-off.
-NOISE_LINES, HIGHEST = 2000, 6.0
 # What encoders round is worked out along records of so many samples at most: in longer ones no few steps of a
 # sample stay whole for long.
 LONGEST_ROUNDED = 1 << 18

@@ -8,14 +8,16 @@ says up to where every derivative stands out, and what is left of it at the cut-
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, log10, pi, sqrt
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.thresholds import HIGHEST, NOISE_LINES
 from modelgen.runtime.filters.noise_spectrum import low_pass
+from modelgen.runtime.filters.power_spectrum import integer_power
 from modelgen.runtime.model.model import Model, Signal
 from modelgen.runtime.records.record import Record
 
@@ -60,6 +62,34 @@ def gain(frequency_hz: FloatArray, choice: FilterChoice, derivative: int, fs: fl
     """
     behind = low_pass(frequency_hz, choice.cutoff_hz, choice.filter_order, fs)
     return np.asarray(behind * (2.0 * pi * frequency_hz) ** derivative)
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseBand:
+    """Frequencies in Hz, and the filter's gain in power times a line's width in Hz: shape (lines,) each."""
+
+    frequency_hz: FloatArray
+    power: FloatArray
+    _moments: dict[int, float] = field(default_factory=dict, repr=False)
+
+    def moment(self, order: int) -> float:
+        """Return the sum of the power times that power of the circular frequency, worked out once."""
+        if order not in self._moments:
+            omega = 2.0 * np.pi * self.frequency_hz
+            self._moments[order] = float(integer_power(omega, order) @ self.power)
+        return self._moments[order]
+
+
+def noise_band(record: Record, choice: FilterChoice) -> NoiseBand:
+    """Return the band that noise of a record's readings has behind the filter, in `NOISE_LINES` lines."""
+
+    def make() -> NoiseBand:
+        top_hz = min(0.5 * record.fs, HIGHEST * choice.cutoff_hz)
+        frequency_hz = top_hz * (np.arange(NOISE_LINES) + 0.5) / NOISE_LINES
+        power = gain(frequency_hz, choice, 0, record.fs) ** 2 * top_hz / NOISE_LINES
+        return NoiseBand(frequency_hz, power)
+
+    return record.facts.kept(("noise band", choice), make)
 
 
 def _entry(record: Record, channel: str, signal: Signal, choice: FilterChoice) -> SignalToNoise:

@@ -45,3 +45,5 @@ SUPPORT_TOLERANCE = 1e-5
 ENDS_SHARE = 0.5
 # A record with fewer samples is too short to filter.
 FEWEST_SAMPLES = 50
+# The noise is integrated over so many frequencies up to this multiple of the cut-off.
+NOISE_LINES, HIGHEST = 2000, 6.0

@@ -288,11 +288,11 @@ def _deviations(
 
     It is such that this normal quantile holds where few instants tell it.
     """
-    series: dict[int, FloatArray] = {}
-    last = 0
-    for block in fit.blocks:
-        first, last = last, last + len(block.place)
-        psi = series.setdefault(block.record, np.zeros((block.grid, 1)))
-        psi[block.place, 0] += own[first:last] * (r[first:last] - own[first:last] * size) / power
-    variances = long_run(list(series.values()), quantiles, grown=False).covariances
+    change = np.split(own * (r - own * size) / power, np.cumsum([len(block.place) for block in fit.blocks]))
+    series: list[FloatArray] = []
+    for indices in fit.by_record.values():
+        place = np.concatenate([fit.blocks[index].place for index in indices])
+        psi = np.concatenate([change[index] for index in indices])
+        series.append(np.bincount(place, psi, fit.blocks[indices[0]].grid).astype(float)[:, None])
+    variances = long_run(series, quantiles, grown=False).covariances
     return [float(np.sqrt(max(one[0, 0], 0.0))) for one in variances]

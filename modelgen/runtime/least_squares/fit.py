@@ -12,7 +12,7 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.least_squares.joint_whitening import WhiteFit
 from modelgen.runtime.least_squares.orthogonal_solution import LeastSquares
-from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
+from modelgen.runtime.numerics.qr_triangle import joined_triangle, lines_of, tall_triangle
 from modelgen.runtime.numerics.regressor import Regressor, Regressors
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock, Stretch
@@ -117,8 +117,8 @@ class Fit:
     def triangle(self) -> FloatArray:
         """R of the weighted [regressors Y], shape (c + 1, c + 1)."""
         if self.projected is None:
-            return triangle_of(triangle_rows(self.blocks, self.weights, len(self.columns)))
-        return triangle_of(regressed_rows(self.blocks, self.weights, self.projected))
+            return joined_triangle(triangle_rows(self.blocks, self.weights, len(self.columns)))
+        return joined_triangle(regressed_rows(self.blocks, self.weights, self.projected))
 
     @cached_property
     def left_shares(self) -> tuple[float, ...]:
@@ -274,19 +274,19 @@ def _norm(weights: Sequence[float], norms: Sequence[float]) -> float:
 
 def regressed_rows(
     blocks: Sequence[RowBlock], weights: Sequence[float], regressors: Regressors
-) -> FloatArray:
-    """Return rows as good as the weighted [regressors Y] of blocks, SI times weights, (few, columns + 1)."""
+) -> list[FloatArray]:
+    """Return rows as good as a block's weighted [regressors Y], SI times weights, (few, columns + 1) each."""
     found = []
     for weight, one, block in zip(weights, regressors, blocks, strict=True):
         lines = weight * lines_of(tall_triangle(one.samples, block.Y)[:, 1:])
         found.append(np.column_stack([one.lines(lines[:, :-1]), lines[:, -1]]))
-    return np.concatenate(found)
+    return found
 
 
 def triangle_rows(
     blocks: Sequence[RowBlock | RowTriangle], weights: Sequence[float], columns: int
-) -> FloatArray:
-    """Return rows as good as the weighted [W Y] of the blocks, SI times weights, shape (few, columns + 1)."""
+) -> list[FloatArray]:
+    """Return rows as good as the weighted [W Y] of each block, SI times weights, (few, columns + 1) each."""
     parts = []
     for weight, block in zip(weights, blocks, strict=True):
         rows = weight * lines_of(block.triangle[:, 1:])
@@ -295,4 +295,4 @@ def triangle_rows(
             wide[:, [*block.touched, columns]] = rows
             rows = wide
         parts.append(rows)
-    return np.concatenate(parts)
+    return parts

@@ -14,7 +14,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.fit import Fit, regressed_rows, residuals_of
 from modelgen.runtime.least_squares.projected_least_squares import two_stage, with_regressors
-from modelgen.runtime.numerics.qr_triangle import triangle_of
+from modelgen.runtime.numerics.qr_triangle import joined_triangle
 from modelgen.runtime.numerics.regressor import Regressors
 from modelgen.runtime.rows.row_block import RowBlock
 
@@ -81,7 +81,7 @@ def with_columns_free(fit: Fit, extra: Sequence[Sequence[FloatArray]]) -> Fit:
     Each has shape (n,) a block, in the unit of the row over that of its factor.
     """
     joined = fit.regressors.joined(extra)
-    triangle = triangle_of(regressed_rows(fit.blocks, fit.weights, joined))
+    triangle = joined_triangle(regressed_rows(fit.blocks, fit.weights, joined))
     return with_regressors(fit, _projected_out(joined, triangle, len(fit.columns)))
 
 

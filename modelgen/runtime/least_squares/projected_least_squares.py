@@ -10,7 +10,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.fit import Fit, regressed_rows, residuals_of
 from modelgen.runtime.least_squares.orthogonal_solution import inverse_of, polished
 from modelgen.runtime.least_squares.thresholds import ALIKE, SIMULATED_TOLERANCE
-from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
+from modelgen.runtime.numerics.qr_triangle import joined_triangle, lines_of, tall_triangle, triangle_of
 from modelgen.runtime.numerics.regressor import Regressor, Regressors, WeightedPieces
 
 
@@ -35,7 +35,7 @@ def two_stage(fit: Fit, Z: Regressors | tuple[FloatArray, ...]) -> Fit:
         lines = weight * lines_of(tall_triangle((z.samples, block.W), block.Y)[:, 1:])
         k, W = z.samples.shape[1], Regressor(block.W, block.touched, None, c)
         parts.append(np.column_stack([z.lines(lines[:, :k]), W.lines(lines[:, k:-1]), lines[:, -1]]))
-    triangle = triangle_of(np.concatenate(parts))
+    triangle = joined_triangle(parts)
     scale = np.linalg.norm(triangle[:c, :c], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     rank = float(np.finfo(float).eps) * sum(len(z) for z in Z.samples)
@@ -53,7 +53,7 @@ def two_stage(fit: Fit, Z: Regressors | tuple[FloatArray, ...]) -> Fit:
 
 def with_regressors(fit: Fit, projected: Regressors) -> Fit:
     """Return the fit of the same weighted rows whose Y is regressed on `projected`, in place of W."""
-    return _regressed(fit, projected, triangle_of(regressed_rows(fit.blocks, fit.weights, projected)))
+    return _regressed(fit, projected, joined_triangle(regressed_rows(fit.blocks, fit.weights, projected)))
 
 
 def _regressed(fit: Fit, projected: Regressors, triangle: FloatArray) -> Fit:

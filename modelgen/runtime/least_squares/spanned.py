@@ -8,7 +8,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.least_squares.thresholds import SIMULATED_TOLERANCE
-from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
+from modelgen.runtime.numerics.qr_triangle import joined_triangle, lines_of, tall_triangle
 from modelgen.runtime.numerics.regressor import Regressors
 
 
@@ -33,7 +33,7 @@ class Spanned:
                 one.lines(lines_of(tall_triangle(one.samples, none))[:, 1:-1])
                 for one, none in zip(regressors, nothing, strict=True)
             ]
-            R = triangle_of(np.concatenate(rows))
+            R = joined_triangle(rows)
         self.sizes = np.linalg.norm(R, axis=0)
         scale = np.where(self.sizes > 0.0, self.sizes, 1.0)
         Q, T = np.linalg.qr(R / scale) if plain else (None, R / scale)

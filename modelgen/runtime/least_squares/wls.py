@@ -35,7 +35,7 @@ from modelgen.runtime.least_squares.thresholds import (
     SMALLEST_RESIDUAL,
     WEIGHTING_ROUNDS,
 )
-from modelgen.runtime.numerics.qr_triangle import triangle_of
+from modelgen.runtime.numerics.qr_triangle import joined_triangle
 from modelgen.runtime.numerics.regressor import Regressor, Regressors, WeightedPieces
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.row_block import STRETCH, RowBlock
@@ -146,7 +146,7 @@ def fit_paper(observation: Observation) -> Fit:
         return _solve(blocks, columns, absent, (1.0,))
     tiny = float(np.finfo(float).tiny)
     # rows of different orders differ by many powers of ten here: what rounding moves has to be undone
-    rows = triangle_rows(blocks, [1.0] * len(blocks), len(columns))
+    rows = np.concatenate(triangle_rows(blocks, [1.0] * len(blocks), len(columns)))
     rms = _rms([block.summary for block in blocks], least_squares(rows[:, :-1], rows[:, -1]).x)
     return _solve(blocks, columns, absent, tuple(1.0 / max(one, tiny) for one in rms))
 
@@ -223,7 +223,7 @@ def _solve(
         parts = WeightedPieces(projected, tuple(block.Y for block in blocks), weights)
     else:
         rows, parts = triangle_rows(blocks, weights, c), _Weighted(blocks, weights, c)
-    triangle = triangle_of(rows)
+    triangle = joined_triangle(rows)
     solution = polished(triangle, parts if polish else (), alike=ALIKE)
     residuals = residuals_of(blocks, solution.x)
     return Fit(columns, absent, solution, blocks, weights, residuals, (), projected)
@@ -255,7 +255,7 @@ class _Weighted(Sequence[tuple[Regressor, FloatArray]]):
 
 def _triangle(rows: Sequence[RowTriangle], weights: Sequence[float], columns: int) -> FloatArray:
     """Return the triangle of the weighted rows, from their own."""
-    return triangle_of(triangle_rows(rows, weights, columns))
+    return joined_triangle(triangle_rows(rows, weights, columns))
 
 
 def _rms(rows: Sequence[RowTriangle], x: FloatArray) -> list[float]:

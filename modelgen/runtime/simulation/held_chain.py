@@ -46,11 +46,11 @@ class HeldChain:
 
     @cached_property
     def _answers(self) -> ComplexArray:
-        """What each pair of poles, then each real pole, answers at all frequencies, (frequencies, pairs)."""
+        """What each pair of poles, then each real pole, answers at all frequencies, (pairs, frequencies)."""
         swings, single = self.rates[self.rates.imag > 0.0], self.rates[self.rates.imag == 0.0]
-        s = 1j * self.omega[:, None]
-        whole = s * (s - 2.0 * swings.real) + np.abs(swings) ** 2
-        found = np.concatenate([whole, s - single], axis=1)
+        s = 1j * self.omega
+        whole = s * (s - 2.0 * swings.real[:, None]) + np.abs(swings[:, None]) ** 2
+        found = np.concatenate([whole, s - single[:, None]])
         # a division of complex numbers takes several times as long; what nothing holds, a body on a spring of
         # no stiffness, has no answer to a constant push
         size = found.real**2 + found.imag**2
@@ -81,8 +81,8 @@ class HeldChain:
         pairs, ones = weight[:, swings], weight[:, single]
         level = np.hstack([-2.0 * (pairs * self.rates[swings].conj()).real, ones.real])
         rise = np.hstack([2.0 * pairs.real, np.zeros(ones.shape)])
-        # all at once: the answers are long
-        found = np.vstack([level, rise]) @ self._answers.T
+        # all at once, as the answers are long; a real matrix with real and imaginary parts side by side
+        found = (np.vstack([level, rise]) @ self._answers.view(float)).view(complex)
         return np.asarray(found[: len(shares)] + 1j * self.omega * found[len(shares) :])
 
     def driven(self, forces: ComplexArray) -> dict[str, ComplexArray]:

@@ -9,8 +9,10 @@ import pytest
 
 from modelgen import CheckOptions, Filters, identify
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.filter_choice.signal_to_noise import noise_band
 from modelgen.runtime.identification.methods import WLS
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model
@@ -52,6 +54,18 @@ def test_it_is_what_simulations_show(rows: str) -> None:
     assert np.abs(one).max() > 0.1  # there is something to predict
     assert np.linalg.norm(one - other) < 0.25 * np.linalg.norm(one)
     assert np.median(np.abs(one - other) / scale) < 3.0
+
+
+def test_the_power_behind_a_row_is_its_spectrum_over_the_band() -> None:
+    model, values, record = arm()
+    choice = choose_filter(model, [record], cutoff_hz=60.0, signal_cutoff_hz=200.0)
+    band, x = noise_band(record, choice), model.base_from_physical(values)
+    for ways in noise_ways(model, record, choice, 1):
+        left = ways.of_residual(x)
+        for key in left.slopes:
+            power = float(left.spectrum(key, band.frequency_hz) @ band.power)
+            assert power > 0.0
+            np.testing.assert_allclose(left.products(key, band), [[power]], rtol=1e-9)
 
 
 def test_intervals_count_it_and_what_is_nothing_but_noise_is_refused() -> None:
