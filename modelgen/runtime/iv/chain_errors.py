@@ -76,7 +76,7 @@ def _late_direction(friction: Friction) -> Effect:
 
     def force(simulated: Simulated) -> FloatArray:
         level = simulated.plant.parameters[name]
-        return -level * np.gradient(np.sign(simulated.motion[f"v_{body}"]), simulated.record.dt)
+        return -level * np.gradient(np.sign(simulated.led[body].speed), simulated.record.dt)
 
     return Effect(f"direction of {body}", DIRECTION, f"the direction of {body} changes late",
                   f"the direction of {body} changes early",
@@ -99,7 +99,7 @@ def _stribeck(body: str) -> Callable[[Simulated], Changes]:
     """Return what friction does that falls with the speed, from a speed on that all records share."""
 
     def force(simulated: Simulated) -> FloatArray:
-        v = simulated.motion[f"v_{body}"]
+        v = simulated.led[body].speed
         return np.asarray(-np.sign(v) * np.exp(-np.abs(v) / simulated.slow[body]))
 
     return _on_body(body, force)
@@ -111,7 +111,7 @@ def _on_body(body: str, force: Callable[[Simulated], FloatArray]) -> Callable[[S
 
 
 def _friction(body: str, form: Callable[[FloatArray], FloatArray]) -> Callable[[Simulated], Changes]:
-    return _on_body(body, lambda simulated: -form(simulated.motion[f"v_{body}"]))
+    return _on_body(body, lambda simulated: -form(simulated.led[body].speed))
 
 
 def _further_mass(body: str) -> Callable[[Simulated], Changes]:
@@ -143,10 +143,12 @@ def _deflection(simulated: Simulated, lever: FloatArray) -> FloatArray:
         if abs(share) > ROUNDED * np.max(np.abs(lever))
     ]
     d = np.asarray(sum(share * simulated.motion[f"q_{body}"] for share, body in ends))
-    if not all(body in simulated.away for _, body in ends):
+    away = [(share, simulated.led[body].away) for share, body in ends]
+    known = [(share, *one) for share, one in away if one is not None]
+    if len(known) < len(away):
         return d
-    noise = sum((share * simulated.away[body][1]) ** 2 for share, body in ends)
+    noise = sum((share * rms) ** 2 for share, _, rms in known)
     if noise > UNCLEAR * float(np.var(d)):
         return d
-    further = np.asarray(sum(share * simulated.away[body][0] for share, body in ends))
+    further = np.asarray(sum(share * samples for share, samples, _ in known))
     return np.asarray(d + further - np.mean(further))

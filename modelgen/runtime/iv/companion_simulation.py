@@ -18,7 +18,6 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
-from modelgen.magnitudes import SMALLEST
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.power_spectrum import quick_length
@@ -36,7 +35,6 @@ from modelgen.runtime.iv.thresholds import (
     AT_REST,
     FOLLOWED_AGAIN,
     HIGHEST_LED,
-    LEAST_INERTIA,
     LED,
     LED_ORDER,
 )
@@ -69,14 +67,25 @@ class Further:
 
 
 @dataclass(frozen=True, eq=False)
+class Led:
+    """The speed of a body as it was in the measured record, SI, shape (n,).
+
+    `away` is by how far its position was elsewhere than simulated, and the noise of that, rms, where an
+    encoder reads it.
+    """
+
+    speed: FloatArray
+    away: tuple[FloatArray, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Simulated:
     """A record as the model would have read it, noise-free.
 
-    `record` holds the channels, `motion` the signals of all bodies (``v_BODY`` and the like), velocities as
-    they were in the measured record. `index` says which of the records it is. `away` holds by how far the
-    positions of bodies with an encoder were elsewhere in it, and the noise of that, rms, `speed`
-    the speeds of bodies as simulated. `slow` is a speed that counts as low, by body, the same in all records.
-    `felt` is for `modelgen.runtime.iv.pushed_chain`: which rows feel the pushes that it has looked at.
+    `record` holds the channels, `motion` the signals of all bodies (``v_BODY`` and the like), `led` what the
+    measured record says of these, by body. `index` says which of the records it is. `slow` is a speed that
+    counts as low, by body, the same in all records. `felt` is for `modelgen.runtime.iv.pushed_chain`:
+    which rows feel the pushes that it has looked at.
     `measured` is the record itself, which leads the motion up to `led_hz`; below `slow_hz` the sensors of
     lowest order alone do so. `smoothed` are speeds of all bodies in the record asked for last.
     """
@@ -85,8 +94,7 @@ class Simulated:
     record: Record
     motion: Mapping[str, FloatArray]
     index: int
-    away: Mapping[str, tuple[FloatArray, float]] = field(default_factory=dict)
-    speed: Mapping[str, FloatArray] = field(default_factory=dict)
+    led: Mapping[str, Led] = field(default_factory=dict, repr=False)
     slow: Mapping[str, float] = field(default_factory=dict)
     felt: dict[tuple[float, ...], tuple[int, ...]] = field(default_factory=dict, repr=False)
     measured: Record | None = None
@@ -217,7 +225,7 @@ def followed_closely(simulated: Simulated, choice: FilterChoice, loop: Loop | No
     plant, record = simulated.plant, simulated.measured
     if record is None or (loop is not None and REFERENCE in record.signals):
         return simulated
-    true = {**simulated.motion, **{f"v_{body}": speed for body, speed in simulated.speed.items()}}
+    true = simulated.motion
     for _ in range(FOLLOWED_AGAIN):
         true = HeldMotion(plant, record, choice, true_signals, true).whole()
     return _along(plant, true, record, choice, simulated.index)
@@ -231,7 +239,8 @@ def _along(
     read = {key: true[key] for key in keys}
     led_hz = min(LED * dynamics_hz(choice), HIGHEST_LED * record.fs)
     slow_hz, read_by = smoothing_hz(record, feedback_hz(choice)), _as_read(record, read)
-    return _as_moved(Simulated(plant, read_by, true, index, led_hz=led_hz, slow_hz=slow_hz), record)
+    found = Simulated(plant, read_by, true, index, measured=record, led_hz=led_hz, slow_hz=slow_hz)
+    return replace(found, led=_LedBodies(found, record))
 
 
 @lru_cache(maxsize=4)  # all records are simulated with the same parameters, one after the other
@@ -239,28 +248,33 @@ def _plant(model: Model, parameters: tuple[tuple[str, float], ...]) -> Plant:
     return make_plant(model, dict(parameters))
 
 
-def _as_moved(simulated: Simulated, record: Record) -> Simulated:
-    """Return a simulation with the motion of the measured record.
+class _LedBodies(dict[str, Led]):
+    """The motion of bodies as it was in the measured record, each worked out when it is asked for.
 
     The weak feedback bends the slow motion, and what the model lacks moved the record: a further force that
     is worked out along the simulated motion is some percent off. What a body's own sensor reads leads it, a
     body without one is led by what all sensors show of it.
     """
-    motion, away, speeds = dict(simulated.motion), {}, {}
-    for body in simulated.plant.bodies:
-        speeds[body] = motion[f"v_{body}"]
-        shown = simulated.further(body, record)
+
+    def __init__(self, simulated: Simulated, record: Record) -> None:
+        super().__init__()
+        self._simulated, self._record = simulated, record
+
+    def __missing__(self, body: str) -> Led:
+        self[body] = self._found(self._simulated, body, self._record)
+        return self[body]
+
+    def _found(self, simulated: Simulated, body: str, record: Record) -> Led:
+        speed, shown = simulated.motion[f"v_{body}"], simulated.further(body, record)
         if shown is None:
-            continue
+            return Led(speed)
         further = zero_phase(shown.motion, LED_ORDER, simulated.led_hz, record.fs)
-        speed = speeds[body]
         # a body that sticks has no direction: noise must not give it one
         moving = np.abs(speed) > AT_REST * np.max(np.abs(speed))
         change = further if shown.order else differentiate(further, record.dt)
-        motion[f"v_{body}"] = speed + np.where(moving, change, 0.0)
-        if shown.own and shown.order == 0:
-            away[body] = further, float(np.sqrt(shown.noise * simulated.led_hz))
-    return replace(simulated, motion=motion, away=away, speed=speeds, measured=record)
+        read = shown.own and shown.order == 0
+        away = (further, float(np.sqrt(shown.noise * simulated.led_hz))) if read else None
+        return Led(speed + np.where(moving, change, 0.0), away)
 
 
 def _closed(plant: Plant, record: Record, choice: FilterChoice, loop: Loop) -> Motion:
@@ -276,23 +290,3 @@ def _closed(plant: Plant, record: Record, choice: FilterChoice, loop: Loop) -> M
 
 def _as_read(record: Record, true: Mapping[str, FloatArray]) -> Record:
     return record.edited({key: true[key] for key in record.signals if key in true})
-
-
-def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
-    """Return parameters with which a chain can be simulated.
-
-    Signs that physics forbids are taken away, and what an iteration drove to zero is zero.
-    """
-    largest: dict[str, float] = {}
-    for name, value in parameters.items():
-        if name in model.roles and model.roles[name].role == "inertia":
-            unit = model.units.get(name, "")
-            largest[unit] = max(largest.get(unit, 0.0), abs(value))
-    moved = dict(parameters)
-    for name, value in parameters.items():
-        role = model.roles[name].role if name in model.roles else ""
-        if role == "inertia":
-            moved[name] = max(value, LEAST_INERTIA * largest[model.units.get(name, "")])
-        elif role in ("coulomb", "stiffness", "damping", "viscous"):
-            moved[name] = value if value >= SMALLEST else 0.0
-    return moved

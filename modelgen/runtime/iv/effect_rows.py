@@ -11,7 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.filters.block_numpy import largest
-from modelgen.runtime.iv.companion_simulation import Simulated, followed_closely, possible, simulated_beside
+from modelgen.runtime.iv.companion_simulation import Simulated, followed_closely, simulated_beside
 from modelgen.runtime.iv.divergence import simulation_failed
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
@@ -25,6 +25,7 @@ from modelgen.runtime.records.channels import EditedChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
 from modelgen.runtime.rows.row_terms import channels_of_keys, channels_of_rows, mismatch_terms
+from modelgen.runtime.simulation.plant import possible
 
 Found = TypeVar("Found")
 
@@ -85,7 +86,7 @@ class _LowSpeeds(dict[str, float]):
         self._simulated = simulated
 
     def __missing__(self, body: str) -> float:
-        speeds = np.abs(np.concatenate([one.motion[f"v_{body}"] for one in self._simulated]))
+        speeds = np.abs(np.concatenate([one.led[body].speed for one in self._simulated]))
         # a body that sticks has a speed of rounding only
         moving = speeds[speeds > AT_REST * np.max(speeds)]
         self[body] = float(np.quantile(moving, SLOW_QUANTILE)) if moving.size else 1.0

@@ -16,7 +16,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
+from modelgen.runtime.iv.companion_simulation import Loop, run_beside
 from modelgen.runtime.iv.divergence import diverged, refuse_few, refuse_runaway, simulation_failed
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.thresholds import (
@@ -39,6 +39,7 @@ from modelgen.runtime.parameters.physical_parameters import Covariances, physica
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import unmasked_rows
 from modelgen.runtime.rows.row_terms import RowTerms
+from modelgen.runtime.simulation.plant import possible
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,6 @@ HELD_STRETCH, HELD_REACHES, KEPT_STRETCHES = 1 << 16, 2, 4
 # What arms follow of a record, as a multiple of their motion's band, where their controller is not known:
 # noise of accelerations grows with the band to the power of five, and rows look at five times the motion's.
 ARM_SMOOTHING, ARM_SMOOTHING_ORDER = 2.0, 4
-# An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
-LEAST_INERTIA = 1e-6
 
 # Gauss-Newton steps from one start, at most.
 COMPOSITE_ROUNDS = 25

@@ -12,11 +12,12 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
-from modelgen.magnitudes import REMEDY, is_usable, shown_number
+from modelgen.magnitudes import REMEDY, SMALLEST, is_usable, shown_number
 from modelgen.runtime.model.chain_matrices import body_inertias
 from modelgen.runtime.model.mechanical_parts import Friction
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
+from modelgen.runtime.simulation.thresholds import LEAST_INERTIA
 from modelgen.runtime.stick_slip.linear_mode import CoulombBody, CubicForce, Mode
 
 
@@ -161,6 +162,26 @@ def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | No
     bodies, inertia = _bodies(model, values)
     driven = bodies.index(model.actuators[column].body)
     return Plant(model, MappingProxyType(values), bodies, inertia, column, driven)
+
+
+def possible(model: Model, parameters: Mapping[str, float]) -> dict[str, float]:
+    """Return parameters with which a chain can be simulated.
+
+    Signs that physics forbids are taken away, and what an iteration drove to zero is zero.
+    """
+    largest: dict[str, float] = {}
+    for name, value in parameters.items():
+        if name in model.roles and model.roles[name].role == "inertia":
+            unit = model.units.get(name, "")
+            largest[unit] = max(largest.get(unit, 0.0), abs(value))
+    moved = dict(parameters)
+    for name, value in parameters.items():
+        role = model.roles[name].role if name in model.roles else ""
+        if role == "inertia":
+            moved[name] = max(value, LEAST_INERTIA * largest[model.units.get(name, "")])
+        elif role in ("coulomb", "stiffness", "damping", "viscous"):
+            moved[name] = value if value >= SMALLEST else 0.0
+    return moved
 
 
 def measured_forces(plant: Plant, record: Record) -> tuple[FloatArray, dict[str, FloatArray]]:

@@ -54,6 +54,9 @@ REACH_TOLERANCE = 1e-3
 # Internal steps per sample of a continuous controller.
 STEPS_A_SAMPLE = 8
 
+# An inertia stays above this share of the largest one of its unit: a plant without inertia cannot be run.
+LEAST_INERTIA = 1e-6
+
 # The chain is held by a feedback of this share of its lowest elastic frequency, or of the highest in the
 # record: any will do, as rows do not feel it.
 HOLDING_SHARE = 0.1

@@ -13,7 +13,7 @@ from modelgen.cli.candidates import spec_model
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
-from modelgen.runtime.iv.companion_simulation import simulated_beside
+from modelgen.runtime.iv.companion_simulation import Simulated, simulated_beside
 from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of
@@ -58,6 +58,11 @@ def away(found: FloatArray, true: FloatArray) -> float:
     return float(np.std((found - true)[inner]) / np.std(true[inner]))
 
 
+def without_encoders(one: Simulated) -> Simulated:
+    """Return a simulation that no encoder says the positions of bodies of."""
+    return replace(one, led={body: replace(one.led[body], away=None) for body in one.plant.bodies})
+
+
 @pytest.mark.parametrize("kind", ["chirp", "trapezoid"])
 def test_bodies_move_as_they_did_though_the_model_lacks_a_friction(kind: str) -> None:
     record, speeds = clean(kind)
@@ -66,27 +71,27 @@ def test_bodies_move_as_they_did_though_the_model_lacks_a_friction(kind: str) ->
     for body, true in speeds.items():
         held = np.gradient(one.record.signals[f"q_{body}"], 1.0 / FS)
         assert away(held, true) > 0.02
-        assert away(one.motion[f"v_{body}"], true) < 0.2 * away(held, true)
+        assert away(one.led[body].speed, true) < 0.2 * away(held, true)
 
 
 def test_a_spring_bends_as_in_the_record_whatever_the_zeros_of_encoders_are() -> None:
     record, _ = clean("chirp")
     choice = choose_filter(PLAIN, (record,))
-    (stiffens,) = (one for one in effects_of(PLAIN, ("m", "c"), 1) if one.name == "stiffening of K")
+    (stiffens,) = (one for one in effects_of(PLAIN, ("m", "c"), (record,)) if one.name == "stiffening of K")
     true = record.signals["q_m"] - record.signals["q_c"]
     for zero in (0.0, 0.02):  # three times as large as the deflections are
         one = simulated_beside(PLAIN, TRUTH, record_with("chirp", 0.0, zero), choice)
         expected = Pushed(one, np.array([1.0, -1.0]), -((true - np.mean(true)) ** 3))["q_c"]
         assert away(stiffens.changes(one)["q_c"], expected) < 0.03
-        assert away(stiffens.changes(replace(one, away={}))["q_c"], expected) > 0.1
+        assert away(stiffens.changes(without_encoders(one))["q_c"], expected) > 0.1
 
 
 def test_noise_of_coarse_encoders_bends_no_spring() -> None:
     record, _ = clean("chirp")
     choice = choose_filter(PLAIN, (record,))
-    (stiffens,) = (one for one in effects_of(PLAIN, ("m", "c"), 1) if one.name == "stiffening of K")
+    (stiffens,) = (one for one in effects_of(PLAIN, ("m", "c"), (record,)) if one.name == "stiffening of K")
     one = simulated_beside(PLAIN, TRUTH, record_with("chirp", 30.0), choice)
-    found, plain = stiffens.changes(one), stiffens.changes(replace(one, away={}))
+    found, plain = stiffens.changes(one), stiffens.changes(without_encoders(one))
     np.testing.assert_array_equal(found["q_c"], plain["q_c"])
 
 
@@ -97,7 +102,7 @@ def test_what_sticks_has_no_direction_from_noise() -> None:
     rng = np.random.default_rng(4)
     rest["q_m"] = rest["q_m"] + 2e-5 * rng.standard_normal(2000)
     still = simulated_beside(PLAIN, TRUTH, Record(rest, FS, "rest", "rest"), choice)
-    held = np.abs(still.motion["v_m"]) < 1e-12
+    held = np.abs(still.led["m"].speed) < 1e-12
     assert np.mean(held) > 0.9
 
 
@@ -106,7 +111,7 @@ def test_friction_that_the_spec_does_not_name_leaves_the_others_right() -> None:
     records = tuple(record_with(kind, 1.0) for kind in ("chirp", "trapezoid"))
     job = Job(PLAIN, records, choose_filter(PLAIN, records), late=("Gamma_m",))
     fit = METHODS["iv"].run(job)[1]
-    (effect,) = (one for one in effects_of(PLAIN, ("m", "c"), 2) if one.name == "viscous friction on c")
+    (effect,) = (one for one in effects_of(PLAIN, ("m", "c"), records) if one.name == "viscous friction on c")
     found = fit_with_effects(job.setting(), job.calm, fit, (effect,), (), job.sharpened)
     assert abs(found.sizes[0] - FRICTION) < 3.0 * found.stds[0]
     truth = np.array([TRUTH[name] for name in found.fit.columns])
@@ -136,5 +141,5 @@ def test_a_body_without_a_sensor_moves_as_its_links_carry_it_in_the_record(kind:
     seen = record_with(kind, 0.1)
     seen = Record({key: seen.signals[key] for key in ("q_m", "Gamma_m")}, FS, kind, kind)
     one = simulated_beside(alone, TRUTH, seen, choose_filter(alone, (seen,)))
-    assert away(one.speed["c"], speeds["c"]) > 0.02
-    assert away(one.motion["v_c"], speeds["c"]) < 0.2 * away(one.speed["c"], speeds["c"])
+    assert away(one.motion["v_c"], speeds["c"]) > 0.02
+    assert away(one.led["c"].speed, speeds["c"]) < 0.2 * away(one.motion["v_c"], speeds["c"])

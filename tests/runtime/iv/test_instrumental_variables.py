@@ -17,7 +17,7 @@ from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.iv import instrumental_variables
-from modelgen.runtime.iv.companion_simulation import Loop, possible, run_beside
+from modelgen.runtime.iv.companion_simulation import Loop, run_beside
 from modelgen.runtime.iv.instrumental_variables import (
     Setting,
     fit_iv,
@@ -34,6 +34,7 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController
 from modelgen.runtime.simulation.excitation import chirp
+from modelgen.runtime.simulation.plant import possible
 from modelgen.runtime.simulation.simulate import simulate
 
 QC, AC = model_from_module(emps300_qm_qc), model_from_module(emps300_qm_ac)

@@ -13,7 +13,7 @@ from generated import emps_rigid_qm
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
-from modelgen.runtime.iv.companion_simulation import Simulated, simulated_beside
+from modelgen.runtime.iv.companion_simulation import Led, Simulated, simulated_beside
 from modelgen.runtime.iv.effect import Effect, unlike
 from modelgen.runtime.iv.effect_rows import simulated_records
 from modelgen.runtime.iv.low_pass import low_pass, without_average, without_lag
@@ -231,8 +231,11 @@ def simulated_pair(scale: float) -> tuple[Simulated, Simulated]:
     one = simulated_beside(SMALL, TRUTH, record, choose_filter(SMALL, (record,)))
     one = replace(one, slow={"m": 1.0, "c": 1.0})
     motion = {key: scale * samples for key, samples in one.motion.items()}
-    away = {body: (scale * samples, scale * noise) for body, (samples, noise) in one.away.items()}
-    return one, replace(one, motion=motion, away=away)
+    led = {}
+    for body in one.plant.bodies:
+        speed, (samples, noise) = one.led[body].speed, one.led[body].away or (np.zeros(record.n), 0.0)
+        led[body] = Led(scale * speed, (scale * samples, scale * noise))
+    return one, replace(one, motion=motion, led=led)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,6 @@ from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.iv.companion_simulation import possible
 from modelgen.runtime.iv.held_motion import feedback_hz
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.least_squares.delays import advanced
@@ -28,7 +27,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import unmasked_rows
 from modelgen.runtime.simulation.held_chain import held_chain
-from modelgen.runtime.simulation.plant import Plant, make_plant
+from modelgen.runtime.simulation.plant import Plant, make_plant, possible
 
 # Noise is drawn in periods of so many samples at most, and of a multiple of so many that are kept: transforms
 # of other lengths take far longer. Periods of more than a few forces are shorter: all are in memory.

@@ -16,13 +16,12 @@ import numpy as np
 from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.identification.explanation.explained import Begun
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.iv.companion_simulation import possible
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.least_squares.time_shifts import behind
 from modelgen.runtime.numerics.matrix_exponential import matrix_exponential
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.simulation.plant import Plant, make_plant
+from modelgen.runtime.simulation.plant import Plant, make_plant, possible
 
 
 def without_images(task: Task, delays: Mapping[str, float], known: Begun) -> Task:

@@ -16,7 +16,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explanation.explained import Begun, begun_at, run_method, with_note
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import TURNED_ROUNDS
-from modelgen.runtime.iv.companion_simulation import Loop, followed_closely, possible, simulated_beside
+from modelgen.runtime.iv.companion_simulation import Loop, followed_closely, simulated_beside
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.physical.friction_rows import directions
 from modelgen.runtime.least_squares.delays import advanced
@@ -24,6 +24,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.given_directions import bodies_with_signs, signs_of_rows
+from modelgen.runtime.simulation.plant import possible
 
 SIMULATED = "directions near reversals are those of a simulation at the estimate"
 

@@ -133,7 +133,7 @@ def _recorded_speed(
     the shape (n,).
     """
     further = simulated.further(body, record)
-    speed, change = simulated.speed[body], simulated.motion[f"a_{body}"] * record.dt
+    speed, change = simulated.motion[f"v_{body}"], simulated.motion[f"a_{body}"] * record.dt
     turns = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
     if not turns.size or further is None or not further.motion.any():
         return speed, change

@@ -15,7 +15,6 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, ModelgenError
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
-from modelgen.runtime.iv.companion_simulation import possible
 from modelgen.runtime.iv.held_motion import nearest_sensor
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.output_error import fit_response
@@ -34,7 +33,7 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printe
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import vibration
-from modelgen.runtime.simulation.plant import Plant, make_plant
+from modelgen.runtime.simulation.plant import Plant, make_plant, possible
 
 # A body with less than this share of the inertia that the actuator feels has vanished.
 MOVING = ("inertia", "stiffness", "damping")
