@@ -199,9 +199,11 @@ def readings(plant: Plant, motion: Motion) -> dict[str, FloatArray]:
         sensor.measures == "acceleration" or space.D[i].any() or space.F[i].any()
         for i, sensor in enumerate(model.sensors)
     ]
-    sensed = _outputs(plant, motion.states, motion.modes, motion.forces)[2] if any(felt) else None
+    if any(felt):
+        sensed = _outputs(plant, motion.states, motion.modes, motion.forces)[2]
     for i, sensor in enumerate(model.sensors):
-        found[sensor.key] = motion.states @ space.C[i] if sensed is None or not felt[i] else sensed[:, i]
+        used = np.flatnonzero(space.C[i])  # of the states of a long chain, few
+        found[sensor.key] = sensed[:, i] if felt[i] else motion.states[:, used] @ space.C[i, used]
     return found
 
 
@@ -220,20 +222,25 @@ def _outputs(
     for rows, mode in _rows_by_space(plant, modes):
         space = plant.space(mode)
         moving, pushed, f = x[rows], forces[rows], friction[rows]
-        free = moving @ space.A.T + pushed @ space.B.T
+        # in place: arrays of a long chain are large
+        free = moving @ space.A[n:].T
+        free += pushed @ space.B[n:].T
         if cubes:
-            free += springs[rows]
+            free += springs[rows, n:]
         resting = []
         for j, body, sign in zip(plant.sticking, plant.coulomb_bodies, modes[rows].T, strict=True):
             f[:, j] += np.where(sign > 0, body.plus, -body.minus)
-            resting.append((np.flatnonzero(sign == 0), body.velocity))
-            at_rest = resting[-1][0]
-            f[at_rest, j] = free[at_rest, body.velocity] * body.inertia  # what holds it
-        felt = free + f @ space.E.T
+            resting.append((np.flatnonzero(sign == 0), body.velocity - n))
+            at_rest, velocity = resting[-1]
+            f[at_rest, j] = free[at_rest, velocity] * body.inertia  # what holds it
+        free += f @ space.E[n:].T
         for at_rest, velocity in resting:
-            felt[at_rest, velocity] = 0.0  # exactly, where the line above leaves rounding errors
-        acceleration[rows] = felt[:, n:]
-        sensed[rows] = moving @ space.C.T + pushed @ space.D.T + f @ space.F.T
+            free[at_rest, velocity] = 0.0  # exactly, where the line above leaves rounding errors
+        acceleration[rows] = free
+        read = moving @ space.C.T
+        read += pushed @ space.D.T
+        read += f @ space.F.T
+        sensed[rows] = read
         friction[rows] = f
     if cubes:
         sensed += springs[:, n:] @ felt_accelerations(plant.model).T
