@@ -90,7 +90,7 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
     # where friction reverses all the time, rows that leave it open may hold nothing of the springs
     tasks = [task]
     if leaves_turns_open(task.model):
-        tasks.append(replace(task, job=replace(task.job, rough=True)))
+        tasks.append(replace(task, job=replace(task.job, leave_open=False)))
     for one in chain.from_iterable(chain([at], higher_cutoffs(at, CUTOFFS_WITHOUT_ESTIMATE)) for at in tasks):
         try:
             found = _about(one, kernel)

@@ -47,7 +47,8 @@ class Job:
     these as well where rows drop friction, which is added. `changes` are what was done to
     the records that were given, in this order. The job of stretches has a `share` of the samples that are to
     be estimated from. `guessed` are directions in the records that neither a sensor nor the user gives.
-    `rough` solutions of least squares keep what rounding has moved, and directions that speeds do not tell.
+    What rounding has moved in least squares is undone if they are `polished`. With `leave_open`, rows leave
+    forces open where speeds do not tell directions.
     """
 
     model: Model
@@ -72,7 +73,8 @@ class Job:
     changes: tuple[Change, ...] = ()
     share: float = 1.0
     guessed: tuple[str, ...] = ()
-    rough: bool = False
+    polished: bool = True
+    leave_open: bool = True
 
     @property
     def all_sizes(self) -> tuple[float, ...]:
@@ -94,7 +96,7 @@ class Job:
             blocks = tuple(replace(block.kept(), turning=feel[block.row]) for block in rows.blocks)
             rows = replace(rows, blocks=blocks)
         rows = with_given_directions(rows, self.model, records, self.choice, self.drop, every)
-        if not self.rough:
+        if self.leave_open:
             rows = without_uncertain_turns(rows, self.model, records, self.choice, self.drop, turns)
         return self.only_rows_for_tag(rows)
 

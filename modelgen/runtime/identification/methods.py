@@ -28,7 +28,7 @@ def run_wls(job: Job) -> tuple[Observation, Fit]:
 
     def run(records: tuple[Record, ...], _: Fit | None) -> tuple[Observation, Fit]:
         observation = observed(records)
-        return observation, job.with_gains(fit_matched(observation, polish=not job.rough), records)
+        return observation, job.with_gains(fit_matched(observation, polish=job.polished), records)
 
     return job.with_delays(run)
 

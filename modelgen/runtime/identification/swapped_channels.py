@@ -112,7 +112,7 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
     run = METHODS["wls"].run
     parts = tuple(part_tried(record) for record in job.records)
     shorter = any(part.n < record.n for part, record in zip(parts, job.records, strict=True))
-    job = replace(job, rough=True)
+    job = replace(job, polished=False, leave_open=False)
     job = replace(job, records=parts, surveys=(), start=None) if shorter else job
     if shorter or fit.carried is not None or any(block.opened for block in fit.blocks):
         # composites that are free of each other explain by terms that cancel what physical values leave
