@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as arrays
 
 from generated import emps300_qm_ac
 from modelgen.errors import DataError
-from modelgen.runtime.diagnostics.suspicious_samples import suspicions
+from modelgen.runtime.diagnostics.samples.suspicious_samples import suspicions
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from tests.fuzz.test_specs import FUZZ

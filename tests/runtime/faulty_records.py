@@ -11,7 +11,7 @@ import numpy.typing as npt
 from generated import emps300_qm_ac, emps300_qm_qc, emps_rigid_qm, three_mass_va_vb_vc, two_mass_bench_qm_qc
 from generated import tree_positions as tree
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.suspicious_samples import suspicions
+from modelgen.runtime.diagnostics.samples.suspicious_samples import suspicions
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate

@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.curves.thresholds import MOST_LAGS, Z_99
+from modelgen.runtime.diagnostics.samples.leaps import without_leaps
 from modelgen.runtime.identification.given_positions import rows_without
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
@@ -60,7 +61,7 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     of the fit; records held out are left out. What was estimated besides the parameters, a late sensor, say,
     is no part of an estimate: the rows are rebuilt without it.
     """
-    records = tuple(record for record in records if record.name in estimate.records)
+    records = _used(model, records, estimate.records)
     if not {entry.row for entry in estimate.fit.rows} & {row.name for row in model.rows}:
         model = power_model(model)
     filtering = estimate.fit.filtering
@@ -82,6 +83,15 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
         if np.isfinite(weight) and block.place.size:
             stacked.append(np.asarray(np.linalg.qr(weight * left.W[:, fitted], mode="r")))
     return found, _singular_values(stacked)
+
+
+def _used(model: Model, records: Sequence[Record], names: Sequence[str]) -> tuple[Record, ...]:
+    """Return the records of these names, without leaps, and the parts of those that were cut for these."""
+    found = list[Record]()
+    for record in records:
+        parts = [part for part in without_leaps(model, [record]) if part.name in names]
+        found += parts or ([record] if record.name in names else [])
+    return tuple(found)
 
 
 def autocorrelation(residual: FloatArray, step_s: float) -> Autocorrelation | None:

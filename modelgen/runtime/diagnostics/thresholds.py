@@ -115,15 +115,22 @@ LEAP_AFTER_STUCK = {"position": 1.0, "velocity": 5.0}
 # and the machine moves during most of the run.
 SELDOM, MOSTLY = 0.01, 0.9
 
-# A step unlike its neighbours by this many times the 99.9th percentile, so many resolutions and this share
-# of the rms step is a leap.
+# A step unlike its neighbours by this many times a percentile, so many resolutions and this share of the rms
+# step is a leap: the first percentile where the position comes back (it may be one of many wrong readings),
+# else the second.
 LEAP, LEAP_RESOLUTIONS, LEAP_SPEED = 20.0, 6.0, 0.3
+USUAL_CHANGES_OF_STEP = (0.95, 0.999)
 # Fewer steps than this between the least and the largest reading are too few to differentiate.
 FEWEST_STEPS = 50
 # A machine's readings do not span more than this.
 WIDEST = {"m": 100.0, "m/s": 100.0, "m/s^2": 1e5, "rad/s": 1e5, "rad/s^2": 1e8}
 # The machine moves where a sensor's speed, over so many samples before and after, is this share of its rms.
 MOVES, AROUND = 0.1, 8
+# A sensor goes on as before where it misses its track behind a leap by less than the first share of how far
+# wrong readings are off, and its steps there change by less than the second; so many are bridged at most.
+BACK_ON_TRACK, BENT, LONGEST_BRIDGED = 0.1, 0.2, 8
+# A record is cut at so many leaps at most; its parts are used that have this share of the longest one.
+MOST_CUTS, SHORTEST_PART = 8, 0.25
 # A leap is looked for between the second and the last but one step of a stretch.
 OVERLAP = 3
 # Stretches, or leaps, that are listed.

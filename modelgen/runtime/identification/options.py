@@ -72,8 +72,8 @@ class CheckOptions:
         columns and missing dynamics do. With `IV` only what noise does not explain counts: it is model error.
     tests : bool
         Look at the samples (stuck, clipped, leaping, another unit), at periods, at friction by direction and
-        at the residual. Without, `drift_check` is off as well, the estimate says that it is not checked, and
-        the verdict is never "trust": for records that another run has checked.
+        at the residual; leave out what leaps. Without, `drift_check` is off as well, the estimate says that
+        it is not checked, and the verdict is never "trust": for records that another run has checked.
     keep : sequence of str
         Base parameters that pruning spares, and that get a number in spite of a doubt.
     period_s : float, mapping of str to float or "none", optional

@@ -44,7 +44,7 @@ from modelgen.runtime.diagnostics.periods import (
 )
 from modelgen.runtime.diagnostics.residual_tests import ResidualTest, residual_advice, residual_tests
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
-from modelgen.runtime.diagnostics.unit_errors import unlike_nominal
+from modelgen.runtime.diagnostics.samples.unit_errors import unlike_nominal
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import signal_to_noise
 from modelgen.runtime.identification.methods import WLS

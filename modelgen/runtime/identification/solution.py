@@ -22,6 +22,7 @@ from modelgen.runtime.diagnostics.cutoff_agreement import (
 from modelgen.runtime.diagnostics.hold_out import HeldOut, held_out
 from modelgen.runtime.diagnostics.motion_checks import clipped_forces
 from modelgen.runtime.diagnostics.noise_bias import less_noise
+from modelgen.runtime.diagnostics.samples.suspicious_samples import told_on_failure
 from modelgen.runtime.diagnostics.settings_drift import (
     Attempts,
     SolvedColumns,
@@ -29,7 +30,6 @@ from modelgen.runtime.diagnostics.settings_drift import (
     direction_drift,
     load_row_drift,
 )
-from modelgen.runtime.diagnostics.suspicious_samples import told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.record_length import decimation_for
 from modelgen.runtime.identification.contradiction import with_impossible_signs

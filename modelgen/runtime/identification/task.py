@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import ModuleType
-from typing import Any
 
 from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import REMEDY, SMALLEST
@@ -14,7 +13,8 @@ from modelgen.progress import step
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.hold_out import held_apart
 from modelgen.runtime.diagnostics.periods import periods_of
-from modelgen.runtime.diagnostics.suspicious_samples import misread, suspicions, told_on_failure
+from modelgen.runtime.diagnostics.samples.leaps import without_leaps
+from modelgen.runtime.diagnostics.samples.suspicious_samples import misread, suspicions, told_on_failure
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.identification.job import Change, Job
 from modelgen.runtime.identification.methods import IV, WLS, Auto, Method, Pham2002
@@ -36,7 +36,7 @@ from modelgen.runtime.records.directions import (
 )
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.same_data import Contents, refuse_same_data
-from modelgen.runtime.rows.derived_channels import with_derived
+from modelgen.runtime.rows.derived_channels import as_records, with_derived
 from modelgen.runtime.rows.masks import slow_speeds
 from modelgen.runtime.rows.paper_rows import paper_sentence
 from modelgen.runtime.rows.rows_by_tag import rows_for_tags
@@ -126,17 +126,10 @@ def prepared(
     told = _contents(model, every, {record.name for record in kept}, files)
     step("choosing filters")
     doubts = meanwhile(partial(suspicions, model, kept), files) if checks.tests else tuple[Advice, ...]
+    if checks.tests:
+        kept, unseen = without_leaps(model, kept), without_leaps(model, unseen)
     with told_on_failure(doubts):
-        choice = choose_filter(
-            model,
-            kept,
-            cutoff_hz=filters.cutoff_hz,
-            filter_order=filters.filter_order,
-            decimation=filters.decimation,
-            direction_cutoff_hz=filters.direction_cutoff_hz,
-            signal_cutoff_hz=filters.signal_cutoff_hz,
-            paper=None if method.matched else paper_sentence(filters.filtered_forces),
-        )
+        choice = _chosen(model, kept, filters, method)
     slow = slow_speeds(model, filters.slow_speeds)
     said = choice.sentences + direction_sentences(sources, choice.direction_cutoff_hz)
     filtered, named = filters.filtered_forces, tuple(sources.items())
@@ -162,6 +155,20 @@ def prepared(
         guessed=tuple(nearest),
     )
     return Task(model, method, checks, kept, ready(unseen)[0], period_s, doubts, choice, job, filters, told)
+
+
+def _chosen(model: Model, records: Sequence[Record], filters: Filters, method: Method) -> FilterChoice:
+    """Return the filters: those that are given, the others chosen from the records."""
+    return choose_filter(
+        model,
+        records,
+        cutoff_hz=filters.cutoff_hz,
+        filter_order=filters.filter_order,
+        decimation=filters.decimation,
+        direction_cutoff_hz=filters.direction_cutoff_hz,
+        signal_cutoff_hz=filters.signal_cutoff_hz,
+        paper=None if method.matched else paper_sentence(filters.filtered_forces),
+    )
 
 
 def _contents(model: Model, records: Sequence[Record], used: Collection[str], files: bool) -> Sequence[str]:
@@ -212,31 +219,6 @@ def _begin(model: Model, method: Method) -> Mapping[str, float] | None:
     from modelgen.runtime.identification.starting_set import starting_set
 
     return starting_set(model, method.start)
-
-
-def as_records(records: Record | Channels | Sequence[Record | Channels]) -> tuple[Record, ...]:
-    """Return records as a tuple; what is no record, but can be read in stretches, becomes one.
-
-    Raises
-    ------
-    DataError
-        When there is none, or something is neither.
-    """
-    given: Any = records
-    single = isinstance(given, Record) or _is_channels(given) or not isinstance(given, Iterable)
-    several = (given,) if single else tuple(given)
-    if not several:
-        raise DataError.at("records", "there are none", "give at least one Record")
-    strange = [one for one in several if not isinstance(one, Record) and not _is_channels(one)]
-    if strange:
-        problems = [Problem("records", f"hold a {type(one).__name__}", "give Records") for one in strange]
-        raise DataError(*problems)
-    return tuple(one if isinstance(one, Record) else Record.over(one) for one in several)
-
-
-def _is_channels(one: object) -> bool:
-    """Tell whether something can be read as `Channels` can; a mapping of signals, say, cannot."""
-    return all(hasattr(one, name) for name in ("keys", "name", "fs", "n", "read"))
 
 
 def _check(

@@ -1,13 +1,15 @@
-"""Channels that a model makes of those of a record: sums, such as the position of a motor of two joints."""
+"""Records as they are given, and channels that a model makes of theirs: sums, as of two joints' motors."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.errors import DataError, Problem
 from modelgen.runtime.model.model import Model, Terms
 from modelgen.runtime.records.channels import Channels, ChannelSignals
 from modelgen.runtime.records.record import Record
@@ -48,6 +50,31 @@ class SummedChannels:
             (weight * self.source.read(key, start, stop) for weight, key in self.sums[channel]),
             np.zeros(stop - start),
         )
+
+
+def as_records(records: Record | Channels | Sequence[Record | Channels]) -> tuple[Record, ...]:
+    """Return records as a tuple; what is no record, but can be read in stretches, becomes one.
+
+    Raises
+    ------
+    DataError
+        When there is none, or something is neither.
+    """
+    given: Any = records
+    single = isinstance(given, Record) or _is_channels(given) or not isinstance(given, Iterable)
+    several = (given,) if single else tuple(given)
+    if not several:
+        raise DataError.at("records", "there are none", "give at least one Record")
+    strange = [one for one in several if not isinstance(one, Record) and not _is_channels(one)]
+    if strange:
+        problems = [Problem("records", f"hold a {type(one).__name__}", "give Records") for one in strange]
+        raise DataError(*problems)
+    return tuple(one if isinstance(one, Record) else Record.over(one) for one in several)
+
+
+def _is_channels(one: object) -> bool:
+    """Tell whether something can be read as `Channels` can; a mapping of signals, say, cannot."""
+    return all(hasattr(one, name) for name in ("keys", "name", "fs", "n", "read"))
 
 
 def with_derived(model: Model, records: Sequence[Record]) -> tuple[Record, ...]:

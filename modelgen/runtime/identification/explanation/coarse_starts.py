@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.diagnostics.unit_errors import moves_as_one
+from modelgen.runtime.diagnostics.samples.unit_errors import moves_as_one
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
     CLEARLY_LESS,

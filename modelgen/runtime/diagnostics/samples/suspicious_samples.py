@@ -6,7 +6,7 @@ may stand at a limit, and a sensor may be coarse, with its owner's knowledge.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -16,20 +16,10 @@ import numpy as np
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import IdentifiabilityError, ModelgenError, Problem
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.stuck_readings import Runs, equal_runs, faulty_runs
-from modelgen.runtime.diagnostics.thresholds import (
-    AROUND,
-    FEWEST_STEPS,
-    LEAP,
-    LEAP_RESOLUTIONS,
-    LEAP_SPEED,
-    LISTED,
-    MOVES,
-    OVERLAP,
-    WIDEST,
-)
-from modelgen.runtime.diagnostics.unit_errors import unlike_units
-from modelgen.runtime.filters.rounding import excerpt
+from modelgen.runtime.diagnostics.samples.leaps import leaps_of, told_leaps
+from modelgen.runtime.diagnostics.samples.stuck_readings import equal_runs, faulty_runs, moving_samples
+from modelgen.runtime.diagnostics.samples.unit_errors import unlike_units
+from modelgen.runtime.diagnostics.thresholds import FEWEST_STEPS, LISTED, OVERLAP, WIDEST
 from modelgen.runtime.filters.thresholds import NEARLY
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.faults import POSITIONS, reading_problems
@@ -82,7 +72,7 @@ def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
     for edge, stop in pairwise(edges):
         start = max(edge - OVERLAP, 0)
         part = {key: record.read(key, start, stop) for key in used if extents[key].span > 0.0}
-        moving = _moving(stop - start, {key: part[key] for key in measures if key in part}, measures)
+        moving = moving_samples(stop - start, {key: part[key] for key in measures if key in part}, measures)
         for key, samples in part.items():
             _look(found[key], samples, start, measures.get(key, ""), moving, extents[key])
     for key in used:
@@ -98,19 +88,18 @@ def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
         resolution = min(found[key].resolutions, default=0.0) if key in measures else 0.0
         place = f"{where}, samples 0 to {record.n - 1}"
         yield from _told_range(place, extents[key].span, units[key], resolution)
-    leaps = [(place, key) for key in used if measures.get(key) == "position" for place in found[key].leaps]
-    yield from _told_leaps(record, sorted(leaps))
-    sound = [key for key in used if not (found[key].clipped or found[key].stuck or found[key].leaps)]
+    yield from told_leaps(model, record)
+    leaping = {key for leap in leaps_of(model, record) for key in leap.keys}
+    sound = [key for key in used if not (found[key].clipped or found[key].stuck or key in leaping)]
     yield from unlike_units(model, record, sound)
 
 
 @dataclass
 class _Faults:
-    """What was found of a channel: runs as (first, last, reading), places of leaps, resolutions."""
+    """What was found of a channel: runs as (first, last, reading), and resolutions."""
 
     clipped: list[Run] = field(default_factory=list)
     stuck: list[Run] = field(default_factory=list)
-    leaps: list[int] = field(default_factory=list)
     resolutions: list[float] = field(default_factory=list)
 
 
@@ -128,39 +117,6 @@ def _look(
             (start + int(runs.first[run]), start + int(runs.last[run]), float(samples[runs.first[run]]))
             for run in which
         ]
-    if measures == "position":
-        faulty = [*clipped.tolist(), *stuck.tolist()]
-        found.leaps += [start + place for place in _leaps(samples, runs, faulty)]
-
-
-def _moving(n: int, sensors: Mapping[str, FloatArray], measures: Mapping[str, str]) -> BoolArray:
-    """Return at which samples a position changes, or a velocity is not small, shape (n,).
-
-    Over a few samples, so that noise of a sensor is no motion.
-    """
-    found = np.zeros(n, dtype=bool)
-    for key, samples in sensors.items():
-        if measures[key] != "acceleration":
-            travelled = samples if measures[key] == "position" else np.cumsum(samples)
-            around = np.pad(travelled, AROUND, mode="edge")
-            speed = np.abs(around[2 * AROUND :] - around[: -2 * AROUND])
-            found |= speed > MOVES * float(np.sqrt(np.mean(speed**2)))
-    return found
-
-
-def _leaps(samples: FloatArray, runs: Runs, faulty: Sequence[int]) -> list[int]:
-    """Return the samples to which a position leaps, but at the ends of runs that are reported anyway."""
-    steps = np.diff(samples)
-    if len(steps) < 3:
-        return []
-    odd = np.abs(steps[1:-1] - 0.5 * (steps[2:] + steps[:-2]))
-    speed = float(np.sqrt(np.mean(steps**2)))
-    least = max(
-        LEAP * float(np.quantile(excerpt(odd), 0.999)), LEAP_RESOLUTIONS * runs.resolution, LEAP_SPEED * speed
-    )
-    ends = np.concatenate([runs.first[faulty], runs.last[faulty] + 1])
-    found = np.flatnonzero(odd > least) + 2
-    return [int(place) for place in found if not np.any(np.abs(ends - place) <= 1)]
 
 
 def _told_clipped(where: str, extent: Extent, found: _Faults) -> Iterator[Advice]:
@@ -198,26 +154,6 @@ def _places(found: Sequence[Run]) -> str:
     spans = [f"samples {first} to {last}" for first, last, _ in found[:LISTED]]
     more = [f"{len(found) - LISTED} more stretches"] if len(found) > LISTED else []
     return ", ".join(spans + more)
-
-
-def _told_leaps(record: Record, leaps: Sequence[tuple[int, str]]) -> Iterator[Advice]:
-    """Report leaps; those of neighbouring samples are one, and those of several channels are the clock's."""
-    groups: list[list[tuple[int, str]]] = []
-    for leap in leaps:
-        if groups and leap[0] <= groups[-1][-1][0] + 2:
-            groups[-1].append(leap)
-        else:
-            groups.append([leap])
-    for group in groups[:LISTED]:
-        keys = [key for key in record.signals if key in {name for _, name in group}]
-        cause = "a reading is wrong" if len(keys) == 1 else "the clock jumped"
-        where = f"{record.name}, channel {' and '.join(keys)}, samples {group[0][0] - 1} to {group[-1][0]}"
-        what = f"leaps within a sample: samples are missing there, or {cause}"
-        yield Advice("leap", where, what, "cut the record there, or record again")
-    if len(groups) > LISTED:
-        last = groups[-1][-1][0]
-        where = f"{record.name}, samples {groups[LISTED][0][0] - 1} to {last}"
-        yield Advice("leap", where, f"holds {len(groups) - LISTED} more leaps", "check how it was recorded")
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.diagnostics.unit_errors import (
+from modelgen.runtime.diagnostics.samples.unit_errors import (
     _off_ratio,
     low_frequency_ratios,
     unlike_nominal,

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.diagnostics.stuck_readings import equal_runs
-from modelgen.runtime.diagnostics.suspicious_samples import misread, suspicions
+from modelgen.runtime.diagnostics.samples.stuck_readings import equal_runs
+from modelgen.runtime.diagnostics.samples.suspicious_samples import misread, suspicions
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import Model
@@ -223,7 +223,7 @@ def test_a_wrong_reading_leaps_alone(bench: Record) -> None:
         f"bench, channel q_c, samples {place - 2} to {place + 2}" for place in (8000, 16_000, 24_000)
     ]
     assert {advice.what for advice in first} == {
-        "leaps within a sample: samples are missing there, or a reading is wrong"
+        "leaps and comes back: the readings between are wrong, and are interpolated"
     }
     assert (rest.where, rest.what) == ("bench, samples 31998 to 40002", "holds 2 more leaps")
 

@@ -7,6 +7,7 @@ an acceleration may stand still, but hardly while the machine moves in a record 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     FULL_SPEED,
     LEAP_AFTER_STUCK,
     MOSTLY,
+    MOVES,
     NEARBY,
     OFTEN,
     RARELY,
@@ -112,6 +114,21 @@ def faulty_runs(
         # a body that sticks is not accelerated
         wrong &= (measures != "acceleration") | (values != 0.0)
     return np.flatnonzero(clipped), np.flatnonzero(long & ~clipped & wrong)
+
+
+def moving_samples(n: int, sensors: Mapping[str, FloatArray], measures: Mapping[str, str]) -> BoolArray:
+    """Return at which samples a position changes, or a velocity is not small, shape (n,).
+
+    Over a few samples, so that noise of a sensor is no motion.
+    """
+    found = np.zeros(n, dtype=bool)
+    for key, samples in sensors.items():
+        if measures[key] != "acceleration":
+            travelled = samples if measures[key] == "position" else np.cumsum(samples)
+            around = np.pad(travelled, AROUND, mode="edge")
+            speed = np.abs(around[2 * AROUND :] - around[: -2 * AROUND])
+            found |= speed > MOVES * float(np.sqrt(np.mean(speed**2)))
+    return found
 
 
 def _coarse_there(samples: FloatArray, runs: Runs, which: IntArray) -> BoolArray:

@@ -1,0 +1,107 @@
+"""Leaps of positions: wrong readings are interpolated, records cut where samples are missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from generated import three_mass_va_vb_vc
+from modelgen.runtime.curves.rebuilt import rebuild
+from modelgen.runtime.diagnostics.samples.leaps import leaps_of, without_leaps
+from modelgen.runtime.diagnostics.thresholds import MOST_CUTS
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.records.channels import EditedChannels
+from modelgen.runtime.records.record import Record
+from tests.runtime.two_mass_records import FS, NOISE, SMALL, TRUTH, assert_truth_inside, two_mass_records
+
+SPEEDS = model_from_module(three_mass_va_vb_vc)
+
+
+def without(record: Record, *gaps: slice) -> Record:
+    """Return the record with samples lost in all channels."""
+    kept = np.ones(record.n, bool)
+    for gap in gaps:
+        kept[gap] = False
+    signals = {key: samples[kept] for key, samples in record.signals.items()}
+    return Record(signals, record.fs, record.name, record.tag)
+
+
+def wrong(record: Record, key: str, places: list[int], by: float) -> Record:
+    """Return the record with readings of a channel off at some samples."""
+    samples = record.signals[key].copy()
+    samples[places] += by
+    return record.edited({key: samples})
+
+
+def test_of_sound_records_nothing_is_changed() -> None:
+    records = two_mass_records()
+    assert all(new is old for new, old in zip(without_leaps(SMALL, records), records, strict=True))
+
+
+def test_a_velocity_that_a_switched_force_bends_does_not_leap() -> None:
+    t = np.arange(4000) / FS
+    force = np.where((t * 7.0) % 1.0 < 0.5, 1.0, -1.0)
+    noise = 1e-7 * np.random.default_rng(3).standard_normal((2, t.size))
+    speed = np.cumsum(force) / FS
+    record = Record({"v_a": speed + noise[0], "v_b": speed + noise[1], "v_c": speed, "tau_a": force}, FS)
+    assert leaps_of(SPEEDS, record) == ()
+    (leap,) = leaps_of(SPEEDS, wrong(record, "v_b", [1000], 1e-3))
+    assert leap.bridged and leap.first < 1000 < leap.last
+
+
+@pytest.mark.parametrize("in_file", [False, True])
+@pytest.mark.parametrize("places", [[3000], [3000, 3001, 3002], [10, 4000, 9150], list(range(90, 9000, 130))])
+def test_wrong_readings_are_interpolated(places: list[int], in_file: bool) -> None:
+    record = two_mass_records()[0]
+    off = wrong(record, "q_c", places, 1.0)
+    if in_file:
+        off = Record.over(EditedChannels(off, off.name, off.n))
+    (mended,) = without_leaps(SMALL, [off])
+    moved = mended.signals["q_c"] - record.signals["q_c"]
+    assert set(places) <= set(np.flatnonzero(moved).tolist())
+    assert np.count_nonzero(moved) <= 5 * len(places)
+    assert np.max(np.abs(moved)) < 12.0 * NOISE["q_c"]
+    assert mended.in_memory is not in_file
+
+
+def test_a_record_is_cut_where_samples_are_missing() -> None:
+    record = two_mass_records()[0]
+    parts = without_leaps(SMALL, [without(record, slice(3000, 3037))])
+    (leap,) = leaps_of(SMALL, without(record, slice(3000, 3037)))
+    assert leap.first < 3000 <= leap.last
+    assert [part.name for part in parts] == ["chirp from sample 0", f"chirp from sample {leap.last}"]
+    np.testing.assert_array_equal(parts[0].signals["q_m"], record.signals["q_m"][: leap.first + 1])
+    np.testing.assert_array_equal(parts[1].signals["q_m"], record.signals["q_m"][37 + leap.last :])
+
+
+def test_an_encoder_that_loses_steps_cuts_too_and_short_parts_are_left_out() -> None:
+    record = two_mass_records()[0]
+    shifted = record.signals["q_c"] + 0.5 * (np.arange(record.n) > record.n - 500)
+    (part,) = without_leaps(SMALL, [record.edited({"q_c": shifted})])
+    assert part.name == "chirp from sample 0"
+    assert abs(part.n - (record.n - 499)) < 4
+
+
+def test_a_record_of_many_pieces_stays_one() -> None:
+    chirp = two_mass_records()[0]
+    # there and back, twice
+    signals = {key: np.tile(np.r_[samples, samples[::-1]], 2) for key, samples in chirp.signals.items()}
+    gaps = [slice(start, start + 40) for start in range(1500, 4 * chirp.n, 4000)]
+    lossy = without(Record(signals, FS, "chirps"), *gaps)
+    assert len(leaps_of(SMALL, lossy)) > MOST_CUTS
+    assert without_leaps(SMALL, [lossy]) == (lossy,)
+
+
+@pytest.mark.slow
+def test_missing_samples_and_wrong_readings_spoil_no_estimate() -> None:
+    chirp, trapezoid = two_mass_records()
+    records = [without(chirp, slice(4000, 4037)), wrong(trapezoid, "q_c", [2000, 5000], 0.3)]
+    estimate = identify(SMALL, records)
+    assert_truth_inside(estimate, TRUTH)
+    assert {one.kind for one in estimate.checks.advice} == {"leap"}
+    assert estimate.bse["K"] < 0.01 * TRUTH["K"]
+    rows, _ = rebuild(SMALL, records, estimate)
+    assert {one.record for one in rows} == set(estimate.records)
+    assert len(estimate.records) == 3
+    assert records[0].fs == FS
