@@ -51,11 +51,10 @@ STYLE = (
 
 @dataclass(frozen=True)
 class _Grid:
-    """Widths of bodies and links, height of a row and of what stands above a body, and where nodes are."""
+    """Widths of bodies and links, height of a row, and where nodes are."""
 
     body: float
     link: float
-    above: float
     row: float
     places: dict[int, tuple[float, float]]
     bands: dict[int, int]
@@ -129,7 +128,7 @@ def _grid(diagram: ChainDiagram, nodes: Sequence[TreeNode]) -> _Grid:
         x = MARGIN + (link if wraps else 0.0) + (node.depth % COLUMNS) * (body + link)
         places[id(node)] = (x, tops[band, node.row] + above + 0.5 * HIGH)
     used = max(x + (10.0 if node.is_ground else body) for node in nodes for x in (places[id(node)][0],))
-    return _Grid(body, link, above, row, places, bands, (*floors, top), used + MARGIN + (LANE * wraps))
+    return _Grid(body, link, row, places, bands, (*floors, top), used + MARGIN + (LANE * wraps))
 
 
 def _body_width(body: DrawnBody) -> float:

@@ -57,11 +57,6 @@ class MechanicalSpring:
     damping: str | None = None
     stiffness3: str | None = None
 
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """The parameters it has."""
-        return tuple(name for name in (self.stiffness, self.damping, self.stiffness3) if name)
-
 
 @dataclass(frozen=True)
 class MechanicalSensor:

@@ -11,8 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
-import numpy as np
-
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.planning.planned_experiment import PAIR, experiment
@@ -36,7 +34,6 @@ class Prediction:
     precisions: tuple[Precision, ...]
     missing: tuple[str, ...]
     condition_number: float
-    log_det: float
     reason: str = ""
 
     @property
@@ -67,14 +64,10 @@ def judge_set(
         found = predict(planned)
     except IdentifiabilityError as error:
         reason = "; ".join(str(problem) for problem in error.problems)
-        return Prediction(name, channels, price, (), model.parameters, inf, -inf, reason)
-    spread = np.array([entry.std for entry in found.precisions])
-    log_det = -2.0 * float(np.log(np.maximum(spread, 1e-300)).sum())
+        return Prediction(name, channels, price, (), model.parameters, inf, reason)
     reason = "; ".join(_grouped(found.refused))
     condition = found.information.condition_number
-    return Prediction(
-        name, channels, price, found.precisions, tuple(found.refused), condition, log_det, reason
-    )
+    return Prediction(name, channels, price, found.precisions, tuple(found.refused), condition, reason)
 
 
 def _grouped(refused: Mapping[str, str]) -> list[str]:

@@ -175,7 +175,7 @@ def test_resolution_counts_as_noise() -> None:
 
 
 def prediction(name: str, error: float, price: float, missing: tuple[str, ...] = ()) -> Prediction:
-    return Prediction(name, (), price, (Precision("K", 1.0, error, 0.0),), missing, 10.0, 0.0)
+    return Prediction(name, (), price, (Precision("K", 1.0, error, 0.0),), missing, 10.0)
 
 
 def test_sets_are_ranked_by_their_worst_parameter() -> None:
