@@ -28,7 +28,7 @@ from modelgen.report.plots import (
 )
 from modelgen.report.scan_plot import scan_plots
 from modelgen.report.unmade import Unmade
-from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild
+from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild, used_records
 from modelgen.runtime.curves.responses import moving_forces, responses
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.modes import posture_ranges
@@ -96,7 +96,7 @@ def report_page(
         physical=_physical_rows(estimate),
         interval_kind=INTERVAL_KINDS[estimate.fit.covariance_kind],
         sensor_sets=sensor_sets,
-        residuals=left.attempt("residuals", lambda: _residuals(rows, estimate, records), []),
+        residuals=left.attempt("residuals", lambda: _residuals(model, rows, estimate, records), []),
         checks=check_tables(estimate.checks),
         scans=left.attempt("checks", lambda: scan_plots(estimate.checks.scan), []),
         frequency=()
@@ -128,8 +128,10 @@ def _physical_rows(estimate: Estimate) -> Sequence[Parameter]:
     return estimate.parameters.physical
 
 
-def _residuals(rows: Sequence[Rebuilt], estimate: Estimate, records: Sequence[Record]) -> list[Description]:
-    fs_of = {record.name: record.fs for record in records}
+def _residuals(
+    model: Model, rows: Sequence[Rebuilt], estimate: Estimate, records: Sequence[Record]
+) -> list[Description]:
+    fs_of = {record.name: record.fs for record in used_records(model, records, estimate)}
     found = []
     for row in rows:
         residual = row.residual

@@ -61,7 +61,7 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     of the fit; records held out are left out. What was estimated besides the parameters, a late sensor, say,
     is no part of an estimate: the rows are rebuilt without it.
     """
-    records = _used(model, records, estimate.records)
+    records = used_records(model, records, estimate)
     if not {entry.row for entry in estimate.fit.rows} & {row.name for row in model.rows}:
         model = power_model(model)
     filtering = estimate.fit.filtering
@@ -85,12 +85,12 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     return found, _singular_values(stacked)
 
 
-def _used(model: Model, records: Sequence[Record], names: Sequence[str]) -> tuple[Record, ...]:
-    """Return the records of these names, without leaps, and the parts of those that were cut for these."""
+def used_records(model: Model, records: Sequence[Record], estimate: Estimate) -> tuple[Record, ...]:
+    """Return the records behind an estimate, without leaps, and the parts of those that were cut."""
     found = list[Record]()
     for record in records:
-        parts = [part for part in without_leaps(model, [record]) if part.name in names]
-        found += parts or ([record] if record.name in names else [])
+        parts = [part for part in without_leaps(model, [record]) if part.name in estimate.records]
+        found += parts or ([record] if record.name in estimate.records else [])
     return tuple(found)
 
 

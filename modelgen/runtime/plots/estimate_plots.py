@@ -7,7 +7,7 @@ from types import ModuleType
 from typing import Any
 
 from modelgen.errors import DataError
-from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild
+from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild, used_records
 from modelgen.runtime.curves.responses import responses
 from modelgen.runtime.curves.subject import model_of, records_of
 from modelgen.runtime.model.model import Model
@@ -165,7 +165,7 @@ class EstimatePlots:
 
     def _rows(self, records: Record | Sequence[Record] | None, model: AnyModel) -> list[Rebuilt]:
         known, given = model_of(self._estimate, model), records_of(self._estimate, records)
-        used = [record for record in given if record.name in self._estimate.records]
+        used = used_records(known, given, self._estimate)
         if not used:
             names = ", ".join(self._estimate.records)
             what = f"are none of those that it was identified from: {names}"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from generated import three_mass_va_vb_vc
+from modelgen.report.page import report_page
 from modelgen.runtime.curves.rebuilt import rebuild
 from modelgen.runtime.diagnostics.samples.leaps import leaps_of, without_leaps
 from modelgen.runtime.diagnostics.thresholds import MOST_CUTS
@@ -104,4 +105,7 @@ def test_missing_samples_and_wrong_readings_spoil_no_estimate() -> None:
     rows, _ = rebuild(SMALL, records, estimate)
     assert {one.record for one in rows} == set(estimate.records)
     assert len(estimate.records) == 3
-    assert records[0].fs == FS
+    page = report_page(SMALL, records, estimate)
+    assert all(f"{name}, row m" in page for name in estimate.records)
+    axes = estimate.plot.residuals(records, model=SMALL)
+    assert len(axes) >= 3
