@@ -17,13 +17,21 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.choose_cutoff import higher_cutoffs
 from modelgen.runtime.identification.elastic.starting_springs import springs_pull, starting_springs
+from modelgen.runtime.identification.elastic.steps_about import (
+    columns_of,
+    fit_about,
+    lags_little,
+    left_by,
+    moved,
+    rest_with_forces_open,
+    size_of,
+    weighted,
+)
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CUTOFFS_WITHOUT_ESTIMATE,
     HELD_STEPS,
-    LONGEST_LAG,
     LONGEST_SERIES,
     MOST_STEPS,
     ONE_WAY,
@@ -58,8 +66,8 @@ class Rest:
         A fit holds the point as it is. As that moves with the estimate by `ratio` along the direction, what
         noise moves a step by is 1 / (1 - ratio) times as much when steps have come to rest.
         """
-        ratio, along = self.ratio, self.along[_columns(fit, model)]
-        pull = fit.triangle[: len(along), : len(along)].T @ _weighted(fit, self.along, model)
+        ratio, along = self.ratio, self.along[columns_of(fit, model)]
+        pull = fit.triangle[: len(along), : len(along)].T @ weighted(fit, self.along, model)
         length = float(along @ pull)
         if not ratio or not length:
             return np.zeros((len(along), len(along)))
@@ -121,13 +129,18 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
         point, left = _stepped(job, kernel, start, SETTLING_STEPS)
         if point is not None:
             settled.append((left, len(settled), point))
-    for _, _, point in sorted(settled, key=lambda one: one[:2]):
-        found = _rested(job, kernel, point)
-        if found is not None:
-            found = _near_its_estimate(job, kernel, found)
-            model = replace(task.model, kernel=kernel.at(found.point, sampled=True))
-            return replace(task, model=model, job=replace(task.job, model=model)), found
-    return None
+    points = [point for _, _, point in sorted(settled, key=lambda one: one[:2])]
+    opened = rest_with_forces_open(job, kernel, points) if kernel.speeds else None
+    found = None if opened is None else Rest(opened, np.zeros(len(opened)), 0.0)
+    for point in points:
+        found = found or _rested(job, kernel, point)
+    if found is None:
+        return None
+    if kernel.speeds and opened is None:
+        opened = rest_with_forces_open(job, kernel, (found.point,), anyway=True)
+        found = found if opened is None else replace(found, point=opened)
+    model = replace(task.model, kernel=kernel.at(found.point, sampled=True))
+    return replace(task, model=model, job=replace(task.job, model=model)), found
 
 
 def rows_without(model: Model, kernel: DeflectedKernel) -> Model:
@@ -155,13 +168,13 @@ def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Rest | None
     before: tuple[FloatArray, FloatArray] | None = None
     for _ in range(MOST_STEPS):
         try:
-            fit = _fit(job, kernel, point)
+            fit = fit_about(job, kernel, point)
         except IdentifiabilityError:
             return None
-        change = _moved(job.model, kernel, fit, point) - point
+        change = moved(job.model, kernel, fit, point) - point
         left = abs(float(fit.triangle[-1, -1]))
-        rounding = ROUNDING * _size(fit, point + change, job.model)
-        size, series, ratio = _size(fit, change, job.model), 1.0, 0.0
+        rounding = ROUNDING * size_of(fit, point + change, job.model)
+        size, series, ratio = size_of(fit, change, job.model), 1.0, 0.0
         if before is not None and share == 1.0:
             along = point - before[0]
             ratio = _slow_ratio(fit, job.model, (along, change, change - before[1]))
@@ -175,39 +188,8 @@ def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Rest | None
         if not springs_pull(kernel, point):
             return None
         if share * size / (1.0 - slow.ratio) <= max(POINT_TOLERANCE * left, rounding):
-            return replace(slow, point=point) if _lags_little(job, kernel, point) else None
+            return replace(slow, point=point) if lags_little(job, kernel, point) else None
     return None
-
-
-def _lags_little(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
-    """Return whether the series in a damper's lag ends at frequencies of the motion."""
-    motion_hz = job.choice.dynamics_hz or job.choice.cutoff_hz
-    return kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG
-
-
-def _near_its_estimate(job: Job, kernel: DeflectedKernel, rest: Rest) -> Rest:
-    """Return where rows that leave forces open, too, have come near their estimate, or leave least.
-
-    Where what directions are off by hides the springs, those with all forces come to rest far from it.
-    """
-    point, best, least = rest.point, rest.point, np.inf
-    if not kernel.speeds:
-        return rest
-    for _ in range(MOST_STEPS):
-        try:
-            fit = _fit(job, kernel, point, sampled=True)
-        except IdentifiabilityError:
-            break
-        change, left = _moved(job.model, kernel, fit, point) - point, _left(fit)
-        if left < least:
-            best, least = point, left
-        noise = abs(float(fit.triangle[-1, -1])) * np.sqrt(len(fit.columns) / fit.count)
-        point = point + change
-        if _size(fit, change, job.model) < noise or not springs_pull(kernel, point):
-            break
-        if not _lags_little(job, kernel, point):
-            break
-    return replace(rest, point=best)
 
 
 def _slow_ratio(fit: Fit, model: Model, steps: tuple[FloatArray, FloatArray, FloatArray]) -> float:
@@ -215,7 +197,7 @@ def _slow_ratio(fit: Fit, model: Model, steps: tuple[FloatArray, FloatArray, Flo
 
     `steps` are the one taken last, the next, and how much that differs from the full step before.
     """
-    along, change, bent = (_weighted(fit, one, model) for one in steps)
+    along, change, bent = (weighted(fit, one, model) for one in steps)
     length = float(along @ along)
     sizes = float(np.linalg.norm(along) * np.linalg.norm(change))
     if not sizes or abs(float(along @ change)) < ONE_WAY * sizes:
@@ -237,60 +219,14 @@ def _stepped(
     dampers = {names[c] for row in kernel.giving for c in row.acting(1)}
     for count in range(steps):
         try:
-            fit = _fit(job, kernel, point)
+            fit = fit_about(job, kernel, point)
             held = springs | dampers if count < HELD_STEPS else dampers if count < 2 * HELD_STEPS else set()
             if held:
                 fit = refit(fit, [name for name in fit.columns if name not in held])
         except IdentifiabilityError:
             return None, np.inf
-        point = _moved(job.model, kernel, fit, point)
+        point = moved(job.model, kernel, fit, point)
         if not springs_pull(kernel, point):
             return None, np.inf
-        left = _left(fit)
+        left = left_by(fit)
     return point, left
-
-
-def _left(fit: Fit) -> float:
-    """Return the logarithm of what rows leave, the mean over all samples."""
-    counts = np.array([block.count for block in fit.blocks])
-    norms = np.array(fit.residual_norms)
-    return float(np.sum(counts * np.log(np.maximum(norms, 1e-300))) / np.sum(counts))
-
-
-def _fit(job: Job, kernel: DeflectedKernel, point: FloatArray, sampled: bool = False) -> Fit:
-    with np.errstate(all="ignore"):  # far from an estimate rows may overflow: such points do not hold
-        return run_wls(replace(job, model=replace(job.model, kernel=kernel.at(point, sampled))))[1]
-
-
-def _moved(model: Model, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -> FloatArray:
-    """Return the estimate; what the rows do not show stays where it was.
-
-    Deflections are linear in compliances: a spring that is to be softer moves in 1 / K, to first order the
-    same step, which never leads below zero.
-    """
-    found = point.copy()
-    springs = {column for row in kernel.giving for column in row.acting(0)}
-    for name, value, lost in zip(fit.columns, fit.solution.x, fit.solution.undetermined, strict=True):
-        column = model.base_parameters.index(name)
-        if lost:
-            continue
-        if column in springs and value < point[column]:
-            found[column] = point[column] / (2.0 - value / point[column])
-        else:
-            found[column] = value
-    return found
-
-
-def _columns(fit: Fit, model: Model) -> list[int]:
-    return [model.base_parameters.index(name) for name in fit.columns]
-
-
-def _weighted(fit: Fit, change: FloatArray, model: Model) -> FloatArray:
-    """Return what a change of the estimate changes in the weighted rows, turned into as few as columns."""
-    width = len(fit.columns)
-    return fit.triangle[:width, :width] @ change[_columns(fit, model)]
-
-
-def _size(fit: Fit, change: FloatArray, model: Model) -> float:
-    """Return the norm of what a change of the estimate changes in the weighted rows."""
-    return float(np.linalg.norm(_weighted(fit, change, model)))

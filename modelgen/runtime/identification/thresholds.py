@@ -153,6 +153,9 @@ POINT_TOLERANCE = 1e-4
 WITHIN_NOISE = 0.1
 ONE_WAY, SAME_RATIO, LONGEST_SERIES = 0.95, 0.05, 10.0
 ROUNDING = 1e-11
+# Where forces are open a step is halved if rows are then less likely by more than this, a logarithm; steps of
+# less than this share end it.
+AS_LIKELY, SHORTEST_STEP = 3.0, 0.05
 LONGEST_LAG = 0.5
 
 # The share of a record that every row of an arm is to keep where instruments leave turns out, at least. With

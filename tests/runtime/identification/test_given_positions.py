@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from modelgen.runtime.identification import given_positions
+from modelgen.runtime.identification.elastic import steps_about
 from modelgen.runtime.identification.given_positions import Rest
 from modelgen.runtime.identification.thresholds import POINT_TOLERANCE
 
@@ -27,7 +28,7 @@ class Kernel:
     lag = 0.0
     speeds: tuple[str, ...] = ()
 
-    def at(self, _: np.ndarray) -> Kernel:
+    def at(self, _: np.ndarray, sampled: bool = False) -> Kernel:
         return self
 
 
@@ -42,8 +43,8 @@ def rested(monkeypatch: pytest.MonkeyPatch, shares: tuple[float, float, float]) 
     """Return where steps of such a map rest, and how many fits that took."""
     fits: list[np.ndarray] = []
     step = map_of(shares)
-    monkeypatch.setattr(given_positions, "_fit", lambda job, kernel, point: fits.append(point) or FIT)
-    monkeypatch.setattr(given_positions, "_moved", lambda *at: GOAL + step @ (at[-1] - GOAL))
+    monkeypatch.setattr(given_positions, "fit_about", lambda job, kernel, point: fits.append(point) or FIT)
+    monkeypatch.setattr(given_positions, "moved", lambda *at: GOAL + step @ (at[-1] - GOAL))
     kernel: Any = Kernel()
     return given_positions._rested(JOB, kernel, GOAL + np.array([0.3, -0.2, 0.4])), len(fits)
 
@@ -62,30 +63,59 @@ def test_the_goal_of_steps_that_grow_is_no_estimate(monkeypatch: pytest.MonkeyPa
     assert rested(monkeypatch, (1.15, 0.02, -0.01))[0] is None
 
 
-@pytest.mark.parametrize(("noise", "near"), [(1e-3, 1e-3), (100.0, 2.0)])
-def test_rows_with_open_forces_take_steps_to_their_own_estimate(
-    monkeypatch: pytest.MonkeyPatch, noise: float, near: float
-) -> None:
-    """From a point far from it, as long as steps exceed what noise does; none without given speeds."""
-    triangle = TRIANGLE.copy()
+def opened(monkeypatch: pytest.MonkeyPatch, noise: float, step: float) -> list[np.ndarray]:
+    """Make rows with open forces whose steps go by so much of the way; return what collects their points.
+
+    They leave less near the goal, most half a unit from it, and again less far away, as of forces that are
+    open at more samples.
+    """
+    triangle, points = TRIANGLE.copy(), []
     triangle[-1, -1] = noise
 
     def fit(job: Any, kernel: Any, point: np.ndarray, sampled: bool = False) -> Any:
         assert sampled
-        block, left = SimpleNamespace(count=100), 1.0 + float(np.linalg.norm(point - GOAL))
+        points.append(point)
+        far = float(np.linalg.norm(point - GOAL))
+        block = SimpleNamespace(count=1000, opened=0.0 if far < 1.0 else 500.0)
+        left = (1.0 + far) * np.sqrt(block.count - block.opened)
         return SimpleNamespace(
-            columns=NAMES, triangle=triangle, count=100, blocks=(block,), residual_norms=(left,)
+            columns=NAMES, triangle=triangle, count=1000, blocks=(block,), residual_norms=(left,)
         )
 
-    monkeypatch.setattr(given_positions, "_fit", fit)
-    monkeypatch.setattr(given_positions, "_moved", lambda *at: GOAL + 0.5 * (at[-1] - GOAL))
+    monkeypatch.setattr(steps_about, "_tells_springs", lambda *of: True)
+    monkeypatch.setattr(steps_about, "fit_about", fit)
+    monkeypatch.setattr(steps_about, "moved", lambda *at: at[-1] + step * (GOAL - at[-1]))
+    return points
+
+
+@pytest.mark.parametrize("step", [0.5, 1.0, 2.2, 2.6])
+def test_rows_with_open_forces_rest_at_their_own_estimate(
+    monkeypatch: pytest.MonkeyPatch, step: float
+) -> None:
+    """Also where steps go too far, and others of several starts lead nowhere."""
+    opened(monkeypatch, 1.0, step)
     kernel: Any = Kernel()
-    start = Rest(GOAL + np.array([0.6, -0.4, 0.8]), np.zeros(3), 0.0)
-    assert given_positions._near_its_estimate(JOB, kernel, start) is start
-    kernel.speeds = ("motor",)
-    found = given_positions._near_its_estimate(JOB, kernel, start)
-    assert np.linalg.norm(found.point - GOAL) < near
-    assert np.array_equal(found.point, start.point) is (noise > 1.0)
+    starts = [GOAL + by * np.array([0.6, -0.4, 0.8]) for by in (3.0, 0.5, 1.0)]
+    found = steps_about.rest_with_forces_open(JOB, kernel, starts)
+    assert found is not None
+    assert np.linalg.norm(found - GOAL) < 5e-3
+
+
+def test_steps_within_the_noise_are_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = opened(monkeypatch, 100.0, 0.5)
+    kernel: Any = Kernel()
+    start = GOAL + np.array([0.06, -0.04, 0.08])
+    assert steps_about.rest_with_forces_open(JOB, kernel, [start]) is start
+    assert len(points) == 1
+
+
+def test_open_forces_make_no_point_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half of the directions open leave the root of half as much: that is no nearer to the estimate."""
+    opened(monkeypatch, 1e-3, -0.5)
+    kernel: Any = Kernel()
+    start = GOAL + np.array([0.4, -0.4, 0.4])
+    assert steps_about.rest_with_forces_open(JOB, kernel, [start]) is None
+    assert steps_about.rest_with_forces_open(JOB, kernel, [start], anyway=True) is start
 
 
 def test_noise_moves_the_estimate_by_the_sum_of_its_steps(monkeypatch: pytest.MonkeyPatch) -> None:

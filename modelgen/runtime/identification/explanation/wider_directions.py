@@ -23,7 +23,6 @@ from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import CLEARLY_LESS
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.rows.given_directions import signs_of_rows
 from modelgen.runtime.rows.masks import direction_keys
 
@@ -74,9 +73,7 @@ def with_turns_between_samples(task: Task) -> Task:
     A force that follows a smooth motion jumps at a sample; a drive whose force is smooth lets friction bend
     the motion at the instant of the reversal, of which a sampled direction is off by up to half a sample.
     """
-    kernel, rows = task.model.kernel, range(len(task.model.rows))
-    given = isinstance(kernel, DeflectedKernel) and bool(kernel.speeds)
-    if not given and not any(direction_keys(task.model, row) for row in rows):
+    if not any(direction_keys(task.model, row) for row in range(len(task.model.rows))):
         return task
     parts = tuple(part_tried(record) for record in task.records)
     other = task_between(task)
@@ -91,10 +88,8 @@ def with_turns_between_samples(task: Task) -> Task:
 
 def task_between(task: Task) -> Task:
     """Return the same task with joints that reverse between samples."""
-    model, choice = task.model, replace(task.choice, between=True)
-    if isinstance(model.kernel, DeflectedKernel):
-        model = replace(model, kernel=model.kernel.at(model.kernel.point))
-    return replace(task, model=model, choice=choice, job=replace(task.job, model=model, choice=choice))
+    choice = replace(task.choice, between=True)
+    return replace(task, choice=choice, job=replace(task.job, choice=choice))
 
 
 def _judge(job: Job, fit: Fit) -> Callable[[Job, Fit], float]:

@@ -36,6 +36,7 @@ from modelgen.runtime.rows.row_block import STRETCH, RowBlock
 from modelgen.runtime.rows.thresholds import (
     CLEARLY_MOVING,
     HIGHEST_WIDER,
+    MOST_RESTING,
     MOST_UNCERTAIN,
     WIDER_BAND,
 )
@@ -87,7 +88,8 @@ def without_uncertain_turns(
             lines = [near[name] for name in names]
             if not lines:
                 continue
-            most = int(MOST_UNCERTAIN * found[k].count)
+            measured = all(name in rows.plan.directions for name in names)
+            most = int((MOST_UNCERTAIN if measured else MOST_RESTING) * found[k].count)
             pulses = pulses_of(rows, choice, _felt_orders(model, found[k].row))
             forces = OpenForces(least_certain(*joined(lines), factor, most), pulses, rows.grid[0], factor)
             found[k] = with_open_forces(found[k], forces, STRETCH)
@@ -169,8 +171,8 @@ def _near_reversals(rows: RecordRows, choice: FilterChoice, names: Container[str
     if isinstance(kernel, DeflectedKernel) and any(one.name in names for one in kernel.speeds):
         for name, speed in _given_speeds(every).items():
             narrow, wide = (_low_passed(one, speed) for one in (every, wider))
-            square = float(np.mean((wide - narrow)[1:-1][inside.start : inside.stop] ** 2))
-            found[name] = _within(narrow, sqrt(square), -1)
+            around = round(0.5 * rows.source.fs / choice.direction_cutoff_hz)
+            found[name] = _within(narrow, _error(wide - narrow, inside, around), -1)
     return found
 
 
@@ -221,7 +223,20 @@ def _low_passed(every: RecordRows, speed: FloatArray) -> FloatArray:
     return np.pad(operator.apply(speed, 0, len(speed))[:, 0], 1, mode="edge")
 
 
-def _within(speed: FloatArray, error: float, start: int) -> Near:
+def _error(change: FloatArray, inside: range, around: int) -> FloatArray:
+    """Return what a speed is off by, shape (n,), from what a wider band changes of it, shape (n + 2,).
+
+    It is the root of the mean square of all samples `inside`, or of those `around` a sample where that is
+    more: where a motor sticks a low-pass goes on, and bends the speed before and behind the rest.
+    """
+    square = change[1:-1] ** 2
+    width = 2 * around + 1
+    sums = np.cumsum(np.pad(square, (around + 1, around), mode="edge"))
+    local = np.maximum(sums[width:] - sums[:-width], 0.0) / width
+    return np.asarray(np.sqrt(np.maximum(local, np.mean(square[inside.start : inside.stop]))))
+
+
+def _within(speed: FloatArray, error: FloatArray | float, start: int) -> Near:
     """Return the inner samples, from `start` + 1 on, at which a speed, shape (n + 2,), is near zero."""
     step = 0.5 * np.abs(speed[2:] - speed[:-2])
     scale = np.maximum(error, step / CLEARLY_MOVING)

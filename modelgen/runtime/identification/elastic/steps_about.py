@@ -1,0 +1,148 @@
+"""Fits of rows about a point, for steps of Gauss and Newton; where those that leave forces open rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.diagnostics.noise_bias import less_noise
+from modelgen.runtime.identification.elastic.starting_springs import springs_pull
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import run_wls
+from modelgen.runtime.identification.thresholds import (
+    AS_LIKELY,
+    LARGEST_PERCENT,
+    LONGEST_LAG,
+    MOST_STEPS,
+    ROUNDING,
+    SHORTEST_STEP,
+    WITHIN_NOISE,
+)
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.model.model import Model
+
+
+def rest_with_forces_open(
+    job: Job, kernel: DeflectedKernel, points: Sequence[FloatArray], anyway: bool = False
+) -> FloatArray | None:
+    """Return where rows that leave forces open come to rest, from where they leave least; None where nowhere.
+
+    Where what directions are off by hides the springs, those with all forces come to rest far from it, or
+    nowhere. Nor is that a place where they tell no spring. With `anyway` it is where the first of these ways
+    leaves least, wherever it ends. Points are base parameters, shape (columns,), in SI.
+    """
+    begun = [(one, at) for at in points if (one := _opened(job, kernel, at)) is not None]
+    for fit, point in sorted(begun, key=lambda one: left_by(one[0])):
+        best, found, rests = _downhill(job, kernel, fit, point)
+        if anyway or (rests and _tells_springs(job, kernel.at(found, sampled=True), best)):
+            return found
+    return None
+
+
+def _tells_springs(job: Job, kernel: DeflectedKernel, fit: Fit) -> bool:
+    """Return whether a fit knows every stiffness that gives a position, less what noise does to it."""
+    springs = {job.model.base_parameters[c] for row in kernel.giving for c in row.acting(0)}
+    fit, _ = less_noise(replace(job.model, kernel=kernel), job.records, job.choice, fit)
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    known = {
+        name: std < 0.01 * LARGEST_PERCENT * abs(value)
+        for name, std, value in zip(fit.columns, spread, fit.solution.x, strict=True)
+    }
+    return all(known.get(name, False) for name in springs)
+
+
+def _downhill(job: Job, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -> tuple[Fit, FloatArray, bool]:
+    """Return the fit where steps end that leave no more than before, the point, and whether they rest there.
+
+    A step that leaves more than noise explains is halved, and what follows one that did not shrink; which
+    forces are open changes with the point.
+    """
+    share, last, best = 1.0, np.inf, fit
+    for _ in range(MOST_STEPS):
+        change = moved(job.model, kernel, best, point) - point
+        noise = abs(float(best.triangle[-1, -1])) * np.sqrt(len(best.columns) / best.count)
+        rounding = ROUNDING * size_of(best, point + change, job.model)
+        size = size_of(best, change, job.model)
+        if size < max(WITHIN_NOISE * noise, rounding):
+            return best, point, True
+        tried = _opened(job, kernel, point + share * change)
+        if tried is not None and best.count * (left_by(tried) - left_by(best)) < AS_LIKELY:
+            point = point + share * change
+            share = min(1.0, 2.0 * share) if size < last else 0.5 * share
+            best, last = tried, size
+        else:
+            share *= 0.5
+        if share < SHORTEST_STEP:
+            break
+    return best, point, False
+
+
+def _opened(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit | None:
+    """Return the fit of rows about a point that leave forces open; None where there is none, or no spring."""
+    if not springs_pull(kernel, point) or not lags_little(job, kernel, point):
+        return None
+    with suppress(IdentifiabilityError):
+        return fit_about(job, kernel, point, sampled=True)
+    return None
+
+
+def lags_little(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
+    """Return whether the series in a damper's lag ends at frequencies of the motion, (columns,) in SI."""
+    motion_hz = job.choice.dynamics_hz or job.choice.cutoff_hz
+    return kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG
+
+
+def left_by(fit: Fit) -> float:
+    """Return the logarithm of what rows leave where no force is open, the mean over all samples."""
+    counts = np.array([block.count for block in fit.blocks])
+    used = np.array([max(block.count - block.opened, 1.0) for block in fit.blocks])
+    rms = np.array(fit.residual_norms) / np.sqrt(used)
+    return float(np.sum(counts * np.log(np.maximum(rms, 1e-300))) / np.sum(counts))
+
+
+def fit_about(job: Job, kernel: DeflectedKernel, point: FloatArray, sampled: bool = False) -> Fit:
+    """Return least squares of rows about a point, (columns,) in SI; `sampled`: directions at samples."""
+    with np.errstate(all="ignore"):  # far from an estimate rows may overflow: such points do not hold
+        return run_wls(replace(job, model=replace(job.model, kernel=kernel.at(point, sampled))))[1]
+
+
+def moved(model: Model, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -> FloatArray:
+    """Return the estimate, (columns,) in SI; what the rows do not show stays where it was.
+
+    Deflections are linear in compliances: a spring that is to be softer moves in 1 / K, to first order the
+    same step, which never leads below zero.
+    """
+    found = point.copy()
+    springs = {column for row in kernel.giving for column in row.acting(0)}
+    for name, value, lost in zip(fit.columns, fit.solution.x, fit.solution.undetermined, strict=True):
+        column = model.base_parameters.index(name)
+        if lost:
+            continue
+        if column in springs and value < point[column]:
+            found[column] = point[column] / (2.0 - value / point[column])
+        else:
+            found[column] = value
+    return found
+
+
+def columns_of(fit: Fit, model: Model) -> list[int]:
+    """Return the places of a fit's columns among the base parameters."""
+    return [model.base_parameters.index(name) for name in fit.columns]
+
+
+def weighted(fit: Fit, change: FloatArray, model: Model) -> FloatArray:
+    """Return what a change, (base parameters,) in SI, changes in the weighted rows, turned into (c,)."""
+    width = len(fit.columns)
+    return fit.triangle[:width, :width] @ change[columns_of(fit, model)]
+
+
+def size_of(fit: Fit, change: FloatArray, model: Model) -> float:
+    """Return the norm of what a change, (base parameters,) in SI, changes in the weighted rows."""
+    return float(np.linalg.norm(weighted(fit, change, model)))
