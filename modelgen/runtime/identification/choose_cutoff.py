@@ -75,7 +75,7 @@ def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
     if best == 0 or found is None:
         return task
     tried = len(scan.worth())
-    return _at(
+    return at_choice(
         task, found.choice, f": least squares, tried at {tried} cut-offs, predicts that most is known there."
     )
 
@@ -83,7 +83,7 @@ def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
 def higher_cutoffs(task: Task, most: int) -> Iterator[Task]:
     """Yield a task at cut-offs above its own, so many at most; none if one is given."""
     for choice in choices_above(task, most):
-        yield _at(task, choice, ", at which the records do not tell how far springs deflect.")
+        yield at_choice(task, choice, ", at which the records do not tell how far springs deflect.")
 
 
 def choices_above(task: Task, most: int) -> Iterator[FilterChoice]:
@@ -95,7 +95,7 @@ def choices_above(task: Task, most: int) -> Iterator[FilterChoice]:
         yield choice
 
 
-def _at(task: Task, choice: FilterChoice, why: str) -> Task:
+def at_choice(task: Task, choice: FilterChoice, why: str) -> Task:
     """Return a task with other filters, which say why."""
     front = f"Cut-off {choice.cutoff_hz:.4g} Hz in place of {task.choice.cutoff_hz:.4g} Hz"
     kept = tuple(one for one in choice.sentences if not one.startswith("Cut-off"))

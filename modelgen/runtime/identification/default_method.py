@@ -11,20 +11,30 @@ import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
-from modelgen.runtime.advice import noted
 from modelgen.runtime.diagnostics.parameter_checks import zero_columns
-from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero
 from modelgen.runtime.identification.explanation.averaged_forces import with_averaged_forces
-from modelgen.runtime.identification.explanation.best_cutoff import at_best_cutoff, at_cutoff_of, calmer
+from modelgen.runtime.identification.explanation.best_cutoff import (
+    at_best_cutoff,
+    at_cutoff_of,
+    at_white_cutoff,
+    calmer,
+)
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import (
     decided_by_stretches,
     explained_by_stretches,
     long,
 )
-from modelgen.runtime.identification.explanation.explained import Begun, begun_with, run_method, with_note
+from modelgen.runtime.identification.explanation.explained import (
+    Begun,
+    begun_with,
+    exceeding,
+    run_method,
+    unexplained,
+    with_note,
+)
 from modelgen.runtime.identification.explanation.from_starts import (
     with_carried_zeros,
     with_starts,
@@ -47,9 +57,7 @@ from modelgen.runtime.identification.thresholds import (
     FAR_OVER_NOISE,
     KEPT_OF_FILES_MB,
     LEFT_BY_ARMS,
-    LEFT_SHARE,
     MEGABYTE,
-    OVER_NOISE,
     TELLS_MORE,
 )
 from modelgen.runtime.iv.thresholds import AS_GOOD
@@ -118,8 +126,10 @@ def _of_chain(task: Task, method: Auto) -> Begun:
     first = _with_holds(task, method, first)
     task = first.task
     if first.found.fit.carried is not None:
+        run = partial(_instrumental, method=method.instrumental)
+        first = at_white_cutoff(given, first, lambda other: _with_holds(other, method, run(other)))
         return with_note(first, "method iv, in the physical parameters")
-    if not _exceeding(first):
+    if not exceeding(first):
         return _less_driven(task, method, first)
     found = least_squares_instead(task, method, first)
     return found or with_note(first, "method iv; the residual is more than noise of the sensors")
@@ -154,7 +164,7 @@ def _with_added_friction(task: Task, method: Auto) -> Begun | None:
     if not known or not any(dropped_friction(model, row) for row in range(len(model.rows))):
         return None
     found = _first_of((replace(task, job=replace(job, physical=True)),), method)
-    return None if found is None or _unexplained(found) else found
+    return None if found is None or unexplained(found) else found
 
 
 def _with_all_samples(task: Task, method: Auto, first: Begun) -> Begun:
@@ -192,7 +202,7 @@ def _of_arm(task: Task, method: Auto) -> Begun:
     begun, why = run_method(plain, method.least_squares), "instruments take more than memory_limit_mb"
     if not follows(task.model):
         why = "instruments take arms with rigid joints"
-    elif _exceeding(begun, LEFT_BY_ARMS, FAR_OVER_NOISE):
+    elif exceeding(begun, LEFT_BY_ARMS, FAR_OVER_NOISE):
         why = "the residual is far more than noise of the sensors"
     elif (found := least_squares_of_long_arm(task, method, begun)) is not None:
         return found
@@ -206,18 +216,12 @@ def _of_arm(task: Task, method: Auto) -> Begun:
                 nothing = error.problems[0].what
                 why = f"instruments find nothing ({nothing})"
                 continue
-            if not _exceeding(found):
+            if not exceeding(found):
                 told = "" if late == calm.job.late else f"; delays are not estimated ({nothing})"
                 return with_note(found, f"method iv: noise of the sensors does not bias instruments{told}")
             why = "the residual is more than noise of the sensors"
             break
     return with_note(begun, f"method wls: {why}; delays are not estimated")
-
-
-def _exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> bool:
-    """Tell whether a row leaves clearly more than noise, and more than that share of its largest term."""
-    job = one.task.job
-    return bool(exceeding_noise(job.model, job.records, job.choice, one.found.fit, multiple, share))
 
 
 def _less_driven(task: Task, method: Auto, first: Begun) -> Begun:
@@ -253,7 +257,7 @@ def _from_starts(task: Task, method: IV) -> Begun | None:
 
 def _or_from_starts(task: Task, method: IV, plain: Begun) -> Begun:
     """Return instruments, or those with effects from the start on where these explain more."""
-    doubtful = _unexplained(plain) or _below(plain) > BEYOND_CHANCE
+    doubtful = unexplained(plain) or _below(plain) > BEYOND_CHANCE
     if doubtful and task.job.share < 1.0:
         raise IdentifiabilityError.at("stretches", "leave too much unexplained", "look at all samples")
     found = _from_starts(task, method) if task.checks.drift_check and doubtful else None
@@ -263,11 +267,6 @@ def _or_from_starts(task: Task, method: IV, plain: Begun) -> Begun:
     possible = [_below(one) < BEYOND_CHANCE for one in (plain, found)]
     better = found.found.fit.misfit < plain.found.fit.misfit - AS_GOOD
     return found if possible[1] > possible[0] or (better and possible[1] == possible[0]) else plain
-
-
-def _unexplained(one: Begun) -> bool:
-    """Tell whether noise does not explain a row that is left, or what is left where an effect is told."""
-    return bool(_exceeding(one, LEFT_SHARE) or (noted(one.found.advice)[0] and _exceeding(one)))
 
 
 def _explained(task: Task, method: IV) -> Begun:
@@ -294,6 +293,6 @@ def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataErr
         task = replace(task, job=replace(task.job, reversing=True))
         found = _first_of((task,), method)
         found = found and _with_holds(task, method, found)
-        if found is None or _unexplained(found) or negative_columns(task.model, found.found.fit):
+        if found is None or unexplained(found) or negative_columns(task.model, found.found.fit):
             raise
     return with_note(found, "method iv, samples that feel a reversal included: others tell nothing")

@@ -74,8 +74,9 @@ ROUGH = {"form", "mass"}
 # A clock that drifts by fewer samples than this over the longest record is none: rows are no more exact.
 # Nor is so short a delay told, though it is estimated.
 LEAST_CLOCK_DRIFT = 0.02
-# No gain is known to this share: what so small a one explains on a long way is something else.
-LEAST_GAIN = 1e-6
+# No gain is known to this share: what so small a one explains on a long way is something else. Nor does a
+# drive saturate that follows all but this share of what is commanded beyond a limit.
+LEAST_SIZE = {"gain": 1e-6, "saturation": 0.01}
 # A row is left unexplained from this share of its largest term on, and this multiple of the sensors' noise.
 LEFT_SHARE = 0.3
 OVER_NOISE = 3.0
@@ -84,6 +85,10 @@ NOISE_ALONE = 1.5
 # Rows times columns that are made white at most, as they are kept several times for that; bytes a number.
 MOST_WHITENED, COPIES_OF_WHITE_ROWS = 5e6, 80.0
 
+# A residual of physical parameters whose statistic of whiteness is beyond so many times its bound is that of
+# another chain than the records': right ones had 0.3 to 1.1 times it, wrong ones 8 to 40. Cut-offs that are
+# equal but for this factor are one.
+COLOURED, EVEN = 3.0, 1.05
 # Other cut-offs are tried in steps of the root of two, so many at most; so many in vain end it. Lower ones
 # are where noise biases a parameter by more than this share.
 CUTOFF_STEPS, STEPS_IN_VAIN = 13, 2

@@ -7,7 +7,8 @@ lower the cut-off is. Instruments say both themselves, from one simulation at al
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
 
@@ -16,15 +17,18 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.noise_bias import noise_effect
+from modelgen.runtime.diagnostics.residual_tests import residual_tests
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.diagnostics.tried_cutoff import Tried
-from modelgen.runtime.identification.choose_cutoff import choice_at, choices_above, least_kept
+from modelgen.runtime.identification.choose_cutoff import at_choice, choice_at, choices_above, least_kept
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CALM_SHARE,
+    COLOURED,
     CUTOFF_STEPS,
+    EVEN,
     KNOWN_BETTER,
     LITTLE_BIAS,
     OVER_NOISE,
@@ -85,6 +89,43 @@ def calmer(task: Task) -> Iterator[Task]:
         for choice in choices_above(task, CUTOFF_STEPS - 1)
     )
     yield from islice((higher for higher in every if not _turning(higher)), STEPS_IN_VAIN)
+
+
+def at_white_cutoff(given: Task, begun: Begun, run: Callable[[Task], Begun]) -> Begun:
+    """Return physical parameters, where their residual is far from white those at a cut-off where it is not.
+
+    Several chains may nearly suit rows that see one of their resonances only. The residual of the wrong one
+    has a colour that noise of the sensors has not; a higher cut-off, up to that of `given`, sees more. Where
+    all have it, the difference to the whitest of the others is in the intervals.
+    """
+    colour, task = _colour(begun), begun.task
+    if given.filters.cutoff_hz is not None or colour <= COLOURED:
+        return begun
+    highest, others = max(given.choice.cutoff_hz, np.sqrt(2.0) * task.choice.cutoff_hz), list[Begun]()
+    for choice in choices_above(task, CUTOFF_STEPS):
+        if choice.cutoff_hz > EVEN * highest:
+            break
+        why = ", at which the residual of physical parameters is no noise."
+        with suppress(IdentifiabilityError, DataError):
+            found = run(at_choice(task, choice, why))
+            if _colour(found) <= COLOURED:
+                return found
+            others.append(found)
+    alike = [one for one in others if one.found.fit.columns == begun.found.fit.columns]
+    if not alike:
+        return begun
+    move = min(alike, key=_colour).found.fit.solution.x - begun.found.fit.solution.x
+    return replace(begun, found=replace(begun.found, drift=begun.found.drift + np.outer(move, move)))
+
+
+def _colour(begun: Begun) -> float:
+    """Return the largest statistic of whiteness of the rows' residuals, as a multiple of its bound."""
+    job, fit = begun.task.job, begun.found.fit
+    tests = residual_tests(job.model, job.records, job.choice, fit, {})
+    return max(
+        (one.whiteness / one.whiteness_bound for one in tests if one.whiteness and one.whiteness_bound),
+        default=0.0,
+    )
 
 
 def _turning(task: Task) -> bool:

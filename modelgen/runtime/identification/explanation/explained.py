@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.advice import Advice
+from modelgen.runtime.advice import Advice, noted
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.thresholds import LEFT_SHARE, OVER_NOISE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.rows.observation import Observation
 
@@ -103,3 +105,14 @@ def delays_of(begun: Begun) -> dict[str, float]:
         for effect, size in zip(found.effects, found.sizes, strict=True)
         if effect.kind == "delay"
     }
+
+
+def exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> bool:
+    """Tell whether a row leaves clearly more than noise, and more than that share of its largest term."""
+    job = one.task.job
+    return bool(exceeding_noise(job.model, job.records, job.choice, one.found.fit, multiple, share))
+
+
+def unexplained(one: Begun) -> bool:
+    """Tell whether noise does not explain a row that is left, or what is left where an effect is told."""
+    return bool(exceeding(one, LEFT_SHARE) or (noted(one.found.advice)[0] and exceeding(one)))

@@ -16,7 +16,7 @@ from modelgen.runtime.identification.thresholds import (
     HALF_SAMPLE,
     INEXACT,
     LEAST_CLOCK_DRIFT,
-    LEAST_GAIN,
+    LEAST_SIZE,
     LITTLE_LEFT,
     MOST_EFFECTS,
     MOST_STEPS,
@@ -178,7 +178,7 @@ class Search:
     def _is_real(self, effect: Effect, size: float, late: Mapping[str, float]) -> bool:
         """Tell whether physics allows a size, and it is not next to nothing."""
         nothing = (effect.kind == "clock" and self._out_of_step(effect, size) < LEAST_CLOCK_DRIFT) or (
-            effect.kind == "gain" and abs(size) < LEAST_GAIN
+            effect.kind in LEAST_SIZE and abs(size) < LEAST_SIZE[effect.kind]
         )
         return effect.possible(size) and not nothing and believable(effect, size, late, self.job.records)
 

@@ -10,7 +10,12 @@ import pytest
 
 from modelgen.runtime.identification import job as jobs
 from modelgen.runtime.identification.choose_cutoff import choice_at
-from modelgen.runtime.identification.explanation.best_cutoff import at_best_cutoff, calmer
+from modelgen.runtime.identification.explanation import best_cutoff
+from modelgen.runtime.identification.explanation.best_cutoff import (
+    at_best_cutoff,
+    at_white_cutoff,
+    calmer,
+)
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import IV, Auto
@@ -91,3 +96,37 @@ def test_stretches_are_white_only_where_all_samples_will_be(monkeypatch: pytest.
     assert job.sharpened(fit).white is not None
     assert replace(job, share=0.6).sharpened(fit).white is not None
     assert replace(job, share=0.4).sharpened(fit) is fit
+
+
+def instruments(task: Task) -> Begun:
+    return run_method(task, IV())
+
+
+@pytest.mark.parametrize(("colours", "taken"), [((1.0,), 0), ((10.0, 1.0), 1), ((10.0, 8.0, 0.5), 2)])
+def test_a_residual_that_is_no_noise_leads_to_the_next_cutoff_where_it_is(
+    monkeypatch: pytest.MonkeyPatch, colours: tuple[float, ...], taken: int
+) -> None:
+    first, left = begun_at(20.0, kind="chirp"), iter(colours)
+    monkeypatch.setattr(best_cutoff, "_colour", lambda begun: next(left))
+    found = at_white_cutoff(task_at(40.0, kind="chirp"), first, instruments)
+    assert found.task.choice.cutoff_hz == pytest.approx(20.0 * np.sqrt(2.0) ** taken)
+    assert (found is first) is (taken == 0)
+    assert taken == 0 or "the residual of physical parameters is no noise" in found.task.choice.sentences[0]
+
+
+def test_where_no_residual_is_noise_intervals_hold_the_difference(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    first = begun_at(20.0, kind="chirp")
+    best = instruments(at(first.task, 20.0 * np.sqrt(2.0)))
+    monkeypatch.setattr(best_cutoff, "_colour", lambda begun: 8.0 + abs(begun.task.choice.cutoff_hz - 28.0))
+    found = at_white_cutoff(task_at(40.0, kind="chirp"), first, instruments)
+    move = best.found.fit.solution.x - first.found.fit.solution.x
+    np.testing.assert_allclose(found.found.drift - first.found.drift, np.outer(move, move), rtol=0.1)
+    assert found.found.fit is first.found.fit
+
+
+def test_at_a_cutoff_that_was_given_no_other_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(best_cutoff, "_colour", lambda begun: 10.0)
+    first = begun_at(20.0, kind="chirp")
+    assert at_white_cutoff(task_at(40.0, kind="chirp", given=True), first, instruments) is first
