@@ -279,8 +279,8 @@ def _explained(task: Task, method: IV) -> Begun:
     begun = with_wider_directions(at_best_cutoff(run_method(task, method)))
     begun = with_simulated_directions(begun)
     fit, job = begun.found.fit, begun.task.job
-    found = explained(job, found_by(job, begun.found.observation, fit), fit)
-    return begun_with(begun.task, with_carried_zeros(job, found))
+    found = with_carried_zeros(job, explained(job, found_by(job, begun.found.observation, fit), fit))
+    return begun_with(begun.task, replace(found, drift=found.drift + begun.found.drift))
 
 
 def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataError) -> Begun:

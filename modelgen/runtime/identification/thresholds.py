@@ -48,6 +48,9 @@ HELD_ROUNDS, HELD_SETTLED = 3, 1e-3
 KNOWN_INSTANT = 0.02
 # Directions are simulated so often, each time with the last estimate: the first is a few percent off.
 TURNED_ROUNDS = 2
+# Reversals that a low-passed velocity does not see count where they move a parameter by more than this share
+# of its standard deviation.
+TURNS_MOVE = 0.5
 # So many effects are estimated at most: the records do not hold more.
 MOST_EFFECTS = 3
 # Steps of a search, those counted that take one effect in place of another.

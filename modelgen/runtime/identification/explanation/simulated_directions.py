@@ -11,19 +11,30 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.identification.explanation.explain_residual import timing_moves
 from modelgen.runtime.identification.explanation.explained import Begun, begun_at, run_method, with_note
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.thresholds import TURNED_ROUNDS
+from modelgen.runtime.identification.thresholds import TURNED_ROUNDS, TURNS_MOVE
 from modelgen.runtime.iv.companion_simulation import Loop, followed_closely, simulated_beside
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.physical.friction_rows import directions
+from modelgen.runtime.iv.score_tests import Span
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.given_directions import bodies_with_signs, signs_of_rows
+from modelgen.runtime.rows.given_directions import (
+    bodies_with_signs,
+    direction_channel,
+    signs_of_rows,
+    with_given_directions,
+)
 from modelgen.runtime.simulation.plant import possible
 
 SIMULATED = "directions near reversals are those of a simulation at the estimate"
@@ -32,25 +43,84 @@ SIMULATED = "directions near reversals are those of a simulation at the estimate
 def with_simulated_directions(begun: Begun) -> Begun:
     """Return instruments whose rows take directions near reversals from a simulation at the estimate.
 
-    As they are where no row uses such samples, or where that leaves more unexplained.
+    As they are where no row uses such samples and none turns unseen, or where that leaves more unexplained or
+    less known; the intervals hold then what unseen reversals move.
     """
     task, found, fit = begun.task, begun, begun.found.fit
     signs = signs_of_rows(task.model)
     # rows that drop friction have it from a simulation already, made anew in every step
-    if not any(block.turning and signs[block.row] for block in fit.blocks):
+    near = any(block.turning and signs[block.row] for block in fit.blocks)
+    unseen = None if near else _moved_by_unseen(begun)
+    if not near and unseen is None:
         return begun
     for _ in range(TURNED_ROUNDS):
         fit = found.found.fit
         try:
-            job = directed(task.job, fit)
+            job = replace(directed(task.job, fit), reversing=task.job.reversing or not near)
             job_from = replace(job, start=replace(fit, simulated=None))
             again = run_method(begun_at(replace(task, job=job_from), found), task.method)
         except (DataError, IdentifiabilityError):
             break
-        if again.found.fit.columns != fit.columns or again.found.fit.misfit > fit.misfit:
+        if again.found.fit.columns != fit.columns or _left(again.found.fit) > _left(fit):
             break
         found = replace(again, task=replace(again.task, job=job))
+    if unseen is not None and (found is begun or _digits(found) < _digits(begun, unseen)):
+        drift = begun.found.drift + np.outer(unseen, unseen)
+        return replace(begun, found=replace(begun.found, drift=drift))
     return begun if found is begun else with_note(found, SIMULATED, found.found.drift)
+
+
+def _digits(begun: Begun, unseen: FloatArray | None = None) -> float:
+    """Return what is known of all parameters together, a logarithm; unseen reversals move them as given."""
+    found, fit = begun.found, begun.found.fit
+    moves = (
+        timing_moves(begun.task.job, found.observation, fit) if unseen is None else np.outer(unseen, unseen)
+    )
+    variance = np.maximum(np.diag(hac_covariance(fit) + moves), np.finfo(float).tiny)
+    return -0.5 * float(np.sum(np.log(variance)))
+
+
+def _left(fit: Fit) -> float:
+    """Return what a fit leaves, the mean over its samples: rows may use more of them than those before."""
+    return fit.misfit / sum(block.count for block in fit.blocks)
+
+
+def _moved_by_unseen(begun: Begun) -> FloatArray | None:
+    """Return by how much reversals move X, (c,), that rows do not know of; None where that is little.
+
+    A low-passed velocity does not see that a body goes back for a moment: samples there are used, with the
+    wrong direction. What sensors read in the simulation of the instruments has no noise, and needs no filter.
+    """
+    job, fit = begun.task.job, begun.found.fit
+    every = begun.found.observation.blocks
+    if fit.carried is not None or not fit.simulated or not all(block.in_memory for block in every):
+        return None
+    records = tuple(
+        record.edited(_read_directions(job.model, fit.simulated[index])) if index in fit.simulated else record
+        for index, record in enumerate(job.records)
+    )
+    given = with_given_directions(begun.found.observation, job.model, records, job.choice, job.drop, True)
+    x = fit.all_parameters(begun.found.observation.columns)
+    wrong = [
+        new.W @ new.own(x) - old.W @ old.own(x)
+        for new, old in zip(given.blocks, every, strict=True)
+        if old.place.size
+    ]
+    span = Span(fit)
+    move = np.asarray(span.compared([wrong], span.left).share[:, 0])
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
+    return move if np.any(np.abs(move) > TURNS_MOVE * spread) else None
+
+
+def _read_directions(model: Model, record: Record) -> dict[str, FloatArray]:
+    """Return the directions of bodies, shape (n,) each, from what their own sensors read without noise."""
+    found = {}
+    for sensor in model.sensors:
+        if sensor.body and sensor.measures in ("position", "velocity") and sensor.key in record.signals:
+            read = record.signals[sensor.key]
+            speed = np.gradient(read) if sensor.measures == "position" else read
+            found[direction_channel(sensor.body)] = np.sign(speed)
+    return found
 
 
 def takes_directions(job: Job) -> bool:
